@@ -1,0 +1,22 @@
+"""The errors and the warning that iriftrace raises on purpose.
+
+Every message says what is wrong (with the value), why it matters and what to do.
+"""
+
+from __future__ import annotations
+
+
+class IriftraceError(Exception):
+    """Root of all errors raised on purpose; the command line shows the message and exits with 2."""
+
+
+class InputError(IriftraceError, ValueError):
+    """A file, an option or an argument is wrong; nothing was written."""
+
+
+class SetupError(IriftraceError, RuntimeError):
+    """This machine lacks something iriftrace needs, such as a usable LLVM library."""
+
+
+class IriftraceWarning(UserWarning):
+    """The result stands, but the user should know what limits it."""
