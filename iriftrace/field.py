@@ -1,0 +1,271 @@
+"""The refractive index of the air around a hot part, at the points of the solver's own grid."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cached_property
+from pathlib import Path
+from warnings import warn
+
+import numpy as np
+import pyvista as pv
+from attrs import field, frozen
+from numpy.typing import ArrayLike, NDArray
+
+from iriftrace import field_arrays as arrays
+from iriftrace import transform as motion
+from iriftrace.air import Air
+from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.field_cells import CORNERS, point_gradient
+from iriftrace.field_io import read_volume
+from iriftrace.field_wall import inner_wall
+from iriftrace.units import length_factor
+
+FloatArray = NDArray[np.float64]
+
+AMBIENT_TOLERANCE_K = 2.0
+INDEX_TOLERANCE = 0.02
+
+
+@frozen(eq=False)
+class FieldSource:
+    """Where a field comes from.
+
+    Attributes
+    ----------
+    path : str
+        The file as it was named.
+    sha256 : str
+        Of that file alone, also where it names others (`.pvd`, `.vtm`, `.pvtu`).
+    array : str
+        The array that was used.
+    quantity : str
+        What the array holds: ``"temperature"``, ``"density"`` or ``"index"``.
+    length_unit : str
+        Unit of the file's coordinates.
+    """
+
+    path: str
+    sha256: str
+    array: str
+    quantity: str
+    length_unit: str
+
+
+def _float64(values: ArrayLike) -> FloatArray:
+    return np.asarray(values, dtype=np.float64)
+
+
+@frozen(eq=False)
+class IndexField:
+    """Refractivity of air on an unstructured grid.
+
+    Attributes
+    ----------
+    grid : pyvista.UnstructuredGrid
+        Tetrahedra, hexahedra, wedges and pyramids; n points in mm, world. Its only array is the
+        point array ``"refractivity"``.
+    refractivity : (n,) array
+        n - 1 at the points, float64.
+    air : Air
+        Ambient air, which turns n - 1 into temperature and back.
+    source : FieldSource
+    """
+
+    grid: pv.UnstructuredGrid
+    refractivity: FloatArray = field(converter=_float64)
+    air: Air
+    source: FieldSource
+
+    def __attrs_post_init__(self) -> None:
+        """Refuse what does not fit together, and keep nothing but the refractivity in the grid."""
+        if len(self.refractivity) != self.grid.n_points:
+            raise InputError(
+                f"There are {len(self.refractivity)} refractivities for {self.grid.n_points} "
+                "points of the grid; give one for each point."
+            )
+        if not np.isin(self.grid.celltypes, list(CORNERS)).all():
+            raise InputError(
+                "The grid has cells that are not tetrahedra, hexahedra, wedges or pyramids; pass "
+                "it through field_io.linear_volume first."
+            )
+        grid = pv.UnstructuredGrid()
+        grid.copy_structure(self.grid)
+        grid.point_data["refractivity"] = self.refractivity
+        object.__setattr__(self, "grid", grid)
+
+    @cached_property
+    def temperature_k(self) -> FloatArray:
+        """Temperatures at the points, (n,) array, K."""
+        return self.air.temperature(self.refractivity)
+
+    @cached_property
+    def gradient(self) -> FloatArray:
+        """Gradient of n at the points, (n, 3) array, 1/mm, world.
+
+        The volume-weighted mean of the constant gradients of the tetrahedra into which the cells
+        split; see `field_cells.point_gradient` for why not VTK's unweighted one.
+        """
+        return point_gradient(self.grid, self.refractivity)
+
+    @cached_property
+    def wall(self) -> pv.PolyData:
+        """Inner boundary of the data, where the hot part sits: triangles, mm, world.
+
+        Carries ``"refractivity"`` at its points; empty when the data surround no cavity.
+        """
+        wall: pv.PolyData = inner_wall(self.grid)
+        return wall
+
+    @property
+    def hottest_refractivity(self) -> float:
+        """Refractivity n - 1 of the hottest air in the data, the smallest one."""
+        return float(self.refractivity.min())
+
+    @property
+    def ambient_refractivity(self) -> float:
+        """Refractivity n - 1 of the ambient air, from `air` and not from the data."""
+        return self.air.ambient_refractivity
+
+    def sample(self, points: ArrayLike) -> FloatArray:
+        """Refractivity between the points of the grid, by VTK's interpolation in the cells.
+
+        Parameters
+        ----------
+        points : (m, 3) array_like
+            mm, world.
+
+        Returns
+        -------
+        (m,) array
+            n - 1; NaN outside the data and, for a few points in 100,000, in the gaps that bent
+            faces leave between cells.
+        """
+        places = pv.PolyData(np.atleast_2d(np.asarray(points, dtype=np.float64)))
+        found = places.sample(self.grid)
+        values = np.array(found.point_data["refractivity"], dtype=np.float64)
+        values[np.asarray(found.point_data["vtkValidPointMask"]) == 0] = np.nan
+        return values
+
+
+def read_field(
+    path: str | Path,
+    *,
+    array: str | None = None,
+    quantity: str | None = None,
+    temperature_unit: str = "K",
+    length_unit: str = "mm",
+    air: Air | None = None,
+    transform: ArrayLike | None = None,
+) -> IndexField:
+    """Read a solver's result file as a field of the refractive index.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.vtu``, ``.pvtu``, ``.vtk``, ``.vti``, ``.vtr``, ``.vts``, ``.pvd`` (the last time step)
+        or ``.vtm``, with point or cell data.
+    array : str, optional
+        Name of the array; found by its name when left out.
+    quantity : str, optional
+        What the array holds: ``"temperature"``, ``"index"`` (n or n - 1, told by its range) or
+        ``"density"`` (kg/m3); found by its name when left out.
+    temperature_unit, length_unit : str
+        Units of the file.
+    air : Air, optional
+        Ambient air; `Air()` when left out.
+    transform : (4, 4) array_like, optional
+        Applied to the coordinates after their conversion to mm.
+
+    Returns
+    -------
+    IndexField
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or not a volume mesh; no array or several could be meant; the
+        values are not finite or not possible.
+
+    Warns
+    -----
+    IriftraceWarning
+        The coolest air in the file is more than 2 K from the ambient temperature; temperature and
+        index in the file disagree by more than 2 % of n - 1; the values are cell data, or cells
+        are of higher order.
+    """
+    air = Air() if air is None else air
+    factor = length_factor(length_unit)
+    raw = read_volume(path)
+    choice = arrays.choose_array(raw, array, quantity, str(path))
+    values = arrays.point_values(raw, choice.name, str(path))
+    refractivity = arrays.to_refractivity(values, choice, temperature_unit, air, str(path))
+    result = IndexField(
+        grid=_placed(raw, factor, transform),
+        refractivity=refractivity,
+        air=air,
+        source=FieldSource(
+            path=str(path),
+            sha256=hashlib.sha256(Path(path).read_bytes()).hexdigest(),
+            array=choice.name,
+            quantity=choice.quantity,
+            length_unit=length_unit,
+        ),
+    )
+    _warn_of_other_ambient(result)
+    if choice.quantity == "temperature" and quantity is None and array is None:
+        _warn_of_other_index(raw, result)
+    return result
+
+
+def _placed(
+    raw: pv.UnstructuredGrid, factor: float, transform: ArrayLike | None
+) -> pv.UnstructuredGrid:
+    """The cells of a file in mm, world, without its data."""
+    points = np.asarray(raw.points)
+    if not np.isfinite(points).all():
+        raise InputError(
+            f"{np.count_nonzero(~np.isfinite(points).all(axis=1))} points of the field have "
+            "coordinates that are not finite numbers; export the mesh again."
+        )
+    if factor != 1.0:
+        points = np.asarray(points, dtype=np.float64) * factor
+    if transform is not None:
+        points = motion.apply(np.asarray(transform, dtype=np.float64), points)
+    grid = pv.UnstructuredGrid()
+    grid.copy_structure(raw)
+    grid.points = points
+    return grid
+
+
+def _warn_of_other_ambient(result: IndexField) -> None:
+    coolest = float(result.temperature_k.min())
+    ambient = result.air.temperature_k
+    if abs(coolest - ambient) > AMBIENT_TOLERANCE_K:
+        warn(
+            f"The coolest air in {result.source.path} has {coolest:.1f} K, but the ambient "
+            f"temperature is {ambient:.1f} K, which puts a false step at the edge of the data; "
+            f"give --ambient '{coolest:.1f} K' if that is the room.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+
+
+def _warn_of_other_index(raw: pv.UnstructuredGrid, result: IndexField) -> None:
+    name = arrays.other_index(raw)
+    if name is None or name not in raw.point_data:
+        return
+    stored = arrays.refractivity_of_index(np.asarray(raw.point_data[name], dtype=np.float64))
+    if stored is None:  # an "n" that is no index, such as a count
+        return
+    off = np.abs(stored / result.refractivity - 1.0)
+    worst = int(off.argmax())
+    if off[worst] > INDEX_TOLERANCE:
+        warn(
+            f"{result.source.path} also holds an index {name!r} that disagrees with its "
+            f"temperature {result.source.array!r}, which is used: where the air has "
+            f"{result.temperature_k[worst]:.0f} K, {name!r} says n-1 = {stored[worst]:.4g} and the "
+            f"density scaling {result.refractivity[worst]:.4g}; give --array {name} to use it.",
+            IriftraceWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,213 @@
+"""Which array of a solver's file holds the temperature, density or index, and in what unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+from warnings import warn
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.air import Air
+from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.field_cells import point_mean
+from iriftrace.units import parse_quantity
+
+FloatArray = NDArray[np.float64]
+
+QUANTITIES = ("temperature", "index", "density")
+"""Physical quantities from which n - 1 follows, in the order in which they are looked for."""
+
+# Names as solvers write them, in lower case and without a unit in brackets.
+_EXACT = {
+    "temperature": ("t", "temp", "temperature", "static_temperature"),
+    "index": ("n", "index", "ior", "ri", "refractive_index", "index_of_refraction", "refractivity"),
+    "density": ("rho", "density"),
+}
+_LOOSE = {
+    "temperature": re.compile(r"t[_.]|temp|.*temperature"),
+    "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
+    "density": re.compile(r"rho|.*density"),
+}
+_COLDEST = 150.0  # K; room air in degC, taken as kelvin, lies below
+_LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
+
+
+@frozen(eq=False)
+class Choice:
+    """The array of a file that is used, and the physical quantity that it holds."""
+
+    name: str
+    quantity: str
+
+
+def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) -> Choice:
+    """Find the array to use.
+
+    A given name is taken as it is. Else temperature is looked for first, then index, then density,
+    or `quantity` alone when it is given; a usual name (``T``, ``rho``) wins over a name that only
+    resembles one (``T_snapshot``).
+
+    Raises
+    ------
+    InputError
+        No array, several that are equally likely, or a quantity that is not known.
+    """
+    if quantity is not None and quantity not in QUANTITIES:
+        raise InputError(f"{quantity!r} is not a quantity; use one of {', '.join(QUANTITIES)}.")
+    names = _scalar_names(grid)
+    listed = ", ".join(names) or "none"
+    if array is not None:
+        if array not in names:
+            raise InputError(
+                f"{path} has no array {array!r} with one number a point; it has {listed}."
+            )
+        found = quantity or quantity_of(array)
+        if found is None:
+            raise InputError(
+                f"The name {array!r} does not tell what the array in {path} holds; say so with "
+                f"the quantity option: {', '.join(QUANTITIES)}."
+            )
+        return Choice(array, found)
+    for candidate in (quantity,) if quantity else QUANTITIES:
+        name = _named(names, candidate, path)
+        if name is not None:
+            return Choice(name, candidate)
+    raise InputError(
+        f"{path} has no array that looks like {quantity or 'a temperature, index or density'}; "
+        f"its arrays are {listed}. Name one with the array option."
+    )
+
+
+def other_index(grid: Any) -> str | None:
+    """Name of an index array under one of its usual names, or None."""
+    exact = [name for name in _scalar_names(grid) if _plain(name) in _EXACT["index"]]
+    return exact[0] if len(exact) == 1 else None
+
+
+def quantity_of(name: str) -> str | None:
+    """The quantity that an array's name suggests, or None."""
+    plain = _plain(name)
+    for quantity in QUANTITIES:
+        if plain in _EXACT[quantity]:
+            return quantity
+    return next((q for q in QUANTITIES if _LOOSE[q].match(plain)), None)
+
+
+def point_values(grid: Any, name: str, path: str) -> FloatArray:
+    """An array at the points, (n,); cell data are averaged, weighted with the cells' volumes."""
+    if name in grid.point_data:
+        values = np.asarray(grid.point_data[name], dtype=np.float64)
+    else:
+        values = np.asarray(grid.cell_data[name], dtype=np.float64)
+    wrong = np.count_nonzero(~np.isfinite(values))
+    if wrong:
+        raise InputError(
+            f"The array {name!r} in {path} is not a finite number at {wrong} of {len(values)} "
+            "places, and light would stop there; export it without gaps."
+        )
+    if name in grid.point_data:
+        return values
+    warn(
+        f"{name!r} in {path} is given in the cells; its mean at the points misses the values at "
+        "the wall, so export point data when the solver can.",
+        IriftraceWarning,
+        stacklevel=3,
+    )
+    return point_mean(grid, values)
+
+
+def to_refractivity(
+    values: FloatArray, choice: Choice, temperature_unit: str, air: Air, path: str
+) -> FloatArray:
+    """Refractivity n - 1 of values in their file's unit, (n,)."""
+    if choice.quantity == "index":
+        return _from_index(values, choice.name, path)
+    if choice.quantity == "density":
+        _refuse_not_positive(values, choice, "kg/m3", path)
+        return air.refractivity_of_density(values)
+    kelvin = _kelvin(values, temperature_unit)
+    _refuse_not_positive(kelvin, choice, "K", path)
+    if kelvin.min() < _COLDEST:
+        raise InputError(
+            f"The array {choice.name!r} in {path} goes down to {kelvin.min():g} K, colder than any "
+            "air around a hot part; if it is in degC, give the temperature unit degC."
+        )
+    return air.refractivity(kelvin)
+
+
+def refractivity_of_index(values: FloatArray) -> FloatArray | None:
+    """Values of n (all near 1) or of n - 1 (all near 0) as n - 1; None when they are neither."""
+    low, high = values.min(), values.max()
+    if low > 0.0 and high < _LARGEST_REFRACTIVITY:
+        return values
+    if low > 1.0 and high < 1.0 + _LARGEST_REFRACTIVITY:
+        return values - 1.0
+    return None
+
+
+def _named(names: Sequence[str], quantity: str, path: str) -> str | None:
+    exact = [name for name in names if _plain(name) in _EXACT[quantity]]
+    found = exact or [name for name in names if _LOOSE[quantity].match(_plain(name))]
+    if len(found) > 1:
+        raise InputError(
+            f"{path} has several arrays that could be the {quantity}: {', '.join(found)}; name "
+            "the one to use with the array option."
+        )
+    return found[0] if found else None
+
+
+def _plain(name: str) -> str:
+    """A name in lower case, without a unit in brackets: ``T_(K)`` and ``T [K]`` become ``t``."""
+    bare = re.sub(r"[(\[{].*?[)\]}]", "", name)
+    return re.sub(r"[\s_]+", "_", bare).strip("_").lower()
+
+
+def _scalar_names(grid: Any) -> list[str]:
+    """Names of the arrays with one number a point or cell, each once, point data first."""
+    return list(
+        dict.fromkeys(
+            name
+            for data in (grid.point_data, grid.cell_data)
+            for name in data
+            if data[name].ndim == 1 and data[name].dtype.kind in "fiu" and name[:3] != "vtk"
+        )
+    )
+
+
+def _kelvin(values: FloatArray, unit: str) -> FloatArray:
+    # Two values tell a linear unit; converting a million numbers through pint would be slow.
+    zero = parse_quantity(f"0 {unit}", "kelvin")
+    hundred = parse_quantity(f"100 {unit}", "kelvin")
+    if (zero, hundred) == (0.0, 100.0):
+        return values
+    return zero + values * ((hundred - zero) / 100.0)
+
+
+def _refuse_not_positive(values: FloatArray, choice: Choice, unit: str, path: str) -> None:
+    if values.min() <= 0.0:
+        raise InputError(
+            f"The array {choice.name!r} in {path} holds a {choice.quantity} of {values.min():g} "
+            f"{unit}; it must be positive everywhere, so check the array and its unit."
+        )
+
+
+def _from_index(values: FloatArray, name: str, path: str) -> FloatArray:
+    refractivity = refractivity_of_index(values)
+    if refractivity is None:
+        raise InputError(
+            f"The array {name!r} in {path} runs from {values.min():.7g} to {values.max():.7g}, "
+            "which is neither an index n of air (1.00002 to 1.001) nor n-1; name the right array "
+            "or quantity."
+        )
+    if refractivity is not values and np.array_equal(values, values.astype(np.float32)):
+        warn(
+            f"The array {name!r} in {path} holds n in single precision, which leaves steps of "
+            "1.2e-7 and a coarse gradient; export n-1, the temperature or double precision.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    return refractivity

@@ -1,0 +1,144 @@
+"""Linear volume cells as tetrahedra: gradients and means at the points of a solver's grid."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+CORNERS = {10: 4, 12: 8, 13: 6, 14: 5}
+"""Corners of the cell types handled here: tetrahedron, hexahedron, wedge, pyramid."""
+
+# Each cell is split in two mirrored ways that count half each. One way alone would favour one
+# diagonal of every quadrilateral and leave a first-order error even on regular hexahedra.
+_SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
+    10: ((0, 1, 2, 3),),
+    12: (
+        *((0, 1, 3, 4), (1, 2, 3, 6), (1, 5, 4, 6), (3, 7, 6, 4), (1, 3, 4, 6)),
+        *((0, 1, 2, 5), (0, 2, 3, 7), (0, 5, 7, 4), (2, 5, 6, 7), (0, 2, 7, 5)),
+    ),
+    13: (
+        *((0, 1, 2, 3), (1, 4, 5, 3), (1, 3, 5, 2)),
+        *((0, 1, 2, 4), (0, 3, 4, 5), (0, 4, 5, 2)),
+    ),
+    14: ((0, 1, 3, 4), (1, 2, 3, 4), (0, 1, 2, 4), (0, 2, 3, 4)),
+}
+_WAYS = {10: 1, 12: 2, 13: 2, 14: 2}
+
+
+def cell_corners(grid: Any) -> dict[int, tuple[IntArray, IntArray]]:
+    """Cells of a grid by VTK cell type: the (c,) cell and the (c, corners) point numbers."""
+    types = np.asarray(grid.celltypes)
+    starts = np.asarray(grid.cell_offsets, dtype=np.int64)[:-1]
+    flat = np.asarray(grid.cell_connectivity, dtype=np.int64)
+    result = {}
+    for kind, count in CORNERS.items():
+        cells = np.flatnonzero(types == kind)
+        if len(cells):
+            result[kind] = (cells, flat[starts[cells, None] + np.arange(count)])
+    return result
+
+
+def point_gradient(grid: Any, values: FloatArray) -> FloatArray:
+    """Gradient of a quantity at the points of a grid.
+
+    The volume-weighted mean of the constant gradients of the tetrahedra around a point. The
+    sliver and inverted tetrahedra that decomposed polyhedra leave behind have wrong gradients but
+    small volumes, so they do no harm; an unweighted mean of cells is spoilt by them.
+
+    Parameters
+    ----------
+    grid : pyvista.UnstructuredGrid
+        Points in mm, cells of the types in `CORNERS`.
+    values : (n,) array
+        The quantity at the points.
+
+    Returns
+    -------
+    (n, 3) array
+        Per mm, in the grid's frame; 0 where all cells around a point are flat.
+    """
+    points = _point_columns(grid)
+    sums = np.zeros((4, points.shape[1]))
+    for kind, (_, corners) in cell_corners(grid).items():
+        at_corners = _gradient_sums(points, values, corners, kind)
+        index = corners.T.ravel()
+        for row, part in zip(sums, at_corners, strict=True):
+            row += np.bincount(index, part.ravel(), minlength=len(row))
+    volume = np.where(sums[3] > 0.0, sums[3], 1.0)
+    return np.ascontiguousarray((sums[:3] / volume).T)
+
+
+def point_mean(grid: Any, values: FloatArray) -> FloatArray:
+    """Cell values (m,) as (n,) means at the points, weighted with the cells' volumes."""
+    points = _point_columns(grid)
+    total, weight = np.zeros((2, points.shape[1]))
+    for kind, (cells, corners) in cell_corners(grid).items():
+        at = points[:, corners.T]
+        volume = sum(abs(_cofactors(at, tet)[3]) for tet in _SPLITS[kind]) / _WAYS[kind]
+        # A flat cell next to flat cells only must not leave its points without a value.
+        volume = np.maximum(volume, np.finfo(float).tiny)
+        for corner in corners.T:
+            weight += np.bincount(corner, volume, minlength=len(weight))
+            total += np.bincount(corner, volume * values[cells], minlength=len(total))
+    mean: FloatArray = total / weight
+    return mean
+
+
+def _point_columns(grid: Any) -> FloatArray:
+    """Points of a grid as (3, n) float64, the layout in which gathering them is fast."""
+    return np.ascontiguousarray(np.asarray(grid.points, dtype=np.float64).T)
+
+
+def _gradient_sums(
+    points: FloatArray, values: FloatArray, corners: IntArray, kind: int
+) -> FloatArray:
+    """Sums over the tetrahedra at each corner of the cells: volume times gradient, volume.
+
+    The gradient of a tetrahedron times its volume needs no division, so flat ones are harmless.
+
+    Returns
+    -------
+    (4, corners, c) array
+        x, y and z of the sum of |V| grad, and the sum of |V|, all times 6.
+    """
+    at = points[:, corners.T]
+    value = values[corners.T]
+    sums = np.zeros((4, *value.shape))
+    for tet in _SPLITS[kind]:
+        first, second, third, volume = _cofactors(at, tet)
+        o, a, b, c = tet
+        term = (value[a] - value[o]) * first
+        term += (value[b] - value[o]) * second
+        term += (value[c] - value[o]) * third
+        term *= np.sign(volume)
+        np.abs(volume, out=volume)
+        for corner in tet:
+            sums[:3, corner] += term
+            sums[3, corner] += volume
+    sums /= _WAYS[kind]
+    return sums
+
+
+def _cofactors(
+    at: FloatArray, tet: tuple[int, int, int, int]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Cross products of a tetrahedron's edges, (3, c) each, and six times its volume, (c,).
+
+    With edges e1, e2, e3 from the first corner: e2 x e3, e3 x e1, e1 x e2 and e1 . (e2 x e3).
+    """
+    e1, e2, e3 = (at[:, corner] - at[:, tet[0]] for corner in tet[1:])
+    first = _cross(e2, e3)
+    volume: FloatArray = np.einsum("ij,ij->j", e1, first)
+    return first, _cross(e3, e1), _cross(e1, e2), volume
+
+
+def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    """Cross products of (3, c) arrays; numpy.cross takes several times as long."""
+    return np.stack(
+        (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+    )
