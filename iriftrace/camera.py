@@ -1,0 +1,297 @@
+"""The camera a user describes: intrinsics, focus interval and pose, in plain NumPy.
+
+Frame of the camera: x right, y down, z forward (the computer-vision convention). Pixel ``i``
+covers ``[i, i + 1)``, so its centre lies at ``i + 0.5``; OpenCV's principal point is therefore 0.5
+smaller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from attrs import evolve, field, frozen
+from numpy.typing import ArrayLike, NDArray
+
+from iriftrace.errors import InputError
+
+FloatArray = NDArray[np.float64]
+
+PROJECTIONS = ("pinhole", "orthographic")
+
+
+def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> FloatArray:
+    """Pose of a camera that looks from one point at another.
+
+    Parameters
+    ----------
+    origin, target : (3,) array, mm, world
+    up : (3,) array, world
+        Direction that is up in the picture. When it is parallel to the line of sight, +y takes its
+        place (the limit of a camera that looks along +y while it rises).
+
+    Returns
+    -------
+    (4, 4) array
+        Camera to world; columns x right, y down, z forward, origin.
+
+    Raises
+    ------
+    InputError
+        If origin and target coincide or a value is not finite.
+    """
+    eye, aim, upward = (np.asarray(v, dtype=np.float64).reshape(3) for v in (origin, target, up))
+    if not all(np.isfinite(v).all() for v in (eye, aim, upward)):
+        raise InputError("A camera pose has a value that is not finite; give three numbers each.")
+    forward = aim - eye
+    distance = np.linalg.norm(forward)
+    if distance == 0.0:
+        raise InputError(
+            f"Camera origin and target are the same point {eye.tolist()}, so there is no line of "
+            "sight; move one of them."
+        )
+    forward = forward / distance
+    right = np.cross(forward, upward)
+    if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(upward)), 1e-300):
+        right = np.cross(forward, (0.0, 1.0, 0.0))
+    right = right / np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, 0] = right
+    matrix[:3, 1] = np.cross(forward, right)
+    matrix[:3, 2] = forward
+    matrix[:3, 3] = eye
+    return matrix
+
+
+def _pair(value: Sequence[float]) -> tuple[float, float]:
+    first, second = value
+    return float(first), float(second)
+
+
+def _resolution(value: Sequence[int]) -> tuple[int, int]:
+    width, height = value
+    return int(width), int(height)
+
+
+def _pose(value: ArrayLike) -> FloatArray:
+    matrix = np.array(value, dtype=np.float64)
+    matrix.setflags(write=False)
+    return matrix
+
+
+@frozen(eq=False, kw_only=True)
+class Camera:
+    """Intrinsics, focus interval and pose of one camera.
+
+    Parameters
+    ----------
+    focal_length_mm : float, mm
+        Distance from the pinhole to the sensor. Not used by an orthographic camera.
+    sensor_mm : (2,) sequence, mm
+        Width and height of the sensor; of the field of view for an orthographic camera.
+    resolution : (2,) sequence of int
+        Pixels across and down. Pixels need not be square.
+    principal_point_px : (2,) sequence, px, optional
+        Where the optical axis meets the sensor; the sensor's centre by default.
+    focus_mm : (2,) sequence, mm
+        Nearest and farthest distance along the ray at which the picture is sharp.
+    matrix : (4, 4) array
+        Camera to world; x right, y down, z forward.
+    projection : str
+        ``"pinhole"`` or ``"orthographic"``.
+
+    Raises
+    ------
+    InputError
+        If a length is not positive, the focus interval is empty or the pose is not a rigid motion.
+    """
+
+    focal_length_mm: float = field(default=math.nan, converter=float)
+    sensor_mm: tuple[float, float] = field(converter=_pair)
+    resolution: tuple[int, int] = field(converter=_resolution)
+    principal_point_px: tuple[float, float] = field(default=None)
+    focus_mm: tuple[float, float] = field(default=(0.0, math.inf), converter=_pair)
+    matrix: FloatArray = field(factory=lambda: np.eye(4), converter=_pose)
+    projection: str = "pinhole"
+
+    def __attrs_post_init__(self) -> None:
+        if self.principal_point_px is None:
+            centre = (self.resolution[0] / 2, self.resolution[1] / 2)
+            object.__setattr__(self, "principal_point_px", centre)
+        else:
+            object.__setattr__(self, "principal_point_px", _pair(self.principal_point_px))
+        if self.projection not in PROJECTIONS:
+            raise InputError(f"Unknown projection '{self.projection}'; use one of {PROJECTIONS}.")
+        if self.projection == "pinhole" and not (
+            math.isfinite(self.focal_length_mm) and self.focal_length_mm > 0
+        ):
+            raise InputError(
+                f"Focal length is {self.focal_length_mm} mm, so no picture forms; "
+                "give a positive length."
+            )
+        if not all(math.isfinite(s) and s > 0 for s in self.sensor_mm):
+            raise InputError(
+                f"Sensor size is {self.sensor_mm[0]} x {self.sensor_mm[1]} mm, so no picture forms; "
+                "both must be positive."
+            )
+        if min(self.resolution) < 1:
+            raise InputError(
+                f"Resolution is {self.resolution[0]} x {self.resolution[1]} pixels; "
+                "both must be at least 1."
+            )
+        near, far = self.focus_mm
+        if not 0 <= near < far:
+            raise InputError(
+                f"Focus interval {near} to {far} mm is empty; the near distance must be at least 0 "
+                "and smaller than the far one."
+            )
+        rotation = self.matrix[:3, :3] if self.matrix.shape == (4, 4) else np.zeros((3, 3))
+        rigid = np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6)
+        if not (rigid and np.linalg.det(rotation) > 0 and np.isfinite(self.matrix).all()):
+            raise InputError(
+                "The camera pose is not a rigid motion (4 x 4, rotation and translation only); "
+                "remove scale and mirroring."
+            )
+
+    @property
+    def origin(self) -> FloatArray:
+        """(3,) array, mm, world: the pinhole."""
+        return self.matrix[:3, 3]
+
+    @property
+    def forward(self) -> FloatArray:
+        """(3,) unit vector, world: the optical axis."""
+        return self.matrix[:3, 2]
+
+    @property
+    def pixel_pitch_mm(self) -> tuple[float, float]:
+        """Width and height of one pixel on the sensor, mm."""
+        return self.sensor_mm[0] / self.resolution[0], self.sensor_mm[1] / self.resolution[1]
+
+    @property
+    def focal_px(self) -> tuple[float, float]:
+        """Focal length in pixel widths and heights."""
+        width, height = self.pixel_pitch_mm
+        return self.focal_length_mm / width, self.focal_length_mm / height
+
+    @property
+    def pixel_area_mm2(self) -> float:
+        """Area of one pixel on the sensor, mm^2 (on the object, for an orthographic camera)."""
+        return self.pixel_pitch_mm[0] * self.pixel_pitch_mm[1]
+
+    def at(self, matrix: ArrayLike) -> Camera:
+        """The same camera at another pose ((4, 4) array, camera to world)."""
+        return evolve(self, matrix=matrix)
+
+    def scaled(self, scale: float) -> Camera:
+        """The same camera with ``scale`` times the pixels across and down (rounded, at least 1)."""
+        if not (math.isfinite(scale) and scale > 0):
+            raise InputError(f"scale is {scale}, so no pixel is left; give a positive number.")
+        (width, height), (x, y) = self.resolution, self.principal_point_px
+        resolution = max(1, round(width * scale)), max(1, round(height * scale))
+        point = x * resolution[0] / width, y * resolution[1] / height
+        return evolve(self, resolution=resolution, principal_point_px=point)
+
+    def rays(self, pixels: ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
+        """Rays through image positions.
+
+        Parameters
+        ----------
+        pixels : (n, 2) array, px, optional
+            Positions in the picture; by default every pixel's centre, row by row.
+
+        Returns
+        -------
+        origins, directions : (n, 3) arrays, mm and unit vectors, world
+        """
+        if pixels is None:
+            columns, rows = np.meshgrid(*(np.arange(n) + 0.5 for n in self.resolution))
+            position = np.stack((columns.ravel(), rows.ravel()), axis=1)
+        else:
+            position = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+        on_sensor = (position - self.principal_point_px) * self.pixel_pitch_mm
+        rotation = self.matrix[:3, :3]
+        if self.projection == "orthographic":
+            origins = on_sensor @ rotation[:, :2].T + self.origin
+            return origins, np.broadcast_to(self.forward, origins.shape).copy()
+        depth = np.full((len(on_sensor), 1), self.focal_length_mm)
+        local = np.concatenate((on_sensor, depth), axis=1)
+        directions = (local / np.linalg.norm(local, axis=1, keepdims=True)) @ rotation.T
+        return np.broadcast_to(self.origin, directions.shape).copy(), directions
+
+    def to_camera(self, points: ArrayLike) -> FloatArray:
+        """(n, 3) points from the world's frame to the camera's, mm."""
+        rotated: FloatArray = (np.asarray(points, dtype=np.float64) - self.origin) @ self.matrix[
+            :3, :3
+        ]
+        return rotated
+
+    def project(self, points: ArrayLike) -> FloatArray:
+        """Image positions of world points.
+
+        Parameters
+        ----------
+        points : (n, 3) array, mm, world
+
+        Returns
+        -------
+        (n, 2) array, px
+            NaN for points that are not in front of a pinhole camera.
+        """
+        local = self.to_camera(points)
+        if self.projection == "orthographic":
+            on_sensor = local[:, :2]
+        else:
+            depth = np.where(local[:, 2:] > 0, local[:, 2:], np.nan)
+            on_sensor = local[:, :2] / depth * self.focal_length_mm
+        position: FloatArray = on_sensor / self.pixel_pitch_mm + self.principal_point_px
+        return position
+
+    def pixel_solid_angle(self) -> FloatArray:
+        """Solid angle of every pixel of a pinhole camera, (h, w) array, sr.
+
+        Exact: the solid angle of a rectangle seen from the pinhole is the alternating sum over its
+        corners of ``atan(x y / (f sqrt(x^2 + y^2 + f^2)))``.
+        """
+        edges = [
+            (np.arange(n + 1) - c) * pitch
+            for n, c, pitch in zip(
+                self.resolution, self.principal_point_px, self.pixel_pitch_mm, strict=True
+            )
+        ]
+        x, y = np.meshgrid(*edges)
+        f = self.focal_length_mm
+        corner = np.arctan2(x * y, f * np.sqrt(x * x + y * y + f * f))
+        angle: FloatArray = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
+        return angle
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; an unlimited far focus is None."""
+        near, far = self.focus_mm
+        pinhole = self.projection == "pinhole"
+        return {
+            "projection": self.projection,
+            "focal_length_mm": self.focal_length_mm if pinhole else None,
+            "sensor_mm": list(self.sensor_mm),
+            "resolution": list(self.resolution),
+            "principal_point_px": list(self.principal_point_px),
+            "focus_mm": [near, far if math.isfinite(far) else None],
+            "matrix": self.matrix.tolist(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Camera:
+        """Inverse of :meth:`as_dict`."""
+        near, far = values["focus_mm"]
+        focal = values["focal_length_mm"]
+        return cls(
+            projection=values["projection"],
+            focal_length_mm=math.nan if focal is None else focal,
+            sensor_mm=values["sensor_mm"],
+            resolution=values["resolution"],
+            principal_point_px=values["principal_point_px"],
+            focus_mm=(near, math.inf if far is None else far),
+            matrix=values["matrix"],
+        )
