@@ -1,0 +1,202 @@
+"""The sensor ``calibrated_camera``: intrinsics as metrologists write them, in double precision."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from iriftrace.camera import Camera
+from iriftrace.errors import InputError
+
+from .projection import Projection, flip_axes
+from .properties import number
+
+
+def sensor_of(camera: Camera) -> Any:
+    """A ``calibrated_camera`` for a camera, with its own film, in the variant in force."""
+    import mitsuba as mi
+
+    near, far = camera.focus_mm
+    width, height = camera.resolution
+    return mi.load_dict(
+        {
+            "type": "calibrated_camera",
+            "focal_length": camera.focal_length_mm,
+            "sensor_width": camera.sensor_mm[0],
+            "sensor_height": camera.sensor_mm[1],
+            "principal_point_x": camera.principal_point_px[0],
+            "principal_point_y": camera.principal_point_px[1],
+            "focus_near": near,
+            **({"focus_far": far} if math.isfinite(far) else {}),
+            "to_world": mi.ScalarTransform4d(flip_axes(camera.matrix)),
+            "film": {
+                "type": "hdrfilm",
+                "width": width,
+                "height": height,
+                "pixel_format": "luminance",
+                "component_format": "float32",
+                "rfilter": {"type": "box"},
+            },
+        }
+    )
+
+
+@cache
+def plugin_class(variant: str) -> type:
+    """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
+    import drjit as dr
+    import mitsuba as mi
+
+    class CalibratedCamera(mi.Sensor):  # type: ignore[misc]
+        r"""Calibrated camera (``calibrated_camera``).
+
+        =====================  =========  ==============================================  =========
+        Parameter              Type       Meaning                                         Default
+        =====================  =========  ==============================================  =========
+        ``focal_length``       float, mm  pinhole to sensor (camera constant)             required
+        ``sensor_width``       float, mm  width of the sensor                             required
+        ``sensor_height``      float, mm  height of the sensor; pixels need not be        required
+                                          square
+        ``principal_point_x``  float, px  where the axis meets the sensor, from its left  centre
+                                          edge, for the film's full size (``scale`` 1)
+        ``principal_point_y``  float, px  the same from the upper edge                    centre
+        ``focus_near``         float, mm  nearest distance along the ray that is sharp    0
+        ``focus_far``          float, mm  farthest one                                    unlimited
+        ``scale``              float      factor on the film's width and height           1
+        ``to_world``           transform  pose, in Mitsuba's convention (``lookat``)      identity
+        =====================  =========  ==============================================  =========
+
+        A pinhole camera. Pixel ``i`` covers ``[i, i + 1)`` and its centre is ``i + 0.5``; OpenCV
+        counts centres as whole numbers, so add 0.5 to its principal point. ``first_hit`` asks for
+        rays in double precision (``rays64``); other integrators get the same in single precision.
+        No lens distortion, no aperture.
+
+        .. code-block:: xml
+
+            <sensor type="calibrated_camera">
+                <float name="focal_length" value="10"/>
+                <float name="sensor_width" value="6.7"/>
+                <float name="sensor_height" value="5.6"/>
+                <float name="focus_near" value="50"/>
+                <float name="focus_far" value="250"/>
+                <float name="scale" value="0.5"/>
+                <transform name="to_world">
+                    <lookat origin="150, -100, 120" target="0, 0, 0" up="0, 0, 1"/>
+                </transform>
+                <film type="hdrfilm">
+                    <integer name="width" value="2448"/>
+                    <integer name="height" value="2048"/>
+                    <string name="pixel_format" value="luminance"/>
+                    <string name="component_format" value="float32"/>
+                    <rfilter type="box"/>
+                </film>
+            </sensor>
+
+        .. code-block:: python
+
+            mi.load_dict({
+                "type": "calibrated_camera",
+                "focal_length": 10.0, "sensor_width": 6.7, "sensor_height": 5.6,
+                "to_world": mi.ScalarTransform4f().look_at([150, -100, 120], [0, 0, 0], [0, 0, 1]),
+                "film": {"type": "hdrfilm", "width": 2448, "height": 2048,
+                         "pixel_format": "luminance", "component_format": "float32",
+                         "rfilter": {"type": "box"}},
+            })
+        """
+
+        def __init__(self, props: mi.Properties) -> None:
+            super().__init__(props)
+            pose = (
+                props["to_world"].matrix if "to_world" in props else mi.ScalarTransform4d().matrix
+            )
+            film = self.film()
+            full = tuple(int(n) for n in film.size())
+            self._description = Camera(
+                focal_length_mm=number(props, "focal_length"),
+                sensor_mm=(number(props, "sensor_width"), number(props, "sensor_height")),
+                resolution=full,
+                principal_point_px=(
+                    number(props, "principal_point_x", full[0] / 2),
+                    number(props, "principal_point_y", full[1] / 2),
+                ),
+                focus_mm=(
+                    number(props, "focus_near", 0.0),
+                    number(props, "focus_far") if "focus_far" in props else math.inf,
+                ),
+                matrix=flip_axes(pose),
+            ).scaled(number(props, "scale", 1.0))
+            if self._description.resolution != full:
+                self._resize(film, full)
+            self.to_world = mi.Transform4d(pose)
+            self._projection = Projection(self._description.as_dict())
+
+        def _resize(self, film: Any, full: tuple[int, ...]) -> None:
+            if tuple(film.crop_size()) != full:
+                raise InputError(
+                    "The film has a crop window, which loses its meaning when scale changes the "
+                    "film's size; use either crop_* or scale."
+                )
+            parameters = mi.traverse(film)
+            parameters["size"] = list(self._description.resolution)
+            parameters.update()
+
+        def description(self) -> dict[str, Any]:
+            """The camera as ``iriftrace.camera.Camera.as_dict`` gives it."""
+            return self._description.as_dict()
+
+        def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
+            """Origins and directions through image positions, double precision, world, mm."""
+            return self._projection.rays64(x, y)
+
+        def project64(self, point: Any) -> tuple[Any, Any, Any]:
+            """Image position in pixels of points of the world, and whether they are in front."""
+            return self._projection.project64(point)
+
+        def sample_ray(
+            self,
+            time: Any,
+            wavelength_sample: Any,
+            position_sample: Any,
+            aperture_sample: Any,
+            active: Any = True,
+        ) -> tuple[Any, Any]:
+            size, offset = self.film().crop_size(), self.film().crop_offset()
+            origin, direction = self.rays64(
+                mi.Float64(position_sample.x) * size.x + offset.x,
+                mi.Float64(position_sample.y) * size.y + offset.y,
+            )
+            wavelengths, weight = self.sample_wavelengths(
+                dr.zeros(mi.SurfaceInteraction3f), wavelength_sample, active
+            )
+            ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction), time, wavelengths)
+            return ray, weight
+
+        def sample_ray_differential(
+            self,
+            time: Any,
+            wavelength_sample: Any,
+            position_sample: Any,
+            aperture_sample: Any,
+            active: Any = True,
+        ) -> tuple[Any, Any]:
+            ray, weight = self.sample_ray(
+                time, wavelength_sample, position_sample, aperture_sample, active
+            )
+            return mi.RayDifferential3f(ray), weight
+
+        def traverse(self, callback: Any) -> None:
+            super().traverse(callback)
+            callback.put("to_world", self.to_world, mi.ParamFlags.NonDifferentiable)
+
+        def parameters_changed(self, keys: Any = ()) -> None:
+            pose = np.array(self.to_world.matrix, dtype=np.float64).reshape(4, 4)
+            self._description = self._description.at(flip_axes(pose))
+            self._projection = Projection(self._description.as_dict())
+
+        def to_string(self) -> str:
+            return f"CalibratedCamera[{self._description.as_dict()}]"
+
+    return CalibratedCamera

@@ -1,0 +1,258 @@
+"""A Mitsuba scene flattened into tables: triangles of part and shells, index on each side.
+
+The tables stay in single precision, as the meshes themselves are; upcasting a gathered corner
+gives the same bits as a double table would, at two thirds of the memory.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.errors import InputError
+
+from .refraction import Triangle, facet_normal
+
+SHELL, PART, BLOCKER = 0, 1, 2
+
+PART_ID = "part"
+MAX_PART_FACES = 2**24 - 2
+
+
+def shell_indices(bsdf: Any) -> tuple[float, float] | None:
+    """Index outside and inside, if the bsdf is a shell's; None for an opaque one."""
+    import mitsuba as mi
+
+    if bsdf is None:
+        return None
+    if hasattr(bsdf, "ext_ior"):
+        return bsdf.ext_ior, bsdf.int_ior
+    if bsdf.class_name() == "SmoothDielectric":
+        return 1.0, float(mi.traverse(bsdf)["eta"])
+    return None
+
+
+def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
+    """Whether a surface has no boundary, by integrals that need no edges.
+
+    On a closed surface the vector area vanishes and x, y and z give the same enclosed volume
+    (Gauss); an opening breaks one of the two unless it is tiny.
+    """
+    corners = vertices[faces].astype(np.float64)
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    extent = corners.reshape(-1, 3)
+    centre = corners.mean(axis=1) - (extent.min(axis=0) + extent.max(axis=0)) / 2
+    total = np.linalg.norm(area, axis=1).sum()
+    size = np.linalg.norm(extent.max(axis=0) - extent.min(axis=0))
+    volumes = (centre * area).sum(axis=0)
+    return bool(
+        np.linalg.norm(area.sum(axis=0)) < 1e-5 * total and np.ptp(volumes) < 1e-5 * total * size
+    )
+
+
+class SceneTables:
+    """Triangles, kinds and indices of every mesh of a scene, for gathering in a kernel.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+
+    Raises
+    ------
+    InputError
+        If there is no shape with id ``part``, a shell is not a mesh, or the part is too large.
+    """
+
+    def __init__(self, scene: Any) -> None:
+        import drjit as dr
+        import mitsuba as mi
+
+        shapes = scene.shapes()
+        indices = [shell_indices(shape.bsdf()) for shape in shapes]
+        parts = [i for i, shape in enumerate(shapes) if shape.id() == PART_ID]
+        if len(parts) != 1:
+            raise InputError(
+                f"The scene has {len(parts)} shapes with id '{PART_ID}', but the measured part is "
+                "known by it: give exactly one shape this id, and load with optimize=False, "
+                "because Mitsuba otherwise merges shapes of equal bsdfs into one without id."
+            )
+        self.part = shapes[parts[0]]
+        if indices[parts[0]] is not None or not self.part.is_mesh():
+            raise InputError("The shape with id 'part' must be an opaque triangle mesh.")
+        if self.part.face_count() > MAX_PART_FACES:
+            raise InputError(
+                f"The part has {self.part.face_count()} faces, but channel part.face holds at most "
+                f"{MAX_PART_FACES} exactly; simplify the mesh."
+            )
+
+        kinds, ext, interior, smooth = [], [], [], []
+        positions, normals, faces, first_face = [], [], [], []
+        vertex_count = face_count = 0
+        self.stock_shells = 0
+        self.shell_shapes: list[Any] = []
+        for shape, pair in zip(shapes, indices, strict=True):
+            kind = SHELL if pair else PART if shape is self.part else BLOCKER
+            if kind == SHELL:
+                if not shape.is_mesh():
+                    raise InputError(
+                        f"Shell '{shape.id()}' is no triangle mesh, so its index steps cannot be "
+                        "traced in double precision; give it as a mesh (PLY)."
+                    )
+                if shape.has_flipped_normals():
+                    raise InputError(
+                        f"Shell '{shape.id()}' has flip_normals, which would swap inside and "
+                        "outside only in part; swap ext_ior and int_ior instead."
+                    )
+                self.shell_shapes.append(shape)
+                self.stock_shells += not hasattr(shape.bsdf(), "ext_ior")
+            kinds.append(kind)
+            ext.append(pair[0] if pair else 1.0)
+            interior.append(pair[1] if pair else 1.0)
+            first_face.append(face_count)
+            has_normals = False
+            if kind != BLOCKER:
+                has_normals = shape.has_vertex_normals() and not shape.has_face_normals()
+                positions.append(shape.vertex_positions_buffer())
+                normals.append(
+                    shape.vertex_normals_buffer()
+                    if has_normals
+                    else dr.zeros(mi.Float, 3 * shape.vertex_count())
+                )
+                faces.append(shape.faces_buffer() + vertex_count)
+                vertex_count += shape.vertex_count()
+                face_count += shape.face_count()
+            smooth.append(has_normals)
+
+        self.has_normals = any(s for s, k in zip(smooth, kinds, strict=True) if k == SHELL)
+        self.facet_shells = [
+            shape.id()
+            for shape, s, k in zip(shapes, smooth, kinds, strict=True)
+            if k == SHELL and not s
+        ]
+        self._positions = dr.concat(positions)
+        joined = dr.concat(normals)
+        # Mitsuba turns a (0, 0, 0) normal into NaN; zero makes the tracer take the facet's.
+        self._normals = dr.select(dr.isfinite(joined), joined, 0)
+        self._faces = dr.concat(faces)
+        self._first_face = mi.UInt32(first_face)
+        self._kind = mi.UInt32(kinds)
+        self._ext = mi.Float64(ext)
+        self._int = mi.Float64(interior)
+        self._number = self._numbers(shapes)
+        dr.eval(self._positions, self._normals, self._faces, self._number)
+        self.part_first_face = first_face[parts[0]]
+        steps = [abs(i - e) for e, i, k in zip(ext, interior, kinds, strict=True) if k == SHELL]
+        self.half_step = min((s for s in steps if s > 0), default=1e-9) / 2
+
+    @staticmethod
+    def _numbers(shapes: list[Any]) -> Any:
+        """Table from Mitsuba's registry number of a shape to its place in the list."""
+        import drjit as dr
+        import mitsuba as mi
+
+        registry = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in shapes]
+        table = np.zeros(max(registry) + 1, dtype=np.uint32)
+        table[registry] = np.arange(len(shapes))
+        return mi.UInt32(table)
+
+    def shape_number(self, preliminary: Any, active: Any) -> Any:
+        """Place of the hit shape in the scene's list (UInt32)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        registry = dr.reinterpret_array(mi.UInt32, preliminary.shape)
+        return dr.gather(mi.UInt32, self._number, registry, active)
+
+    def kind(self, shape: Any, active: Any) -> Any:
+        """SHELL, PART or BLOCKER (UInt32)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        return dr.gather(mi.UInt32, self._kind, shape, active)
+
+    def sides(self, shape: Any, active: Any) -> tuple[Any, Any]:
+        """Index outside and inside a shell (Float64)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        return (
+            dr.gather(mi.Float64, self._ext, shape, active),
+            dr.gather(mi.Float64, self._int, shape, active),
+        )
+
+    def face(self, shape: Any, primitive: Any, active: Any) -> Any:
+        """Row of a triangle in the face table (UInt32)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        return dr.gather(mi.UInt32, self._first_face, shape, active) + primitive
+
+    def triangle(self, face: Any, active: Any) -> Triangle:
+        """Corners of triangles in double precision."""
+        return self._corners(self._positions, face, active)
+
+    def vertex_normals(self, face: Any, active: Any) -> Triangle:
+        """Vertex normals of triangles in double precision; zero where a mesh has none."""
+        return self._corners(self._normals, face, active)
+
+    def _corners(self, table: Any, face: Any, active: Any) -> Triangle:
+        import drjit as dr
+        import mitsuba as mi
+
+        vertices = dr.gather(mi.Vector3u, self._faces, face, active)
+        return Triangle(
+            *(mi.Point3d(dr.gather(mi.Point3f, table, vertex, active)) for vertex in vertices)
+        )
+
+    def part_arrays(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Vertices (n, 3), mm, world, and faces (m, 3) of the part."""
+        vertices = np.array(self.part.vertex_positions_buffer(), dtype=np.float64).reshape(-1, 3)
+        faces = np.array(self.part.faces_buffer(), dtype=np.int64).reshape(-1, 3)
+        return vertices, faces
+
+    @cached_property
+    def ambient(self) -> float:
+        """Index of the air outside: the outside of the shell with the largest box."""
+        if not self.shell_shapes:
+            return 1.0
+        boxes = [np.array(s.bbox().max) - np.array(s.bbox().min) for s in self.shell_shapes]
+        largest = int(np.argmax([np.linalg.norm(box) for box in boxes]))
+        pair = shell_indices(self.shell_shapes[largest].bsdf())
+        assert pair is not None
+        return pair[0]
+
+    @cached_property
+    def open_steps(self) -> float:
+        """Sum of the index steps of the shells that have a boundary."""
+        total = 0.0
+        for shape in self.shell_shapes:
+            vertices = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
+            if not is_closed(vertices, np.array(shape.faces_buffer()).reshape(-1, 3)):
+                pair = shell_indices(shape.bsdf())
+                assert pair is not None
+                total += abs(pair[1] - pair[0])
+        return total
+
+    def triangles_in_view(self, project: Any, size: tuple[int, int]) -> int:
+        """Number of shell triangles whose centre appears in the picture."""
+        import drjit as dr
+        import mitsuba as mi
+
+        count = dr.width(self._faces) // 3
+        face = dr.arange(mi.UInt32, count)
+        active = mi.Bool(True)
+        corners = self.triangle(face, active)
+        x, y, in_front = project((corners.a + corners.b + corners.c) / 3)
+        seen = in_front & (x >= 0) & (x < size[0]) & (y >= 0) & (y < size[1])
+        part = (face >= self.part_first_face) & (
+            face < self.part_first_face + self.part.face_count()
+        )
+        return int(dr.count(seen & ~part)[0])
+
+    def plane(self, face: Any, active: Any) -> tuple[Triangle, Any]:
+        """Corners and unit normal of triangles."""
+        triangle = self.triangle(face, active)
+        return triangle, facet_normal(triangle)

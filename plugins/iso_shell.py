@@ -1,0 +1,102 @@
+"""The bsdf ``iso_shell``: a surface of constant index between two layers of air."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from iriftrace.errors import InputError
+
+from .properties import number
+
+
+@cache
+def plugin_class(variant: str) -> type:
+    """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
+    import drjit as dr
+    import mitsuba as mi
+
+    class IsoShell(mi.BSDF):  # type: ignore[misc]
+        r"""Iso-index shell (``iso_shell``).
+
+        ============  =========  =====================================================  ========
+        Parameter     Type       Meaning                                                Default
+        ============  =========  =====================================================  ========
+        ``ext_ior``   float      index on the side the normals point to (outside)       required
+        ``int_ior``   float      index on the other side                                required
+        ``layer``     string     name of the shell, unique, so that Mitsuba does not    empty
+                                 merge shells whose indices are equal
+        ============  =========  =====================================================  ========
+
+        Bends a ray by Snell's law and lets all of it pass: neighbouring layers of air differ by
+        1e-5, so the reflected share (below 1e-10) is left out. Both numbers are kept in double
+        precision; ``first_hit`` refracts with them directly. Mitsuba's own integrators work too
+        (in single precision): the bsdf is a perfect transmission of weight 1. Shadow rays stop at
+        shells, so such pictures need lights that a camera ray can hit.
+
+        .. code-block:: xml
+
+            <bsdf type="iso_shell">
+                <float name="ext_ior" value="1.0002718"/>
+                <float name="int_ior" value="1.0002553"/>
+                <string name="layer" value="1"/>
+            </bsdf>
+
+        .. code-block:: python
+
+            mi.load_dict({"type": "iso_shell", "ext_ior": 1.0002718, "int_ior": 1.0002553})
+        """
+
+        def __init__(self, props: mi.Properties) -> None:
+            super().__init__(props)
+            self.ext_ior = number(props, "ext_ior")
+            self.int_ior = number(props, "int_ior")
+            for name, value in (("ext_ior", self.ext_ior), ("int_ior", self.int_ior)):
+                if not 0.5 < value < 5:
+                    raise InputError(
+                        f'"{name}" is {value}, which is no refractive index; air has about 1.0003 '
+                        "(give n, not n - 1)."
+                    )
+            self.layer = str(props.get("layer", ""))
+            flags = mi.BSDFFlags.DeltaTransmission | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+            self.m_components = [flags]
+            self.m_flags = flags
+
+        def sample(
+            self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True
+        ) -> tuple[Any, Any]:
+            cos_in = mi.Frame3f.cos_theta(si.wi)
+            active = mi.Mask(active) & (cos_in != 0)
+            if not ctx.is_enabled(mi.BSDFFlags.DeltaTransmission):
+                active = mi.Mask(False)
+            inward = cos_in > 0
+            into_inside = mi.Float(self.int_ior / self.ext_ior)
+            into_outside = mi.Float(self.ext_ior / self.int_ior)
+            eta = dr.select(inward, into_inside, into_outside)
+            cos_out_squared = 1 - (1 - dr.square(cos_in)) / dr.square(eta)
+            cos_out = dr.sqrt(dr.maximum(cos_out_squared, 0))
+            reflected = cos_out_squared <= 0
+            refracted = mi.Vector3f(
+                -si.wi.x / eta, -si.wi.y / eta, dr.select(inward, -cos_out, cos_out)
+            )
+            sample = dr.zeros(mi.BSDFSample3f, dr.width(si.wi))
+            sample.wo = dr.select(reflected, mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z), refracted)
+            sample.pdf = dr.select(active, mi.Float(1), 0)
+            sample.eta = dr.select(reflected, mi.Float(1), eta)
+            sample.sampled_type = mi.UInt32(+mi.BSDFFlags.DeltaTransmission)
+            sample.sampled_component = mi.UInt32(0)
+            return sample, mi.Spectrum(1) & active
+
+        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return mi.Spectrum(0)
+
+        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return mi.Float(0)
+
+        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+            return mi.Spectrum(0), mi.Float(0)
+
+        def to_string(self) -> str:
+            return f"IsoShell[ext_ior={self.ext_ior!r}, int_ior={self.int_ior!r}]"
+
+    return IsoShell

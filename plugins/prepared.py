@@ -1,0 +1,153 @@
+"""What is built once for a scene and then serves every pose: tables, sub-scene, wall layers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .geometry import PART, SceneTables, shell_indices
+from .tracing import crossed_steps, query_step
+
+SAMPLES_PER_DIAGONAL = 100
+"""Wall samples along the part's diagonal, by which the layer at the wall is found."""
+
+
+class PreparedScene:
+    """A scene ready for tracing.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        Loaded with ``optimize=False``.
+
+    Raises
+    ------
+    InputError
+        See :class:`SceneTables`.
+    """
+
+    def __init__(self, scene: Any) -> None:
+        import mitsuba as mi
+
+        self.scene = scene
+        self.tables = SceneTables(scene)
+        self.step = query_step(scene)
+        opaque = [s for s in scene.shapes() if shell_indices(s.bsdf()) is None]
+        if self.tables.shell_shapes:
+            # Straight rays never look at shells; most of the query's cost is theirs. A shape takes
+            # its key as id, so the keys are the ids it has.
+            content = {shape.id() or f"shape_{i}": shape for i, shape in enumerate(opaque)}
+            self.opaque = mi.load_dict(
+                {"type": "scene", "embree_use_robust_intersections": True, **content},
+                optimize=False,
+            )
+        else:
+            self.opaque = scene
+        low, high = self._wall_layers()
+        self.lowest_wall_index = mi.Float64(low)
+        self.highest_wall_index = mi.Float64(high)
+
+    def surroundings(self, point: NDArray[np.float64]) -> str | None:
+        """What a point (3,), mm, world, lies in: ``"part"``, ``"hot air"`` or None for outside.
+
+        Inside a closed surface every line starts by crossing it outward; most do if it has holes.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        directions = _directions(256)
+        origin = mi.Point3d(*np.repeat(point[:, None], len(directions), axis=1))
+        direction = mi.Vector3d(*directions.T)
+        _, enclosed = crossed_steps(self.scene, self.tables, origin, direction, self.step)
+        ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
+        hit = self.opaque.ray_intersect_preliminary(ray)
+        found = hit.is_valid()
+        shape = self.tables.shape_number(hit, found)
+        on_part = found & (self.tables.kind(shape, found) == PART)
+        _, normal = self.tables.plane(self.tables.face(shape, hit.prim_index, on_part), on_part)
+        behind = on_part & (dr.dot(normal, direction) > 0)
+        if np.mean(np.array(behind)) > 0.5:
+            return "part"
+        return "hot air" if np.mean(np.array(enclosed)) > 0.5 else None
+
+    def _wall_layers(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Smallest and largest index of the layers that touch each face of the part.
+
+        Straight lines from many points on the part, just above and just below its surface, count
+        the steps to the outside; so no field is needed, and shells that cut the part or end on it
+        are taken as they are.
+        """
+        import mitsuba as mi
+
+        vertices, faces = self.tables.part_arrays()
+        if not self.tables.shell_shapes or self.tables.stock_shells:
+            return np.full(len(faces), -np.inf), np.full(len(faces), np.inf)
+        points, directions, face = _wall_samples(vertices, faces)
+        index = np.concatenate(
+            [
+                np.array(
+                    crossed_steps(
+                        self.scene,
+                        self.tables,
+                        mi.Point3d(*(points + shift * directions).T),
+                        mi.Vector3d(*directions.T),
+                        self.step,
+                    )[0]
+                )
+                for shift in (10 * self.step, -10 * self.step)
+            ]
+        )
+        index[index == 0] = self.tables.ambient
+        return _spread(index, np.concatenate((face, face)), faces, len(vertices))
+
+
+def _directions(count: int) -> NDArray[np.float64]:
+    """Unit vectors spread evenly over the sphere (count, 3): a Fibonacci lattice."""
+    number = np.arange(count)
+    z = 1 - (2 * number + 1) / count
+    azimuth = number * np.pi * (3 - np.sqrt(5))
+    radius = np.sqrt(1 - z * z)
+    return np.stack((radius * np.cos(azimuth), radius * np.sin(azimuth), z), axis=1)
+
+
+def _wall_samples(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Points spread over all faces (n, 3), the outward normals there, and their face numbers."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+    spacing = np.linalg.norm(np.ptp(vertices, axis=0)) / SAMPLES_PER_DIAGONAL
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    divisions = np.clip(np.ceil(edges / spacing), 1, 32).astype(int)
+    points, directions, number = [], [], []
+    for n in np.unique(divisions):
+        chosen = np.flatnonzero((divisions == n) & (length[:, 0] > 0))
+        i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+        inside = i + j < n
+        u, v = (i[inside] + 1 / 3) / n, (j[inside] + 1 / 3) / n
+        weights = np.stack((1 - u - v, u, v), axis=1)
+        points.append(np.einsum("kc,fcx->fkx", weights, corners[chosen]).reshape(-1, 3))
+        directions.append(np.repeat(normals[chosen], len(weights), axis=0))
+        number.append(np.repeat(chosen, len(weights)))
+    return np.concatenate(points), np.concatenate(directions), np.concatenate(number)
+
+
+def _spread(
+    index: NDArray[np.float64],
+    face: NDArray[np.int64],
+    faces: NDArray[np.int64],
+    vertex_count: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Extremes over each face and the faces around it: a shell may end between two samples."""
+    bounds = []
+    for extreme, start in ((np.minimum, np.inf), (np.maximum, -np.inf)):
+        of_face = np.full(len(faces), start)
+        extreme.at(of_face, face, index)
+        of_vertex = np.full(vertex_count, start)
+        extreme.at(of_vertex, faces.ravel(), np.repeat(of_face, 3))
+        bounds.append(extreme.reduce(of_vertex[faces], axis=1))
+    return bounds[0], bounds[1]

@@ -1,0 +1,49 @@
+"""Reading plugin properties: types and ranges are checked, with one sentence when they are wrong.
+
+Mitsuba's loader accepts a ``<string>`` where a number belongs, so every plugin reads through here.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from iriftrace.errors import InputError
+
+
+def number(props: Any, name: str, default: float | None = None) -> float:
+    """Read a finite number from plugin properties in double precision."""
+    if name not in props:
+        if default is None:
+            raise InputError(f'"{name}" is missing; give it as <float name="{name}" value="..."/>.')
+        return default
+    value = props[name]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(
+            f'"{name}" is {value!r}, not a number; write <float name="{name}" value="..."/>.'
+        )
+    if not math.isfinite(value):
+        raise InputError(f'"{name}" is {value}; give a finite number.')
+    return float(value)
+
+
+def flag(props: Any, name: str, default: bool) -> bool:
+    """Read a boolean from plugin properties."""
+    value = props.get(name, default)
+    if not isinstance(value, bool):
+        raise InputError(
+            f'"{name}" is {value!r}, not a truth value; '
+            f'write <boolean name="{name}" value="true"/> or "false".'
+        )
+    return value
+
+
+def choice(props: Any, name: str, allowed: tuple[str, ...]) -> str:
+    """Read one of several words from plugin properties; the first is the default."""
+    value = props.get(name, allowed[0])
+    if value not in allowed:
+        raise InputError(
+            f'"{name}" is {value!r}; write <string name="{name}" value="..."/> with one of '
+            f"{', '.join(allowed)}."
+        )
+    return str(value)

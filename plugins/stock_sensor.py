@@ -1,0 +1,85 @@
+"""Mitsuba's own sensors, seen as cameras: which of them can be used, and what they project to."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from iriftrace.camera import Camera
+from iriftrace.errors import InputError
+
+from .projection import Projection, flip_axes
+
+
+class StockSensor:
+    """A ``perspective`` or ``orthographic`` sensor with the interface of ``calibrated_camera``.
+
+    Rays come from the sensor itself in single precision and start on its near plane, so
+    ``path.length`` counts from there. Only ratios of lengths are known of a perspective sensor; its
+    sensor is taken to be 1 mm wide.
+
+    Parameters
+    ----------
+    sensor : mi.Sensor
+
+    Raises
+    ------
+    InputError
+        If the sensor is of another kind.
+    """
+
+    def __init__(self, sensor: Any) -> None:
+        import mitsuba as mi
+
+        self._sensor = sensor
+        kind = sensor.class_name()
+        parameters = mi.traverse(sensor)
+        width, height = (int(n) for n in sensor.film().size())
+        if kind not in ("PerspectiveCamera", "OrthographicCamera"):
+            raise InputError(
+                f"The sensor is a {kind}, which has no picture plane that can be projected to; use "
+                "calibrated_camera, perspective or orthographic."
+            )
+        pose = np.array(parameters["to_world"].matrix, dtype=np.float64).reshape(4, 4)
+        scale = np.linalg.norm(pose[:3, :3], axis=0)
+        pose[:3, :3] /= scale
+        if kind == "PerspectiveCamera":
+            half = math.tan(math.radians(float(parameters["x_fov"][0])) / 2)
+            offset = [float(parameters[f"principal_point_offset_{axis}"][0]) for axis in "xy"]
+            camera = Camera(
+                focal_length_mm=0.5 / half,
+                sensor_mm=(1.0, height / width),
+                resolution=(width, height),
+                principal_point_px=(width * (0.5 + offset[0]), height * (0.5 + offset[1])),
+                matrix=flip_axes(pose),
+            )
+        else:
+            camera = Camera(
+                projection="orthographic",
+                sensor_mm=(2 * scale[0], 2 * scale[1] * height / width),
+                resolution=(width, height),
+                matrix=flip_axes(pose),
+            )
+        self._description = camera.as_dict()
+        self._projection = Projection(self._description)
+
+    def description(self) -> dict[str, Any]:
+        """The camera as ``iriftrace.camera.Camera.as_dict`` gives it."""
+        return self._description
+
+    def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """Origins and directions through image positions, world, mm."""
+        import drjit as dr
+        import mitsuba as mi
+
+        film = self._sensor.film()
+        size, offset = film.crop_size(), film.crop_offset()
+        position = mi.Point2f(mi.Float((x - offset.x) / size.x), mi.Float((y - offset.y) / size.y))
+        ray, _ = self._sensor.sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
+        return mi.Point3d(ray.o), dr.normalize(mi.Vector3d(ray.d))
+
+    def project64(self, point: Any) -> tuple[Any, Any, Any]:
+        """Image position in pixels of points of the world, and whether they are in front."""
+        return self._projection.project64(point)
