@@ -170,7 +170,11 @@ def plugin_class(variant: str) -> type:
             tables = prepared.tables
             started = time.perf_counter()
             straight = straight_hits(
-                prepared.opaque, tables, *rays(dr.arange(mi.UInt32, count)), coherent
+                prepared.opaque,
+                tables,
+                *rays(dr.arange(mi.UInt32, count)),
+                coherent=coherent,
+                step=prepared.step,
             )
             dr.eval(*straight)
             dr.sync_thread()
@@ -181,6 +185,7 @@ def plugin_class(variant: str) -> type:
             origin, direction = rays(chosen)
             refracted = refracted_hits(
                 scene,
+                prepared.opaque,
                 tables,
                 origin,
                 direction,
@@ -228,19 +233,7 @@ def plugin_class(variant: str) -> type:
             incidence = dr.atan2(sine, dr.abs(dr.dot(direction, normal)))
 
             bent_hit = refracted.outcome == HIT_PART
-            bent_face = refracted.face - tables.part_first_face
-            crossed = refracted.entry_index != 0
-            entry = dr.select(crossed, refracted.entry_index, tables.ambient)
-            layer = entry + refracted.index_sum
-            slack = dr.opaque(mi.Float64, tables.half_step)
-            lowest = dr.gather(mi.Float64, prepared.lowest_wall_index, bent_face, bent_hit)
-            highest = dr.gather(mi.Float64, prepared.highest_wall_index, bent_face, bent_hit)
-            missing = dr.abs(entry - tables.ambient)
-            consistent = (
-                (layer > lowest - slack)
-                & (layer < highest + slack)
-                & (missing < tables.open_steps + slack)
-            )
+            consistent, from_outside = self._index_check(prepared, refracted)
 
             near, far = (dr.opaque(mi.Float64, limit) for limit in focus)
             status = mi.UInt32(int(Status.GOOD))
@@ -268,8 +261,53 @@ def plugin_class(variant: str) -> type:
                 incidence=dr.select(on_part, incidence, 0),
                 refracted=refracted,
                 status=status,
-                open_boundary=(missing > slack) & (status == int(Status.GOOD)),
+                open_boundary=~from_outside & (status == int(Status.GOOD)),
             )
+
+        def _index_check(
+            self, prepared: PreparedScene, refracted: RefractedHits
+        ) -> tuple[Any, Any]:
+            """Whether a ray's index steps lead to the layer at its hit, and start from ambient.
+
+            The steps of a ray and the index before the first of them give the layer in which it
+            ended. It must be one of those that touch the part there.
+            """
+            tables = prepared.tables
+            hit = refracted.outcome == HIT_PART
+            face = refracted.face - tables.part_first_face
+            ambient, slack, open_steps = (
+                dr.opaque(mi.Float64, value)
+                for value in (tables.ambient, tables.half_step, tables.open_steps)
+            )
+            entry = dr.select(refracted.entry_index != 0, refracted.entry_index, ambient)
+            layer = entry + refracted.index_sum
+            lowest = dr.gather(mi.Float64, prepared.lowest_wall_index, face, hit) - slack
+            highest = dr.gather(mi.Float64, prepared.highest_wall_index, face, hit) + slack
+            missing = dr.abs(entry - ambient)
+            fits = (layer > lowest) & (layer < highest)
+            doubtful = dr.compress(hit & ~fits)
+            if dr.width(doubtful) > 0:
+                number = np.array(doubtful)
+                points, normals = self._hits(prepared, refracted, number)
+                near = prepared.layers_near(points, normals)
+                found = np.array(layer)[number]
+                right = (np.abs(found - near) < tables.half_step).any(axis=0)
+                exact = np.array(fits)
+                exact[number] = right
+                fits = mi.Bool(exact)
+            dr.eval(fits)
+            return fits & (missing < open_steps + slack), missing < slack
+
+        def _hits(
+            self, prepared: PreparedScene, refracted: RefractedHits, number: Any
+        ) -> tuple[Any, Any]:
+            """Points (n, 3) and outward normals (n, 3) of some of the refracted hits."""
+            vertices, faces = prepared.tables.part_arrays()
+            face = np.array(refracted.face)[number] - prepared.tables.part_first_face
+            a, b, c = np.moveaxis(vertices[faces[face]], 1, 0)
+            normals = np.cross(b - a, c - a)
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            return np.array(refracted.point).T[number], normals
 
         def image(self, scene: Any, sensor: Any) -> tuple[Any, dict[str, Any]]:
             """All channels of a sensor's picture.

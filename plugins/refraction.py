@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+GRAZING = 1e-9
+"""Sine of the angle at which a ray leaves a triangle that it would not have left by itself."""
+
 
 class Triangle(NamedTuple):
     """Corners of one triangle per ray (Point3d, mm, world)."""
@@ -24,11 +27,29 @@ def facet_normal(triangle: Triangle) -> Any:
     return dr.normalize(dr.cross(triangle.b - triangle.a, triangle.c - triangle.a))
 
 
-def distance_to_plane(origin: Any, direction: Any, triangle: Triangle, normal: Any) -> Any:
-    """Distance along a ray to the plane of a triangle, mm (Float64)."""
+def distance_to_plane(
+    origin: Any, direction: Any, triangle: Triangle, normal: Any, rough: Any, tolerance: Any
+) -> Any:
+    """Distance along a ray to the plane of a triangle, mm (Float64).
+
+    Parameters
+    ----------
+    origin, direction : Point3d, Vector3d
+    triangle : Triangle
+    normal : Vector3d
+        Unit normal of the plane.
+    rough : Float64, mm
+        Distance at which the single precision query met the triangle.
+    tolerance : Float64, mm
+        Error of that query across the ray. A ray that grazes a triangle's plane may meet the plane
+        itself far from the triangle; so the result stays within what the query can be wrong by.
+    """
     import drjit as dr
 
-    return dr.dot(triangle.a - origin, normal) / dr.dot(direction, normal)
+    cosine = dr.dot(direction, normal)
+    exact = dr.dot(triangle.a - origin, normal) / cosine
+    doubt = tolerance / dr.maximum(dr.abs(cosine), 0.01)
+    return dr.clip(exact, rough - doubt, rough + doubt)
 
 
 def interpolated_normal(point: Any, triangle: Triangle, normals: Triangle, facet: Any) -> Any:
@@ -77,10 +98,12 @@ def cross_surface(
 ) -> tuple[Any, Any]:
     """Direction behind a surface between two media, by Snell's law.
 
-    The interpolated normal is used unless Snell's law with it has no solution or the refracted ray
-    would leave the triangle on the side it came from; then the triangle's own normal is used for
-    this crossing. Total reflection itself is decided by the triangle's normal alone, so that
-    neighbouring triangles cannot trap a ray between them.
+    The interpolated normal decides where there is one. If the direction it gives would leave the
+    triangle on the side the ray came from, it is turned into the triangle's plane, by less than the
+    deflection itself: falling back to the triangle's own normal would bend a ray that grazes a
+    badly placed triangle by a hundred times too much. Only where Snell's law has no solution with
+    the interpolated normal does the triangle's normal decide, and where neither has one the ray is
+    totally reflected by the triangle.
 
     Parameters
     ----------
@@ -105,8 +128,13 @@ def cross_surface(
     facing = dr.select(outward, -facet, facet)
     refracted, exists = _snell(direction, facing, ratio)
     if shading is not None:
-        smooth, smooth_exists = _snell(direction, dr.select(outward, -shading, shading), ratio)
-        usable = exists & smooth_exists & (dr.dot(smooth, facing) < 0)
-        refracted = dr.select(usable, smooth, refracted)
+        # Coarse cells leave steps in a shell, whose risers a ray may cross backwards. There too the
+        # step of the index acts along grad(n), so the normal faces the ray by itself: the crossings
+        # of a step then cancel but for one, as they should.
+        against = dr.select(dr.dot(direction, shading) > 0, -shading, shading)
+        smooth, smooth_exists = _snell(direction, against, ratio)
+        beyond = dr.maximum(dr.dot(smooth, facing) + GRAZING, 0)
+        refracted = dr.select(smooth_exists, smooth - beyond * facing, refracted)
+        exists |= smooth_exists
     mirrored = direction - 2 * dr.dot(direction, facing) * facing
     return dr.normalize(dr.select(exists, refracted, mirrored)), ~exists

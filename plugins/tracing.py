@@ -18,6 +18,9 @@ ESCAPED, HIT_PART, HIT_BLOCKER, GAVE_UP = range(4)
 SAME_CROSSING_STEPS = 20
 """Within this many steps, a second crossing of one shell in one direction is the same crossing."""
 
+QUERY_ERROR_STEPS = 40
+"""Steps by which a single precision query can be wrong across the ray, generously."""
+
 RELATIVE_STEP = 1.5e-7
 """Step beyond a crossing, as a share of the scene's largest coordinate.
 
@@ -62,7 +65,7 @@ def _query(scene: Any, origin: Any, direction: Any, coherent: bool, active: Any)
 
 
 def straight_hits(
-    opaque: Any, tables: SceneTables, origin: Any, direction: Any, coherent: bool
+    opaque: Any, tables: SceneTables, origin: Any, direction: Any, *, coherent: bool, step: float
 ) -> StraightHits:
     """First hits of straight rays on the opaque shapes.
 
@@ -75,6 +78,8 @@ def straight_hits(
         Rays, mm, world; directions of length one.
     coherent : bool
         Neighbouring rays run alike, as a camera's do; a hint to the ray query.
+    step : float, mm
+        From :func:`query_step`.
     """
     import drjit as dr
     import mitsuba as mi
@@ -85,10 +90,12 @@ def straight_hits(
     on_part = found & (tables.kind(shape, found) == PART)
     face = tables.face(shape, preliminary.prim_index, on_part)
     triangle, normal = tables.plane(face, on_part)
-    exact = distance_to_plane(origin, direction, triangle, normal)
+    rough = mi.Float64(preliminary.t)
+    tolerance = QUERY_ERROR_STEPS * dr.opaque(mi.Float64, step)
+    exact = distance_to_plane(origin, direction, triangle, normal, rough, tolerance)
     outcome = dr.select(on_part, mi.UInt32(HIT_PART), dr.select(found, HIT_BLOCKER, ESCAPED))
     return StraightHits(
-        distance=dr.select(on_part, exact, mi.Float64(preliminary.t)),
+        distance=dr.select(on_part, exact, rough),
         outcome=outcome,
         face=dr.select(on_part, face, 0),
     )
@@ -96,6 +103,7 @@ def straight_hits(
 
 def refracted_hits(
     scene: Any,
+    opaque: Any,
     tables: SceneTables,
     origin: Any,
     direction: Any,
@@ -111,6 +119,8 @@ def refracted_hits(
     ----------
     scene : mi.Scene
         Part, shells and other shapes.
+    opaque : mi.Scene
+        The same without shells.
     tables : SceneTables
     origin, direction : Point3d, Vector3d
         Rays, mm, world; directions of length one.
@@ -127,6 +137,7 @@ def refracted_hits(
     import mitsuba as mi
 
     smallest_step = dr.opaque(mi.Float64, step)
+    tolerance = QUERY_ERROR_STEPS * smallest_step
     limit = dr.opaque(mi.UInt32, max_crossings)
     nothing = mi.UInt32(0xFFFFFFFF)
 
@@ -161,14 +172,15 @@ def refracted_hits(
         # found its own start, or the neighbour of a triangle whose plane was met just beyond the
         # edge; look again from further along.
         repeated = (shape == s.shape) & (outward == s.outward)
-        close = preliminary.t + mi.Float(s.step) < mi.Float(SAME_CROSSING_STEPS * smallest_step)
+        rough = mi.Float64(preliminary.t) + s.step
+        close = rough < SAME_CROSSING_STEPS * smallest_step
         again = on_shell & ((face == s.face) | (repeated & close))
         crossed = on_shell & ~again
 
         distance = dr.select(
             flat,
-            distance_to_plane(s.point, s.direction, triangle, normal),
-            mi.Float64(preliminary.t) + s.step,
+            distance_to_plane(s.point, s.direction, triangle, normal, rough, tolerance),
+            rough,
         )
         moves = found & ~again
         point = dr.select(moves, s.point + s.direction * distance, s.point)
@@ -223,7 +235,41 @@ def refracted_hits(
             state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="march"
         )
     )
-    return RefractedHits(*end[:8])
+    return _back_on_front(opaque, tables, RefractedHits(*end[:8]), coherent, step)
+
+
+def _back_on_front(
+    opaque: Any, tables: SceneTables, hits: RefractedHits, coherent: bool, step: float
+) -> RefractedHits:
+    """Bring rays that slipped through the part's front back to it.
+
+    Where a shell lies closer to the wall than the step, the query after the crossing starts behind
+    the wall and finds the part's back from inside. Going back along the ray finds the front.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    on_part = hits.outcome == HIT_PART
+    _, normal = tables.plane(hits.face, on_part)
+    slipped = on_part & (dr.dot(hits.direction, normal) > 0)
+    smallest_step = dr.opaque(mi.Float64, step)
+    back = -hits.direction
+    preliminary = _query(opaque, hits.point + back * smallest_step, back, coherent, slipped)
+    found = slipped & preliminary.is_valid()
+    shape = tables.shape_number(preliminary, found)
+    found &= tables.kind(shape, found) == PART
+    face = tables.face(shape, preliminary.prim_index, found)
+    triangle, normal = tables.plane(face, found)
+    found &= dr.dot(hits.direction, normal) < 0
+    rough = mi.Float64(preliminary.t) + smallest_step
+    tolerance = QUERY_ERROR_STEPS * smallest_step
+    distance = distance_to_plane(hits.point, back, triangle, normal, rough, tolerance)
+    distance = dr.select(found, distance, 0)
+    return hits._replace(
+        point=hits.point + back * distance,
+        path_length=hits.path_length - distance,
+        face=dr.select(found, face, hits.face),
+    )
 
 
 def crossed_steps(
