@@ -1,0 +1,287 @@
+"""Reduce the AOV image of one pose to the numbers by which poses are compared."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.camera import Camera
+from iriftrace.coverage import Coverage, footprint_areas, measure_coverage
+from iriftrace.displacement import good_mask, lines_of_sight, split_displacement
+from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.exr import AovImage
+from iriftrace.part import Part
+from iriftrace.resolution import (
+    Spacing,
+    nearest_in_plane,
+    nearest_in_space,
+    pixel_grid,
+    step_spacing,
+)
+from iriftrace.status import Status
+from iriftrace.whole_file import whole_file
+
+SCHEMA = "iriftrace.pose/1"
+"""Value of ``schema`` in the metrics."""
+
+FEWEST_RAYS = 100
+"""A metric of fewer good rays is null."""
+
+TIMES = ("load", "build", "straight", "refracted", "metrics", "write", "figures", "total")
+"""Keys of ``time_s``."""
+
+_RAYS_PER_FACE = 4
+_STATISTICS = {"mean": None, "median": None, "p95": None, "max": None}
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@frozen(eq=False)
+class _Rays:
+    """What is known of each good ray, (n,) arrays in the order of the pixels."""
+
+    norm: FloatArray
+    lateral: FloatArray
+    axial: FloatArray
+    shift: FloatArray
+    incidence: FloatArray
+    face: IntArray
+    step: Spacing
+    space: Spacing
+    plane: Spacing
+
+
+def pose_metrics(
+    image: AovImage, part: Part, *, include: Collection[int] = (Status.GOOD,)
+) -> dict[str, Any]:
+    """Metrics of one pose, ready for JSON.
+
+    Parameters
+    ----------
+    image
+        AOV image of the pose.
+    part
+        The part that the image shows.
+    include
+        Status codes of the rays that count; 0 and 5 are possible.
+
+    Returns
+    -------
+    dict
+        Schema `SCHEMA`. Lengths in mm, angles in degrees, shifts in pixels, coverages from 0 to 1.
+        ``displacement_lateral_mm`` and ``displacement_axial_mm`` are the means of the lengths
+        across and along the line of sight. ``regions`` holds the same numbers for each region of
+        the part, with ``rays`` counted by the region that the straight ray hits. Numbers that rest
+        on fewer than 100 good rays are None.
+
+    Raises
+    ------
+    InputError
+        The image shows another part, or `include` names rays without a displacement.
+
+    Warns
+    -----
+    IriftraceWarning
+        The part's file changed since the rendering, or its faces are too small for the rays.
+    """
+    good = good_mask(image, include)
+    hit_face = np.rint(image.channels["part.face"]).astype(np.int64).ravel() - 1
+    _check_part(image, part, hit_face)
+    camera = Camera.from_dict(image.header["camera"])
+    face = hit_face[good.ravel()]
+    if np.any(face < 0):
+        raise InputError(
+            f"{np.count_nonzero(face < 0)} good rays have no face in the channel part.face, so the "
+            "image is damaged; render it again."
+        )
+    hits = image.vector("straight", good)
+    footprint = footprint_areas(
+        camera,
+        good,
+        np.linalg.norm(hits - camera.origin, axis=1),
+        image.channels["incidence.angle"][good].astype(np.float64),
+    )
+    coverage = measure_coverage(part, face, footprint)
+    _check_sampling(len(face), coverage.visible_faces)
+
+    rays = _gather(image, part, camera, good, hits, face) if len(face) >= FEWEST_RAYS else None
+    counts = image.header.get("counts") or {}
+    region_of_ray = part.region_of_face[face]
+    hit = hit_face >= 0
+    hit_region = part.region_of_face[hit_face[hit]]
+    status = image.status.ravel()
+    status_of_hit = status[hit]
+    everything = slice(None)
+    times = image.header.get("time_s") or {}
+    included = [Status(code).key for code in sorted(include)]
+    return {
+        "schema": SCHEMA,
+        "rays": {
+            "launched": int(status.size),
+            "hit": int(np.count_nonzero(hit)),
+            **_by_status(status),
+            "open_boundary": counts.get("open_boundary"),
+        },
+        **_numbers(rays, everything, len(face)),
+        **_covered(coverage, everything, len(face)),
+        "shell_triangles_in_view": counts.get("shell_triangles_in_view"),
+        "time_s": {key: times.get(key) for key in TIMES},
+        "camera": image.header["camera"],
+        "pose": image.header.get("pose"),
+        "assumptions": {**(image.header.get("assumptions") or {}), "included_rays": included},
+        "regions": {
+            name: {
+                "rays": {
+                    "hit": int(np.count_nonzero(hit_region == i)),
+                    **_by_status(status_of_hit[hit_region == i]),
+                },
+                **_numbers(rays, members := np.flatnonzero(region_of_ray == i), len(members)),
+                **_covered(coverage, slice(i, i + 1), len(members)),
+            }
+            for i, name in enumerate(part.region_names)
+        },
+    }
+
+
+def write_metrics(path: str | Path, metrics: dict[str, Any]) -> None:
+    """Write metrics as JSON; an existing file is replaced when the new one is complete.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist, or a value is not plain JSON.
+    """
+    try:
+        text = json.dumps(metrics, indent=2, allow_nan=False, ensure_ascii=False)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the metrics for {path} are not plain JSON: {error}.") from error
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _gather(
+    image: AovImage,
+    part: Part,
+    camera: Camera,
+    good: NDArray[np.bool_],
+    hits: FloatArray,
+    face: IntArray,
+) -> _Rays:
+    points = camera.to_camera(hits)
+    grid = pixel_grid(good)
+    # The search in the plane takes as long as all the rest; SciPy lets go of Python meanwhile.
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        plane = pool.submit(nearest_in_plane, points)
+        sight = lines_of_sight(camera, hits)
+        lateral, axial = split_displacement(image.vector("displacement", good), sight)
+        shift = image.vector("shift.px", good)
+        return _Rays(
+            norm=image.channels["displacement.norm"][good].astype(np.float64),
+            lateral=lateral,
+            axial=np.abs(axial),
+            shift=np.hypot(shift[:, 0], shift[:, 1]),
+            incidence=np.degrees(image.channels["incidence.angle"][good].astype(np.float64)),
+            face=face,
+            step=step_spacing(points, grid, part.smooth_group[face]),
+            space=nearest_in_space(points, grid, camera),
+            plane=plane.result(),
+        )
+
+
+def _numbers(rays: _Rays | None, members: IntArray | slice, count: int) -> dict[str, Any]:
+    """Metrics of some of the rays; all None when they are too few."""
+    if rays is None or count < FEWEST_RAYS:
+        return {
+            "displacement_mm": {**_STATISTICS, "rms": None},
+            "displacement_lateral_mm": None,
+            "displacement_axial_mm": None,
+            "shift_px": dict(_STATISTICS),
+            **dict.fromkeys(
+                f"{direction}_resolution_mm{reading}"
+                for reading in ("", "_nn3d", "_nnxy")
+                for direction in ("lateral", "axial")
+            ),
+            "incidence_angle_deg": None,
+        }
+    norm = rays.norm[members]
+    return {
+        "displacement_mm": {**_statistics(norm), "rms": float(np.sqrt(np.mean(norm**2)))},
+        "displacement_lateral_mm": float(rays.lateral[members].mean()),
+        "displacement_axial_mm": float(rays.axial[members].mean()),
+        "shift_px": _statistics(rays.shift[members]),
+        **_resolution(rays.step, members, ""),
+        **_resolution(rays.space, members, "_nn3d"),
+        **_resolution(rays.plane, members, "_nnxy"),
+        "incidence_angle_deg": float(rays.incidence[members].mean()),
+    }
+
+
+def _statistics(values: FloatArray) -> dict[str, float]:
+    median, p95 = np.percentile(values, (50, 95))
+    return {
+        "mean": float(values.mean()),
+        "median": float(median),
+        "p95": float(p95),
+        "max": float(values.max()),
+    }
+
+
+def _resolution(spacing: Spacing, members: IntArray | slice, reading: str) -> dict[str, Any]:
+    lateral, axial = spacing.lateral[members], spacing.axial[members]
+    known = np.isfinite(lateral)
+    some = bool(known.any())
+    return {
+        f"lateral_resolution_mm{reading}": float(lateral[known].mean()) if some else None,
+        f"axial_resolution_mm{reading}": float(axial[known].mean()) if some else None,
+    }
+
+
+def _covered(coverage: Coverage, regions: slice, rays: int) -> dict[str, float | None]:
+    total = float(coverage.total[regions].sum())
+    if rays < FEWEST_RAYS or total == 0:
+        return {"coverage": None, "coverage_area": None}
+    return {
+        "coverage": float(coverage.faces[regions].sum()) / total,
+        "coverage_area": float(coverage.footprints[regions].sum()) / total,
+    }
+
+
+def _by_status(status: IntArray) -> dict[str, int]:
+    counts = np.bincount(status, minlength=len(Status))
+    return {code.key: int(counts[code]) for code in Status}
+
+
+def _check_part(image: AovImage, part: Part, hit_face: IntArray) -> None:
+    highest = int(hit_face.max())
+    if highest >= len(part.faces):
+        raise InputError(
+            f"the image shows face {highest}, but {part.path} has only {len(part.faces)} faces; "
+            "give the part with which the image was rendered."
+        )
+    expected = (image.header.get("part") or {}).get("sha256")
+    if expected is not None and expected != part.sha256:
+        warnings.warn(
+            f"{part.path} is not the file with which the image was rendered (its SHA-256 differs), "
+            "so coverage and regions may be wrong.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+
+
+def _check_sampling(rays: int, faces: int) -> None:
+    if faces and rays < _RAYS_PER_FACE * faces:
+        warnings.warn(
+            f"only {rays / faces:.1f} rays fall on each visible face of the part, so `coverage` "
+            "depends on the tessellation; use `coverage_area` or more rays.",
+            IriftraceWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,186 @@
+"""Resolution of tilted planes against closed forms, and the quick search against brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from aov_by_hand import make_image, make_part, plate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from iriftrace.camera import Camera
+from iriftrace.metrics import pose_metrics
+from iriftrace.resolution import (
+    nearest_in_plane,
+    nearest_in_space,
+    pixel_grid,
+    step_spacing,
+)
+
+# Pixels that are not square, so that the nearest pixel is unique.
+PITCH = (0.050, 0.052)
+SIZE = (30, 24)
+PARALLEL = Camera(
+    sensor_mm=(PITCH[0] * SIZE[0], PITCH[1] * SIZE[1]), resolution=SIZE, projection="orthographic"
+)
+PINHOLE = Camera(
+    focal_length_mm=10, sensor_mm=(PITCH[0] * SIZE[0], PITCH[1] * SIZE[1]), resolution=SIZE
+)
+TILTS = [
+    (angle, axis)
+    for angle in (0.0, 45.0, 75.0)
+    for axis in ((1.0, 0.0), (0.0, 1.0), (np.sqrt(0.5), np.sqrt(0.5)))
+]
+
+
+def slopes(angle_deg: float, axis: tuple[float, float]) -> tuple[float, float]:
+    """dz/dx and dz/dy of a plane that is tilted about a direction in the picture."""
+    tangent = np.tan(np.radians(angle_deg))
+    return -tangent * axis[1], tangent * axis[0]
+
+
+@pytest.mark.parametrize(("angle", "axis"), TILTS)
+def test_plane_in_a_parallel_camera(angle: float, axis: tuple[float, float]) -> None:
+    """Steps are the same everywhere: the pitch across, the pitch times the slope along.
+
+    Hits are float32 at 20 mm, so a step of 0.05 mm is good to 4e-6 / 0.05 at worst.
+    """
+    gx, gy = slopes(angle, axis)
+    part = plate((2, 0, 2 * gx), (0, 2, 2 * gy), (0, 0, 20))
+    metrics = pose_metrics(make_image(PARALLEL, part), part)
+    px, py = PITCH
+    tolerance = 1e-4 * px
+    # The larger of the steps to the right and down; pixels in the last row have only the right one
+    # and those in the last column only the lower one. The last pixel has none.
+    width, height = SIZE
+    inner, row, column = (width - 1) * (height - 1), width - 1, height - 1
+    count = inner + row + column
+    lateral = (inner * max(px, py) + row * px + column * py) / count
+    right, down = abs(gx) * px, abs(gy) * py
+    axial = (inner * max(right, down) + row * right + column * down) / count
+    assert metrics["lateral_resolution_mm"] == pytest.approx(lateral, abs=tolerance)
+    assert metrics["axial_resolution_mm"] == pytest.approx(axial, abs=tolerance)
+
+    steps = np.array([(i * px, j * py) for i in range(-9, 10) for j in range(-9, 10) if i or j])
+    depth = steps @ (gx, gy)
+    in_space = np.argmin((steps**2).sum(axis=1) + depth**2)
+    in_plane = np.argmin((steps**2).sum(axis=1))
+    for reading, nearest in (("_nn3d", in_space), ("_nnxy", in_plane)):
+        # At the border the nearest neighbour may be missing; that concerns few points.
+        found = metrics[f"lateral_resolution_mm{reading}"]
+        border = 0.0 if reading == "_nnxy" or abs(gx * gy) < 1e-9 else 0.06
+        assert found == pytest.approx(np.hypot(*steps[nearest]), rel=border, abs=tolerance)
+        found = metrics[f"axial_resolution_mm{reading}"]
+        assert found == pytest.approx(
+            abs(depth[nearest]), rel=0, abs=tolerance + border * np.hypot(px, py) * 4
+        )
+
+
+def test_papers_readings_degenerate_where_the_step_does_not() -> None:
+    """Tilted by 75 degrees about the picture's x axis: the nearest point lies at the same depth."""
+    gx, gy = slopes(75, (1, 0))
+    part = plate((2, 0, 2 * gx), (0, 2, 2 * gy), (0, 0, 20))
+    metrics = pose_metrics(make_image(PARALLEL, part), part)
+    for reading in ("_nn3d", "_nnxy"):
+        assert metrics[f"axial_resolution_mm{reading}"] < 1e-5
+    assert metrics["axial_resolution_mm"] > 3.7 * PITCH[1] * 0.95
+
+
+@pytest.mark.parametrize(("angle", "axis"), TILTS)
+def test_plane_in_a_pinhole_camera(angle: float, axis: tuple[float, float]) -> None:
+    """z = D / (1 - gx u - gy v) at the picture's position (u, v), with u = x/z and v = y/z."""
+    gx, gy = slopes(angle, axis)
+    distance = 20.0
+    part = plate((4, 0, 4 * gx), (0, 4, 4 * gy), (0, 0, distance))
+    metrics = pose_metrics(make_image(PINHOLE, part), part)
+    u, v = np.meshgrid(
+        *((np.arange(n) + 0.5 - n / 2) * pitch / 10 for n, pitch in zip(SIZE, PITCH, strict=True))
+    )
+    z = distance / (1 - gx * u - gy * v)
+    x, y = u * z, v * z
+    lateral, axial = np.zeros_like(z), np.zeros_like(z)
+    for rows, columns in ((0, 1), (1, 0)):
+        here = np.s_[: z.shape[0] - rows, : z.shape[1] - columns]
+        there = np.s_[rows:, columns:]
+        across = np.hypot(x[there] - x[here], y[there] - y[here])
+        lateral[here] = np.maximum(lateral[here], across)
+        axial[here] = np.maximum(axial[here], np.abs(z[there] - z[here]))
+    known = lateral > 0
+    assert metrics["lateral_resolution_mm"] == pytest.approx(lateral[known].mean(), rel=1e-4)
+    assert metrics["axial_resolution_mm"] == pytest.approx(axial[known].mean(), rel=1e-4, abs=1e-5)
+
+
+def test_steps_from_one_patch_to_another_do_not_count() -> None:
+    """Two plates side by side, one 5 mm behind the other: the jump is no resolution."""
+    near, far = plate((1, 0, 0), (0, 2, 0), (-1, 0, 20)), plate((1, 0, 0), (0, 2, 0), (1, 0, 25))
+    vertices = np.concatenate((near.vertices, far.vertices))
+    faces = np.concatenate((near.faces, far.faces + len(near.vertices)))
+    apart = make_part(vertices, faces, groups=[0, 0, 1, 1])
+    metrics = pose_metrics(make_image(PARALLEL, apart), apart)
+    assert metrics["axial_resolution_mm"] == pytest.approx(0, abs=1e-9)
+    together = make_part(vertices, faces)
+    jump = pose_metrics(make_image(PARALLEL, together), together)["axial_resolution_mm"]
+    # One pixel of each row but the last column's steps over the edge.
+    assert jump == pytest.approx(5 * SIZE[1] / (SIZE[0] * SIZE[1] - 1), rel=1e-3)
+
+
+@settings(max_examples=40)
+@given(
+    seed=st.integers(0, 10_000),
+    roughness=st.floats(0, 3),
+    holes=st.floats(0, 0.95),
+    parallel=st.booleans(),
+)
+def test_quick_search_finds_the_nearest_point(
+    seed: int, roughness: float, holes: float, parallel: bool
+) -> None:
+    """Rough, steep and sparse surfaces, where the nearest point is not the next pixel's."""
+    rng = np.random.default_rng(seed)
+    width, height = 17, 13
+    camera = Camera(
+        focal_length_mm=10,
+        sensor_mm=(width * 0.1, height * 0.13),
+        resolution=(width, height),
+        projection="orthographic" if parallel else "pinhole",
+    )
+    good = rng.random((height, width)) >= holes
+    if good.sum() < 2:
+        good[0, :2] = True
+    origins, directions = (rays[good.ravel()] for rays in camera.rays())
+    slope = rng.normal(size=2) * 2
+    depth = 15 + roughness * rng.random(len(directions))
+    distance = depth / np.maximum(0.2, 1 - directions[:, :2] @ slope)
+    points = origins + distance[:, None] * directions
+    found = nearest_in_space(points, pixel_grid(good), camera)
+    offset = points[:, None] - points[None]
+    squared = np.where(np.eye(len(points), dtype=bool), np.inf, (offset**2).sum(axis=2))
+    np.testing.assert_allclose(
+        np.hypot(found.lateral, found.axial), np.sqrt(squared.min(axis=1)), rtol=1e-12
+    )
+    plane = nearest_in_plane(points)
+    across = np.where(np.eye(len(points), dtype=bool), np.inf, (offset[..., :2] ** 2).sum(axis=2))
+    np.testing.assert_allclose(plane.lateral, np.sqrt(across.min(axis=1)), rtol=1e-12)
+
+
+def test_lonely_pixels_have_no_step() -> None:
+    good = np.zeros((5, 5), dtype=bool)
+    good[0, 0] = good[2, 2] = good[4, 4] = True
+    points = np.array([[0.0, 0, 10], [1, 0, 10], [5, 0, 11]])
+    spacing = step_spacing(points, pixel_grid(good), np.zeros(3, dtype=np.int64))
+    assert np.isnan(spacing.lateral).all()
+    assert np.isnan(spacing.axial).all()
+
+
+def test_pairs_do_not_wrap_around_the_pictures_edge() -> None:
+    grid = pixel_grid(np.ones((3, 4), dtype=bool))
+    for rows, columns in ((0, 1), (1, -1), (1, 0), (1, 1)):
+        first, second = grid.pairs(rows, columns)
+        assert len(first) == (3 - rows) * (4 - abs(columns))
+        np.testing.assert_array_equal(second // 4 - first // 4, rows)
+        np.testing.assert_array_equal(second % 4 - first % 4, columns)
+
+
+def test_equal_points_are_each_others_nearest() -> None:
+    points = np.array([[0.0, 0, 10], [0, 0, 10], [3, 0, 10]])
+    spacing = nearest_in_plane(points)
+    np.testing.assert_allclose(spacing.lateral, [0, 0, 3])
