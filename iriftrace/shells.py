@@ -1,0 +1,155 @@
+"""Shells: a field of hot air cut into layers along its own surfaces of equal index."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.shell_levels import check_range, index_levels, layers_between
+from iriftrace.shell_mesh import (
+    Float32Array,
+    FloatArray,
+    IntArray,
+    drop_degenerate,
+    face_along,
+    normals_along,
+    used_vertices,
+    weld,
+)
+from iriftrace.shell_stack import Crumbs, Shell, ShellStack
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+    from iriftrace.field import IndexField
+
+__all__ = [
+    "Crumbs",
+    "Shell",
+    "ShellStack",
+    "contour_shells",
+    "index_levels",
+    "layers_between",
+]
+
+
+def contour_shells(
+    field: IndexField,
+    layers: int = 13,
+    *,
+    index_range: tuple[float, float] | None = None,
+    levels: Sequence[float] | None = None,
+    rule: str = "midpoint",
+    min_size_mm: float = 1.0,
+) -> ShellStack:
+    """Cut a field into layers along its own surfaces of equal index.
+
+    The surfaces are contoured on the solver's cells without resampling, rounded to float32 (the
+    precision of the renderer's geometry), welded, freed of degenerate triangles and of crumbs, and
+    wound so that facets face the cooler air. Vertex normals are ``field.gradient``, interpolated
+    along the cell edges and normalised.
+
+    Levels that the field does not reach are left out with a warning, and no other step changes:
+    there is no such air. Should a level in between be left without triangles (all of it crumbs),
+    its step is added to the next shell inwards, so that the steps still sum up to the difference of
+    the layers.
+
+    Parameters
+    ----------
+    field : IndexField
+    layers : int
+        Number of shells at equal steps; ignored when ``levels`` is given.
+    index_range : (2,) tuple, optional
+        n - 1 of the ambient and of the hottest air, so that studies over several fields use the
+        same levels; by default the field's own.
+    levels : sequence, optional
+        n - 1 of the surfaces, in any order, instead of equal steps. The layers follow from
+        :func:`layers_between`.
+    rule : str
+        See :func:`index_levels`.
+    min_size_mm : float, mm
+        Pieces whose bounding box has a smaller diagonal are dropped; 0 keeps all.
+
+    Returns
+    -------
+    ShellStack
+
+    Raises
+    ------
+    InputError
+        Levels, range or size are wrong, or the field reaches no level.
+    """
+    ambient, hottest = index_range or (field.ambient_refractivity, field.hottest_refractivity)
+    check_range(ambient, hottest)
+    if levels is None:
+        surfaces, e = index_levels(ambient, hottest, layers, rule)
+    else:
+        surfaces, e = layers_between(levels, ambient, hottest)
+        rule = "custom"
+    grid = _bare_grid(field)
+    found: dict[int, tuple[Float32Array, IntArray, Float32Array]] = {}
+    crumbs = []
+    for layer, level in enumerate(surfaces.tolist(), start=1):
+        vertices, faces, gradient = _contour(grid, level)
+        towards = gradient[faces].mean(axis=1)
+        faces, pieces, triangles = face_along(vertices, faces, towards, min_size_mm)
+        crumbs += [Crumbs(layer, pieces, triangles)] if pieces else []
+        if len(faces):
+            used, faces = used_vertices(len(vertices), faces)
+            vertices = vertices[used]
+            found[layer] = vertices, faces, normals_along(vertices, faces, gradient[used])
+    if not found:
+        raise InputError(
+            f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
+            "check the index range, the levels and the ambient air."
+        )
+    _warn_of_missing(field, surfaces, found.keys())
+    shells = []
+    inside = None
+    for layer, mesh in found.items():
+        ext = e[layer - 1] if inside is None else inside
+        inside = float(e[layer])
+        shells.append(Shell(layer, float(surfaces[layer - 1]), float(ext), inside, *mesh))
+    return ShellStack(shells, field.air, rule, field.source, crumbs)
+
+
+def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
+    """The field's cells with nothing but what is interpolated along their edges."""
+    import pyvista as pv
+
+    grid = pv.UnstructuredGrid()
+    grid.copy_structure(field.grid)
+    grid.point_data["refractivity"] = field.refractivity
+    grid.point_data["gradient"] = field.gradient
+    return grid
+
+
+def _contour(grid: pv.UnstructuredGrid, level: float) -> tuple[Float32Array, IntArray, FloatArray]:
+    """Vertices, faces and gradients of one surface, welded, without degenerate triangles."""
+    surface = grid.contour([level], scalars="refractivity", method="contour")
+    if surface.n_cells == 0:
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64), np.zeros((0, 3))
+    if not surface.is_all_triangles:
+        surface = surface.triangulate()
+    points = np.asarray(surface.points, dtype=np.float32)
+    gradient = np.asarray(surface.point_data["gradient"], dtype=np.float64)
+    faces = weld(points, np.asarray(surface.regular_faces, dtype=np.int64))
+    return points, drop_degenerate(points, faces), gradient
+
+
+def _warn_of_missing(field: IndexField, surfaces: FloatArray, found: Iterable[int]) -> None:
+    missing = [layer for layer in range(1, len(surfaces) + 1) if layer not in found]
+    if missing:
+        names = ", ".join(str(layer) for layer in missing)
+        temperature = field.air.temperature(surfaces[np.array(missing) - 1])
+        warnings.warn(
+            f"No surface for level {names} ({np.min(temperature):.0f} to "
+            f"{np.max(temperature):.0f} K): the field has no such air, or only pieces below the "
+            "size limit; these shells are left out.",
+            IriftraceWarning,
+            stacklevel=3,
+        )

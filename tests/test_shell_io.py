@@ -1,0 +1,143 @@
+"""Shells on disk: what other programs read, what comes back, and that nothing is half written."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import pyvista as pv
+import trimesh
+from attrs import evolve
+from numpy.testing import assert_allclose, assert_array_equal
+from shell_fields import sphere_field
+
+from iriftrace.errors import InputError
+from iriftrace.shell_io import load_shells, read_ply, save_shells
+from iriftrace.shell_report import report_shells
+from iriftrace.shells import ShellStack, contour_shells
+
+
+@pytest.fixture(scope="module")
+def stack() -> ShellStack:
+    return contour_shells(sphere_field(12), layers=3)
+
+
+def test_stack_comes_back_bit_for_bit(stack, tmp_path):
+    save_shells(stack, tmp_path / "new" / "folder", notes={"time": "mean"})
+    back = load_shells(tmp_path / "new" / "folder")
+    assert (back.rule, back.air, back.crumbs) == (stack.rule, stack.air, stack.crumbs)
+    assert back.source.sha256 == stack.source.sha256
+    for a, b in zip(stack.shells, back.shells, strict=True):
+        assert (a.layer, a.refractivity, a.ext, a.int_) == (b.layer, b.refractivity, b.ext, b.int_)
+        assert_array_equal(a.vertices, b.vertices)
+        assert_array_equal(a.faces, b.faces)
+        assert_array_equal(a.normals, b.normals)
+
+
+def test_files_are_named_by_layer_and_complete(stack, tmp_path):
+    files = save_shells(evolve(stack, shells=stack.shells[1:]), tmp_path)
+    names = ["shell_02.ply", "shell_03.ply", "shells.vtm", "shells.json"]
+    assert [f.name for f in files] == names
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*names, "shells"])
+
+
+def test_ply_is_what_other_programs_expect(stack, tmp_path):
+    path = save_shells(stack, tmp_path)[0]
+    mesh = trimesh.load(path, process=False)
+    assert_array_equal(mesh.vertices, stack.shells[0].vertices)
+    assert_array_equal(mesh.faces, stack.shells[0].faces)
+    assert_allclose(mesh.vertex_normals, stack.shells[0].normals, atol=1e-6)
+    assert_array_equal(pv.read(path).regular_faces, stack.shells[0].faces)
+    header = path.read_bytes().split(b"end_header")[0]
+    assert b"property float nz" in header
+    assert b"double" not in header
+
+
+def test_shell_without_normals_says_so(stack, tmp_path):
+    bare = evolve(stack, shells=[evolve(s, normals=None) for s in stack.shells])
+    path = save_shells(bare, tmp_path)[0]
+    assert b"nx" not in path.read_bytes()[:400]
+    assert not load_shells(tmp_path).has_normals
+
+
+def test_paraview_file_has_all_shells_with_their_values(stack, tmp_path):
+    save_shells(stack, tmp_path)
+    blocks = pv.read(tmp_path / "shells.vtm")
+    assert blocks.keys() == ["shell_01", "shell_02", "shell_03"]
+    for block, shell, kelvin in zip(blocks, stack.shells, stack.temperature_k, strict=True):
+        assert_array_equal(block.points, shell.vertices)
+        assert_array_equal(block.regular_faces, shell.faces)
+        assert_array_equal(block.cell_data["refractivity"], shell.refractivity)
+        assert_array_equal(block.cell_data["temperature_k"], kelvin)
+        assert_array_equal(block.cell_data["layer"], shell.layer)
+        assert_array_equal(block.point_data["Normals"], shell.normals)
+
+
+def test_table_tells_provenance_and_the_report(stack, tmp_path):
+    save_shells(stack, tmp_path, report_shells(stack), notes={"time": "snapshot"})
+    table = json.loads((tmp_path / "shells.json").read_text(encoding="utf-8"))
+    assert table["schema"] == "iriftrace.shells/1"
+    assert table["notes"] == {"time": "snapshot"}
+    assert table["rule"] == "midpoint"
+    assert table["air"]["wavelength_nm"] == 633.0
+    assert table["source"]["array"] == "T"
+    first = table["shells"][0]
+    assert first["file"] == "shell_01.ply"
+    assert first["triangles"] == len(stack.shells[0].faces)
+    assert first["closed"] is True
+    assert first["gap_next_mm"] > 0
+    assert 1.0 + first["ext"] == 1.0 + stack.shells[0].ext
+
+
+def test_report_of_other_shells_is_refused(stack, tmp_path):
+    with pytest.raises(InputError, match="does not list"):
+        save_shells(stack, tmp_path, report_shells(stack)[1:])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_smaller_stack_leaves_no_old_shells_behind(stack, tmp_path):
+    save_shells(stack, tmp_path)
+    save_shells(evolve(stack, shells=stack.shells[:1]), tmp_path)
+    assert [p.name for p in tmp_path.glob("*.ply")] == ["shell_01.ply"]
+    assert [p.name for p in (tmp_path / "shells").iterdir()] == ["shell_01.vtp"]
+    save_shells(stack, tmp_path, paraview=False)
+    assert not (tmp_path / "shells.vtm").exists()
+    assert list((tmp_path / "shells").iterdir()) == []
+    assert len(load_shells(tmp_path).shells) == 3
+
+
+def test_folder_that_cannot_be_made_is_refused(stack, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot make the folder"):
+        save_shells(stack, tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "cannot read"),
+        ("{", "damaged"),
+        ("[1]", "no table of shells"),
+        ('{"schema": "iriftrace.shells/0"}', "no table of shells"),
+        ('{"schema": "iriftrace.shells/1", "shells": [{}]}', "lacks or misnames"),
+    ],
+)
+def test_damaged_table_is_refused(stack, tmp_path, text, message):
+    save_shells(stack, tmp_path)
+    (tmp_path / "shells.json").unlink()
+    if text is not None:
+        (tmp_path / "shells.json").write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_shells(tmp_path)
+
+
+def test_damaged_mesh_is_refused(stack, tmp_path):
+    path = save_shells(stack, tmp_path)[0]
+    whole = path.read_bytes()
+    for content in (whole[:-1], b"", whole.replace(b"binary", b"ascii!", 1)):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="cut short"):
+            read_ply(path)
+    path.unlink()
+    with pytest.raises(InputError, match="cannot read the shell"):
+        load_shells(tmp_path)
