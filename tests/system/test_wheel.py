@@ -1,0 +1,111 @@
+"""An installed wheel is complete: it traces the demo scene without the checkout."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import zipfile
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).parents[2]
+PACKAGED = ("pyproject.toml", "README.md", "LICENSE", "iriftrace", "plugins", "scenes")
+
+
+def run(*command: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [str(word) for word in command],
+        cwd=cwd,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    return done
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built from a copy, so that no build folder of the checkout leaks into it."""
+    source = tmp_path_factory.mktemp("source")
+    for name in PACKAGED:
+        path = CHECKOUT / name
+        if path.is_dir():
+            shutil.copytree(path, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(path, source / name)
+    # The setuptools of the dev extra builds it: nothing is downloaded.
+    pip = (sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index")
+    run(*pip, "--wheel-dir", source / "dist", source, cwd=source)
+    (built,) = (source / "dist").glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def program(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The installed `iriftrace`, in an environment that borrows our dependencies, not our checkout.
+
+    A path file brings the folder with the dependencies; path files inside that folder, such as the
+    one of an editable install, are not followed.
+    """
+    folder = tmp_path_factory.mktemp("installed") / "venv"
+    run(sys.executable, "-m", "venv", "--without-pip", folder, cwd=folder.parent)
+    python = folder / ("Scripts" if os.name == "nt" else "bin") / "python"
+    site = run(
+        python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))", cwd=folder.parent
+    ).stdout.strip()
+    borrowed = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
+    (Path(site) / "borrowed.pth").write_text("\n".join(sorted(borrowed)) + "\n")
+    pip = (sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", "--no-index")
+    run(*pip, "--ignore-installed", wheel, cwd=folder.parent)
+    return python.with_name("iriftrace")
+
+
+def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
+    """Every file of a scene is needed; of the checkout's tests and caches none is.
+
+    What somebody rendered into a scene's folder (.exr, .png) stays at home.
+    """
+    names = set(zipfile.ZipFile(wheel).namelist())
+    code = {path.relative_to(CHECKOUT) for path in (CHECKOUT / "iriftrace").rglob("*.py")}
+    plugins = {path.relative_to(CHECKOUT) for path in (CHECKOUT / "plugins").rglob("*.py")}
+    scenes = {
+        path.relative_to(CHECKOUT)
+        for path in (CHECKOUT / "scenes").rglob("*")
+        if path.is_file() and path.suffix not in (".pyc", ".exr", ".png")
+    }
+    assert {path.as_posix() for path in code} <= names
+    assert {f"iriftrace/{path.as_posix()}" for path in plugins | scenes} <= names
+    assert "iriftrace/py.typed" in names
+    assert {name.split("/")[0].split("-")[0] for name in names} == {"iriftrace"}
+
+
+def test_the_demo_runs_in_an_empty_folder_outside_the_checkout(
+    program: Path, tmp_path: Path
+) -> None:
+    """What a user has after `pip install`: no checkout, no make, nothing but the program."""
+    where = run(
+        program.with_name("python"),
+        "-c",
+        "import iriftrace, iriftrace.plugins, iriftrace.scenes;"
+        "print(iriftrace.__file__, iriftrace.plugins.__file__, iriftrace.scenes.__file__)",
+        cwd=tmp_path,
+    ).stdout.split()
+    assert not [path for path in where if Path(path).is_relative_to(CHECKOUT)]
+    run(program, "demo", "-o", "out", cwd=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert list((tmp_path / "out").rglob("*.exr"))
+    assert len(list((tmp_path / "out").rglob("*.png"))) >= 2  # displacement, and the scene in 3-D
+    metrics = [
+        found
+        for path in (tmp_path / "out").rglob("*.json")
+        if (found := json.loads(path.read_text())).get("schema") == "iriftrace.pose/1"
+    ]
+    assert len(metrics) == 1
+    assert metrics[0]["rays"]["good"] > 0
