@@ -1,0 +1,237 @@
+"""Parallel view of a scene in space and the labelled box around it."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+_GRID_COLOUR = "#d3d7dc"
+_TEXT_COLOUR = "0.25"
+_TICK_GAP_PX = 12.0
+_CORNER_PX = 14.0
+_NAME_GAP_PX = 48.0
+_LABEL_WIDTH_PX = 44.0
+# Room for the labels of the box: left, right, below, above.
+_MARGINS_PX = (200.0, 30.0, 100.0, 20.0)
+
+
+@frozen(eq=False)
+class Box:
+    """Box with its sides along x, y and z.
+
+    Attributes
+    ----------
+    bounds
+        (2, 3) array, mm, world: lowest and highest coordinates.
+    ticks
+        Three arrays, mm: round coordinates along x, y and z.
+    """
+
+    bounds: FloatArray
+    ticks: tuple[FloatArray, FloatArray, FloatArray]
+
+    @property
+    def centre(self) -> FloatArray:
+        """(3,) array, mm, world."""
+        middle: FloatArray = self.bounds.mean(axis=0)
+        return middle
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the space diagonal, mm."""
+        return float(np.linalg.norm(np.ptp(self.bounds, axis=0)))
+
+    @property
+    def corners(self) -> FloatArray:
+        """(8, 3) array, mm, world."""
+        choice = np.array(list(product((0, 1), repeat=3)))
+        return np.asarray(np.take_along_axis(self.bounds, choice, axis=0))
+
+
+@frozen(eq=False)
+class View:
+    """Parallel projection of the world onto a picture.
+
+    Attributes
+    ----------
+    towards
+        (3,) unit vector, world, from the scene to the viewer; not vertical.
+    centre
+        (3,) array, mm, world: the point in the middle of the picture.
+    px_per_mm
+        Scale.
+    size_px
+        Width and height of the picture.
+    """
+
+    towards: FloatArray
+    centre: FloatArray
+    px_per_mm: float
+    size_px: tuple[int, int]
+
+    @property
+    def right(self) -> FloatArray:
+        """(3,) unit vector, world, to the right in the picture."""
+        across = np.cross((0.0, 0.0, 1.0), self.towards)
+        return np.asarray(across / np.linalg.norm(across), dtype=np.float64)
+
+    @property
+    def up(self) -> FloatArray:
+        """(3,) unit vector, world, upwards in the picture."""
+        return np.asarray(np.cross(self.towards, self.right), dtype=np.float64)
+
+    def pixels(self, points: ArrayLike) -> FloatArray:
+        """(n, 2) array, px from the picture's lower left corner, of (n, 3) points, mm, world."""
+        offset = np.asarray(points, dtype=np.float64).reshape(-1, 3) - self.centre
+        plane = np.stack((offset @ self.right, offset @ self.up), axis=1)
+        position: FloatArray = plane * self.px_per_mm + np.asarray(self.size_px) / 2.0
+        return position
+
+    def apply_to(self, plotter: pv.Plotter, box: Box) -> None:
+        """Set up a plotter that holds nothing outside a box."""
+        # The view's centre lies at most one diagonal from the box's own.
+        radius = 2.0 * box.diagonal
+        camera = plotter.camera
+        camera.parallel_projection = True
+        camera.focal_point = self.centre
+        camera.position = self.centre + 2.0 * radius * self.towards
+        camera.up = (0.0, 0.0, 1.0)
+        camera.parallel_scale = self.size_px[1] / 2.0 / self.px_per_mm
+        camera.clipping_range = (0.5 * radius, 3.5 * radius)
+
+
+def view_direction(forward: FloatArray, upwards: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where to look at a camera from, so that it stands at the right and looks to the left.
+
+    Parameters
+    ----------
+    forward, upwards
+        (3,) unit vectors, world: the optical axis and what is up in the camera's picture.
+
+    Returns
+    -------
+    towards, side : (3,) unit vectors, world
+        From the scene to the viewer; and the horizontal direction across the optical axis on the
+        viewer's side.
+    """
+    level = np.array((1.0, 1.0, 0.0))
+    # A camera that looks straight down has no horizontal axis: its picture's up takes the place.
+    along = forward * level if np.hypot(*forward[:2]) > 0.05 else upwards * level
+    along = along / np.linalg.norm(along)
+    side = np.cross((0.0, 0.0, 1.0), along)
+    elevation = math.radians(20.0)
+    candidates = [
+        math.cos(turn) * side - math.sin(turn) * along for turn in np.radians((10.0, 25.0, 40.0))
+    ]
+    # Seen along x or y, a box has no depth; |sin| and |cos| differ least between the two.
+    level_view = min(candidates, key=lambda v: abs(abs(v[0]) - abs(v[1])))
+    towards = math.cos(elevation) * level_view + (0.0, 0.0, math.sin(elevation))
+    return towards, side
+
+
+def box_around(points: FloatArray) -> Box:
+    """Box around (n, 3) points, mm, world, with a little room beyond them."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    longest = float((high - low).max())
+    bounds = np.stack((low - 0.02 * longest, high + 0.02 * longest))
+    ticks = [_ticks(side, max(2, round(7 * np.ptp(side) / longest))) for side in bounds.T]
+    return Box(bounds, (ticks[0], ticks[1], ticks[2]))
+
+
+def _ticks(ends: FloatArray, most: int) -> FloatArray:
+    locator = MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
+    marks: FloatArray = np.asarray(locator.tick_values(float(ends[0]), float(ends[1])))
+    inside: FloatArray = marks[(marks >= ends[0]) & (marks <= ends[1])]
+    return inside
+
+
+def fitting_view(towards: FloatArray, box: Box, size_px: tuple[int, int]) -> View:
+    """The view along a direction in which a box and its labels fill the picture."""
+    unit = View(towards, box.centre, 1.0, size_px)
+    spread = unit.pixels(box.corners)
+    left, right, below, above = _MARGINS_PX
+    room = np.array((size_px[0] - left - right, size_px[1] - below - above))
+    scale = float((room / np.ptp(spread, axis=0)).min())
+    # The labels' margins differ, so the box does not lie in the middle of the picture.
+    middle = (spread.min(axis=0) + spread.max(axis=0)) / 2.0 - np.asarray(size_px) / 2.0
+    shift = np.array((left - right, below - above)) / 2.0 / scale
+    across, along = middle - shift
+    centre = unit.centre + across * unit.right + along * unit.up
+    return View(towards, centre, scale, size_px)
+
+
+def add_box(plotter: pv.Plotter, view: View, box: Box) -> None:
+    """Draw grids on the floor and on the two walls behind the scene."""
+    bounds, ticks = box.bounds, box.ticks
+    behind = np.where(view.towards > 0.0, bounds[0], bounds[1])
+    behind[2] = bounds[0, 2]
+    segments = []
+    for normal in range(3):
+        for along in {0, 1, 2} - {normal}:
+            across = 3 - normal - along
+            for tick in (*bounds[:, across], *ticks[across]):
+                ends = np.tile(behind, (2, 1))
+                ends[:, across] = tick
+                ends[:, along] = bounds[:, along]
+                segments.append(ends)
+    lines = pv.line_segments_from_points(np.concatenate(segments))
+    plotter.add_mesh(lines, color=_GRID_COLOUR, line_width=1.5, lighting=False)
+
+
+def label_box(axes: Axes, view: View, box: Box) -> None:
+    """Write coordinates and names along the box's front lower edges and its left upright edge."""
+    bounds, ticks = box.bounds, box.ticks
+    front = np.where(view.towards > 0.0, bounds[1], bounds[0])
+    floor = bounds[0, 2]
+    upright = min(
+        ((x, y) for x in bounds[:, 0] for y in bounds[:, 1]),
+        key=lambda corner: view.pixels((*corner, floor))[0, 0],
+    )
+    middle = view.pixels(box.centre)[0]
+    starts = ((0.0, front[1], floor), (front[0], 0.0, floor), (*upright, 0.0))
+    for axis, (start, name) in enumerate(zip(starts, "xyz", strict=True)):
+        edge = np.tile(np.asarray(start, dtype=np.float64), (len(ticks[axis]) + 2, 1))
+        edge[:, axis] = (*bounds[:, axis], *ticks[axis])
+        positions = view.pixels(edge)
+        ends, positions = positions[:2], positions[2:]
+        outward = _outward(ends, middle)
+        for tick, position in zip(ticks[axis], positions, strict=True):
+            # Near a corner the label would meet that of the next edge.
+            if np.linalg.norm(ends - position, axis=1).min() > _CORNER_PX:
+                _write(axes, position + _TICK_GAP_PX * outward, _number(tick), outward, 8)
+        gap = _NAME_GAP_PX + _LABEL_WIDTH_PX * abs(outward[0])
+        _write(axes, ends.mean(axis=0) + gap * outward, f"{name} (mm)", outward, 9)
+
+
+def _number(value: float) -> str:
+    # Adding 0 turns -0 into 0.
+    return f"{value + 0.0:g}".replace("-", "\N{MINUS SIGN}")
+
+
+def _outward(positions: FloatArray, middle: FloatArray) -> FloatArray:
+    """Unit vector in the picture across a row of positions, away from the middle."""
+    along = positions[-1] - positions[0]
+    across = np.array((-along[1], along[0])) / max(float(np.linalg.norm(along)), 1e-9)
+    return np.asarray(across * np.sign(across @ (positions.mean(axis=0) - middle)))
+
+
+def _write(axes: Axes, position: FloatArray, text: str, outward: FloatArray, size: int) -> None:
+    sideways = abs(outward[0]) > 0.35
+    axes.text(
+        float(position[0]),
+        float(position[1]),
+        text,
+        fontsize=size,
+        color=_TEXT_COLOUR,
+        ha=("left" if outward[0] > 0 else "right") if sideways else "center",
+        va=("bottom" if outward[1] > 0 else "top") if abs(outward[1]) > 0.35 else "center",
+    )
