@@ -133,8 +133,8 @@ class Camera:
             )
         if not all(math.isfinite(s) and s > 0 for s in self.sensor_mm):
             raise InputError(
-                f"Sensor size is {self.sensor_mm[0]} x {self.sensor_mm[1]} mm, so no picture forms; "
-                "both must be positive."
+                f"Sensor size is {self.sensor_mm[0]} x {self.sensor_mm[1]} mm, so no picture "
+                "forms; both must be positive."
             )
         if min(self.resolution) < 1:
             raise InputError(

@@ -1,0 +1,167 @@
+"""Tables and summaries that the command line prints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from iriftrace.status import Status
+
+if TYPE_CHECKING:
+    from iriftrace.camera import Camera
+    from iriftrace.fit import Fit
+    from iriftrace.shell_report import ShellReport
+    from iriftrace.shell_stack import ShellStack
+
+MEANING = {
+    Status.GOOD: "good",
+    Status.MISSED: "missed the part",
+    Status.OUT_OF_FOCUS: "out of focus",
+    Status.REFRACTED_MISSED: "only the straight ray hit",
+    Status.ONLY_REFRACTED: "only the refracted ray hit",
+    Status.INDEX_MISMATCH: "index steps do not add up",
+    Status.GAVE_UP: "gave up (crossing limit)",
+    Status.BLOCKED: "another object in the way",
+}
+
+
+def print_shells(
+    console: Console, stack: ShellStack, reports: Sequence[ShellReport], length_unit: str
+) -> None:
+    """One row per shell: index, temperature, size, openings, gaps and cuts."""
+    table = Table(title=f"{len(stack.shells)} shells, {stack.triangles:,} triangles")
+    for heading in ("shell", "(n - 1) 1e6", "degC", "triangles", "gap next", "gap part", "cut"):
+        table.add_column(heading, justify="right")
+    table.add_column("closed")
+    for report in reports:
+        table.add_row(
+            str(report.layer),
+            f"{report.refractivity * 1e6:.2f}",
+            f"{report.temperature_k - 273.15:.0f}",
+            f"{report.triangles:,}",
+            _length(report.gap_next_mm),
+            _length(report.gap_part_mm),
+            "" if report.part_cut_share is None else f"{report.part_cut_share:.2%}",
+            "closed" if report.closed else "open at " + ", ".join(_openings(report)),
+        )
+    console.print(table)
+    air = stack.air
+    console.print(
+        f"Ambient air n - 1 = {air.ambient_refractivity:.4e} at {air.temperature_k - 273.15:g} degC"
+        f", {air.wavelength_nm:g} nm; index rule {stack.rule}; lengths in mm, field read in "
+        f"{length_unit}."
+    )
+    for crumb in stack.crumbs:
+        console.print(
+            f"Shell {crumb.layer}: {crumb.components} small pieces dropped "
+            f"({crumb.triangles} triangles)."
+        )
+
+
+def _length(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"
+
+
+def _openings(report: ShellReport) -> list[str]:
+    return [f"{place} ({edges} edges)" for place, edges in report.open_at]
+
+
+def print_fit(console: Console, fit: Fit) -> None:
+    """How well the field's inner wall and the part lie on each other."""
+    console.print(
+        f"Field's wall to part: gap median {fit.gap_median_mm:.3f} mm, 95th percentile "
+        f"{fit.gap_p95_mm:.3f} mm; wall temperature {fit.wall_temperature_k - 273.15:.0f} degC."
+    )
+
+
+def print_camera(console: Console, camera: Camera, scale: float) -> None:
+    """Position and picture of a camera."""
+    x, y, z = (f"{v:.1f}" for v in camera.origin)
+    width, height = camera.scaled(scale).resolution
+    near, far = camera.focus_mm
+    console.print(
+        f"Camera at ({x}, {y}, {z}) mm, focal length {camera.focal_length_mm:g} mm, "
+        f"{width} x {height} px, focus {near:g} to {far:g} mm."
+    )
+
+
+def print_summary(console: Console, metrics: dict[str, Any]) -> None:
+    """What a metrologist wants to know of one pose."""
+    table = Table(title="Displacement by hot air", title_justify="left", show_header=False)
+    table.add_column(style="bold")
+    table.add_column()
+    displacement, shift = metrics["displacement_mm"], metrics["shift_px"]
+    table.add_row(
+        "displacement",
+        _micrometres(displacement, ("median", "mean", "p95", "max")),
+    )
+    table.add_row(
+        "across / along line of sight",
+        f"{_scaled(metrics['displacement_lateral_mm'], 1e3, 'um')} / "
+        f"{_scaled(metrics['displacement_axial_mm'], 1e3, 'um')} (mean)",
+    )
+    table.add_row(
+        "shift in the picture",
+        ", ".join(f"{key} {_scaled(shift[key], 1, 'px')}" for key in ("median", "p95", "max")),
+    )
+    table.add_row(
+        "coverage",
+        f"{_percent(metrics['coverage'])} of the part's area in faces hit, "
+        f"{_percent(metrics['coverage_area'])} by pixel area",
+    )
+    table.add_row(
+        "resolution",
+        f"lateral {_scaled(metrics['lateral_resolution_mm'], 1e3, 'um')}, axial "
+        f"{_scaled(metrics['axial_resolution_mm'], 1e3, 'um')} (step to the next pixel)",
+    )
+    rays = metrics["rays"]
+    table.add_row("rays", f"{rays['launched']:,} launched, {rays['hit']:,} hit the part")
+    for status, meaning in MEANING.items():
+        if rays[status.key]:
+            share = _out_of_hits(status, rays)
+            table.add_row("", f"{rays[status.key]:,} {meaning}{share}")
+    if rays.get("open_boundary"):
+        table.add_row(
+            "",
+            f"{rays['open_boundary']:,} of the good ones pass an open end of the data; "
+            "the plume beyond is not modelled",
+        )
+    regions = metrics["regions"]
+    for name, values in regions.items():
+        median = values["displacement_mm"]["median"]
+        table.add_row(
+            f"region {name}",
+            f"median {_scaled(median, 1e3, 'um')}, coverage {_percent(values['coverage'])}",
+        )
+    time_s = metrics["time_s"]
+    table.add_row(
+        "time",
+        ", ".join(f"{key} {value:.2f} s" for key, value in time_s.items() if value >= 0.005),
+    )
+    console.print(table)
+    console.print("Assumptions in force:", style="bold")
+    for key, value in metrics["assumptions"].items():
+        text = ", ".join(value) if isinstance(value, list) else value
+        console.print(f"  {key.replace('_', ' ')}: {text}", markup=False, soft_wrap=True)
+
+
+def _out_of_hits(status: Status, rays: dict[str, Any]) -> str:
+    if status is Status.MISSED or not rays["hit"]:
+        return ""
+    return f" ({rays[status.key] / rays['hit']:.2%} of the hits)"
+
+
+def _micrometres(values: dict[str, Any], keys: Sequence[str]) -> str:
+    return ", ".join(f"{key} {_scaled(values[key], 1e3, 'um')}" for key in keys)
+
+
+def _scaled(value: float | None, factor: float, unit: str) -> str:
+    return "n/a" if value is None or not np.isfinite(value) else f"{value * factor:.4g} {unit}"
+
+
+def _percent(value: float | None) -> str:
+    return "n/a" if value is None else f"{value:.1%}"

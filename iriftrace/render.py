@@ -1,0 +1,319 @@
+"""One pose: from a loaded scene to its AOV image and metrics, or a free bundle of rays."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Collection
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import ArrayLike, NDArray
+
+from iriftrace import runtime
+from iriftrace.camera import Camera
+from iriftrace.channels import CHANNELS
+from iriftrace.errors import InputError
+from iriftrace.exr import SCHEMA, AovImage, write_exr
+from iriftrace.metrics import pose_metrics, write_metrics
+from iriftrace.part_file import sha256_of
+from iriftrace.scene import LoadedScene, load_scene
+from iriftrace.status import Status
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@frozen(eq=False)
+class Rendering:
+    """One pose's image and its metrics."""
+
+    image: AovImage
+    metrics: dict[str, Any]
+
+    def save(self, path: str | Path) -> tuple[Path, Path]:
+        """Write the AOV EXR and, beside it, the metrics JSON; returns both names."""
+        exr = Path(path)
+        started = time.perf_counter()
+        write_exr(exr, self.image)
+        self.metrics["time_s"]["write"] = time.perf_counter() - started
+        self.metrics["time_s"]["total"] += self.metrics["time_s"]["write"]
+        report = exr.with_suffix(".json")
+        write_metrics(report, self.metrics)
+        return exr, report
+
+
+@frozen(eq=False)
+class RayHits:
+    """What became of a bundle of n rays.
+
+    Attributes
+    ----------
+    straight, refracted : (n, 3) arrays, mm, world
+        First hits on the part; NaN where there is none.
+    direction : (n, 3) array, world
+        Direction in which the refracted ray ends.
+    face, refracted_face : (n,) arrays of int
+        Face of the part under either hit; -1 where there is none.
+    path_length : (n,) array, mm
+        Geometric length of the refracted ray; NaN where it hits nothing.
+    crossings : (n,) array of int
+        Shells the refracted ray met.
+    status : (n,) array of int
+        Codes of :class:`iriftrace.status.Status`.
+    """
+
+    straight: FloatArray
+    refracted: FloatArray
+    direction: FloatArray
+    face: IntArray
+    refracted_face: IntArray
+    path_length: FloatArray
+    crossings: IntArray
+    status: IntArray
+
+    @property
+    def displacement(self) -> FloatArray:
+        """(n, 3) array, mm, world: refracted minus straight hit."""
+        return self.refracted - self.straight
+
+    def __repr__(self) -> str:
+        counts = {s.key: int((self.status == s).sum()) for s in Status}
+        found = ", ".join(f"{n} {key}" for key, n in counts.items() if n)
+        return f"RayHits({len(self.status)} rays: {found or 'none'})"
+
+
+def render_scene(
+    scene: LoadedScene | str | Path,
+    *,
+    camera: Camera | None = None,
+    include: Collection[int] = (0,),
+) -> Rendering:
+    """Trace a camera's rays through a scene, bent and unbent, and reduce the hits to metrics.
+
+    Parameters
+    ----------
+    scene : LoadedScene or path
+        A path is loaded first; load once to render many poses.
+    camera : Camera, optional
+        Takes the place of the scene's own sensor.
+    include : collection of int
+        Status codes whose rays the metrics use.
+
+    Returns
+    -------
+    Rendering
+
+    Raises
+    ------
+    InputError
+        If the camera stands in the hot air or in the part, the film would smear the channels, or
+        no ray hits the part in focus.
+    """
+    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    started = time.perf_counter()
+    with runtime.using(loaded.variant):
+        sensor = _sensor(loaded, camera)
+        _refuse_inside(loaded, sensor)
+        tensor, report = loaded.integrator.image(loaded.mitsuba_scene, sensor)
+        planes = np.array(tensor, dtype=np.float32)
+    channels = dict(zip(CHANNELS, planes, strict=True))
+    time_s = {
+        "load": loaded.load_s,
+        "build": loaded.build_s,
+        "straight": report["time_s"]["straight"],
+        "refracted": report["time_s"]["refracted"],
+    }
+    image = AovImage(channels, _header(loaded, report, time_s))
+    _refuse_empty(image)
+    reduced = time.perf_counter()
+    metrics = pose_metrics(image, loaded.part, include=tuple(include))
+    done = time.perf_counter()
+    metrics["time_s"] = {
+        **time_s,
+        "metrics": done - reduced,
+        "write": 0.0,
+        "figures": 0.0,
+        "total": loaded.load_s + loaded.build_s + done - started,
+    }
+    return Rendering(image, metrics)
+
+
+def trace_rays(
+    scene: LoadedScene | str | Path,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    *,
+    focus_mm: tuple[float, float] = (0.0, math.inf),
+    coherent: bool = False,
+) -> RayHits:
+    """Trace any bundle of rays: a projector's, a laser sheet's, a random pencil.
+
+    Parameters
+    ----------
+    scene : LoadedScene or path
+    origins : (n, 3) array, mm, world
+    directions : (n, 3) array, world
+        Need not have length one.
+    focus_mm : (2,) tuple, mm
+        Nearest and farthest length of a straight ray that counts as sharp.
+    coherent : bool
+        Neighbouring rays run alike, as a camera's do; only the speed depends on it.
+
+    Returns
+    -------
+    RayHits
+
+    Raises
+    ------
+    InputError
+        If the shapes do not match, a value is not finite or a direction is zero.
+    """
+    start, heading = _bundle(origins, directions)
+    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    with runtime.using(loaded.variant):
+        import drjit as dr
+        import mitsuba as mi
+
+        origin, direction = mi.Point3d(*start.T), mi.Vector3d(*heading.T)
+        trace = loaded.integrator.trace(
+            loaded.mitsuba_scene,
+            lambda ray: (
+                dr.gather(mi.Point3d, dr.ravel(origin), ray),
+                dr.gather(mi.Vector3d, dr.ravel(direction), ray),
+            ),
+            len(start),
+            focus=focus_mm,
+            coherent=coherent,
+            trace_all=True,
+        ).trace
+        refracted = trace.refracted
+        on_part = np.array(trace.straight_outcome) == 1
+        bent_on_part = np.array(refracted.outcome) == 1
+        first = loaded.integrator.prepare(loaded.mitsuba_scene).tables.part_first_face
+
+        def points(value: Any, exists: NDArray[np.bool_]) -> FloatArray:
+            return np.where(exists[:, None], np.array(value, dtype=np.float64).T, np.nan)
+
+        return RayHits(
+            straight=points(trace.straight, on_part),
+            refracted=points(refracted.point, bent_on_part),
+            direction=points(refracted.direction, np.ones(len(start), dtype=bool)),
+            face=np.where(on_part, np.array(trace.straight_face, dtype=np.int64), -1),
+            refracted_face=np.where(
+                bent_on_part, np.array(refracted.face, dtype=np.int64) - first, -1
+            ),
+            path_length=np.where(bent_on_part, np.array(refracted.path_length), np.nan),
+            crossings=np.array(refracted.crossings, dtype=np.int64),
+            status=np.array(trace.status, dtype=np.int64),
+        )
+
+
+def _bundle(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    start = np.asarray(origins, dtype=np.float64)
+    heading = np.asarray(directions, dtype=np.float64)
+    if start.shape != heading.shape or start.ndim != 2 or start.shape[1:] != (3,) or not len(start):
+        raise InputError(
+            f"A bundle of rays needs origins and directions of one shape (n, 3) with n > 0; given "
+            f"are {start.shape} and {heading.shape}."
+        )
+    length = np.linalg.norm(heading, axis=1, keepdims=True)
+    if not (np.isfinite(start).all() and np.isfinite(heading).all() and (length > 0).all()):
+        raise InputError(
+            "A ray has an origin or direction that is not finite, or a direction of length zero; "
+            "remove it."
+        )
+    return start, heading / length
+
+
+def _sensor(loaded: LoadedScene, camera: Camera | None) -> Any:
+    if camera is None:
+        return loaded.mitsuba_scene.sensors()[0]
+    from iriftrace.plugins.calibrated_camera import sensor_of
+
+    return sensor_of(camera)
+
+
+def _refuse_inside(loaded: LoadedScene, sensor: Any) -> None:
+    where = loaded.integrator.surroundings(loaded.mitsuba_scene, sensor)
+    if where is not None:
+        raise InputError(
+            f"The camera stands inside the {where}, where its picture means nothing; move it "
+            "farther away."
+        )
+
+
+def _refuse_empty(image: AovImage) -> None:
+    status = image.status
+    if (status == Status.MISSED).all():
+        raise InputError(
+            "No ray of the camera hits the part; point the camera at it (lookat in the scene file)."
+        )
+    if np.isin(status, (Status.MISSED, Status.OUT_OF_FOCUS, Status.BLOCKED)).all():
+        camera = Camera.from_dict(image.header["camera"])
+        hit = status == Status.OUT_OF_FOCUS
+        if not hit.any():
+            raise InputError("Another object hides the part from every pixel; move the camera.")
+        lengths = np.linalg.norm(image.vector("straight")[hit] - camera.origin, axis=1)
+        raise InputError(
+            f"No ray that hits the part is in focus: the hits are {lengths.min():.1f} to "
+            f"{lengths.max():.1f} mm away, the focus interval is {camera.focus_mm[0]:g} to "
+            f"{camera.focus_mm[1]:g} mm; move the camera or change focus_near and focus_far."
+        )
+
+
+def _header(
+    loaded: LoadedScene, report: dict[str, Any], time_s: dict[str, float]
+) -> dict[str, Any]:
+    camera = report["camera"]
+    table = loaded.shells_table
+    part = loaded.part
+    rule = table.get("rule", "unknown: taken from the scene file")
+    notes = table.get("notes") or {}
+    source = table.get("source")
+    return {
+        "schema": SCHEMA,
+        "version": version("iriftrace"),
+        "scene": {"path": str(loaded.path), "sha256": sha256_of(loaded.path)},
+        "camera": camera,
+        "pose": {
+            "origin_mm": [row[3] for row in camera["matrix"][:3]],
+            "matrix": camera["matrix"],
+        },
+        "engine": "shells",
+        "index_rule": rule,
+        "normals": loaded.normals,
+        "wavelength_nm": (table.get("air") or {}).get("wavelength_nm"),
+        "field": source,
+        "part": {
+            "path": str(Path(part.path).resolve()),
+            "sha256": part.sha256,
+            "length_unit": part.length_unit,
+            "to_world": loaded.part_to_world.tolist(),
+        },
+        "variant": loaded.variant,
+        "length_unit": "mm",
+        "time_s": time_s,
+        "counts": {
+            "open_boundary": report["open_boundary"],
+            "shell_triangles_in_view": report["shell_triangles_in_view"],
+        },
+        "assumptions": {
+            "engine": "nested iso-index shells, Snell's law at each",
+            "index_rule": rule,
+            "normals": loaded.normals,
+            "field_source": f"{source['quantity']} from {source['path']}"
+            if source
+            else "not stated",
+            "field_time": notes.get("time", "not stated"),
+            "field_symmetry": notes.get("symmetry", "not stated"),
+            "open_boundary": "air beyond the data is not modelled",
+            "camera": f"{camera['projection']}, no lens distortion",
+            "optics": "geometric optics, no diffraction",
+            "sampling": "a single ray through each pixel's centre",
+            "air": "static during the exposure",
+        },
+    }

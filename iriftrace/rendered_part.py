@@ -1,0 +1,44 @@
+"""The part that an AOV image was rendered of, found again by what its header says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from iriftrace.errors import InputError
+from iriftrace.exr import AovImage
+from iriftrace.part import Part, read_part
+from iriftrace.part_file import sha256_of
+
+
+def part_of_image(image: AovImage, path: str | Path | None = None) -> Part:
+    """Read the part an image shows, in the world's frame.
+
+    Parameters
+    ----------
+    image : AovImage
+    path : path, optional
+        Where the part's file lies now; by default where it lay when the image was rendered.
+
+    Returns
+    -------
+    Part
+
+    Raises
+    ------
+    InputError
+        If the file is gone, or is not the one that was rendered: its face numbers would not fit.
+    """
+    named = image.header["part"]
+    file = Path(named["path"] if path is None else path)
+    if not file.is_file():
+        raise InputError(
+            f"The part's file {file} is not there, and face areas and regions come from it; say "
+            "where it is with --part."
+        )
+    if sha256_of(file) != named["sha256"]:
+        raise InputError(
+            f"{file} is not the part the image was rendered with (its SHA-256 differs), so that "
+            "face numbers would not fit; give the right file with --part or render again."
+        )
+    part = read_part(file, length_unit=named["length_unit"])
+    return part.transformed(named["to_world"])

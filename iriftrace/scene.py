@@ -1,0 +1,286 @@
+"""Scene folders: written from part, shells and camera; loaded into Mitsuba for tracing."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from attrs import field, frozen
+from numpy.typing import NDArray
+
+from iriftrace import runtime
+from iriftrace.camera import Camera
+from iriftrace.errors import InputError
+from iriftrace.part import Part, read_part, save_part
+from iriftrace.scene_file import SceneFile, read_scene_file, readable
+from iriftrace.shell_io import save_shells
+from iriftrace.shell_stack import ShellStack
+from iriftrace.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from iriftrace.shell_report import ShellReport
+
+PART_FILE = "part.ply"
+SHELLS_FOLDER = "shells"
+
+
+@frozen(eq=False)
+class LoadedScene:
+    """A scene in memory, ready to be rendered at any number of poses.
+
+    Attributes
+    ----------
+    path : Path
+        The XML file.
+    part : Part
+        The measured part, mm, world.
+    part_to_world : (4, 4) array
+        What the XML does to the part's file.
+    normals : str
+        ``"gradient"`` or ``"facet"``.
+    shells_table : dict
+        The shells' JSON table (air, source, index rule); empty when the scene has none.
+    load_s, build_s : float
+        Seconds for files and Mitsuba's acceleration structure, and for the tables.
+    """
+
+    path: Path
+    part: Part
+    part_to_world: NDArray[np.float64]
+    normals: str
+    shells_table: dict[str, Any]
+    load_s: float
+    build_s: float
+    variant: str
+    mitsuba_scene: Any = field(repr=False)
+    integrator: Any = field(repr=False)
+
+
+def write_scene(
+    folder: str | Path,
+    part: Part,
+    shells: ShellStack,
+    camera: Camera,
+    *,
+    name: str = "scene.xml",
+    scale: float = 1.0,
+    normals: str = "gradient",
+    report: Sequence[ShellReport] | None = None,
+    notes: Mapping[str, str] | None = None,
+    paraview: bool = True,
+) -> Path:
+    """Write a complete scene folder: XML, part and shells.
+
+    Parameters
+    ----------
+    folder : path
+        Created when missing; files of the same names are replaced.
+    part : Part
+    shells : ShellStack
+    camera : Camera
+        At its full resolution.
+    name : str
+        Name of the XML file.
+    scale : float
+        Default of the XML's parameter ``scale``, a factor on the resolution.
+    normals : str
+        Default of the XML's parameter ``normals``: ``"gradient"`` or ``"facet"``.
+    report : sequence of ShellReport, optional
+        Added to the shells' table.
+    notes : mapping of str, optional
+        What is known of the field, such as ``{"time": "snapshot"}``; kept beside the shells.
+    paraview : bool
+        Whether to write ``shells.vtm`` too.
+
+    Returns
+    -------
+    Path
+        The XML file.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written or the camera is not a pinhole camera.
+    """
+    if camera.projection != "pinhole":
+        raise InputError(
+            "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
+            "hand."
+        )
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {target}: {error.strerror}.") from error
+    save_part(part, target / PART_FILE)
+    files = save_shells(shells, target / SHELLS_FOLDER, report, notes=notes, paraview=paraview)
+    meshes = [path for path in files if path.suffix == ".ply"]
+    with whole_file(target / name) as temporary:
+        temporary.write_text(_xml(shells, meshes, camera, scale, normals), encoding="utf-8")
+    return target / name
+
+
+def _vector(values: NDArray[np.float64]) -> str:
+    # Rounded far below what matters, so that an edited file shows 0 and not 1e-14.
+    return ", ".join(repr(round(float(v), 12) + 0.0) for v in values)
+
+
+def _xml(stack: ShellStack, meshes: list[Path], camera: Camera, scale: float, normals: str) -> str:
+    near, far = camera.focus_mm
+    distance = max(1.0, float(np.linalg.norm(camera.origin)))
+    lines = [
+        '<?xml version="1.0" encoding="utf-8"?>',
+        "<!-- Lengths in mm. Move the camera, drop a shell or set -D scale=..., then run",
+        "     iriftrace render on this file again. -->",
+        '<scene version="3.0.0">',
+        f'    <default name="scale" value="{scale!r}"/>',
+        f'    <default name="normals" value={quoteattr(normals)}/>',
+        '    <boolean name="embree_use_robust_intersections" value="true"/>',
+        "",
+        '    <integrator type="first_hit">',
+        '        <string name="normals" value="$normals"/>',
+        "    </integrator>",
+        "",
+        '    <sensor type="calibrated_camera" id="camera">',
+        f'        <float name="focal_length" value="{camera.focal_length_mm!r}"/>',
+        f'        <float name="sensor_width" value="{camera.sensor_mm[0]!r}"/>',
+        f'        <float name="sensor_height" value="{camera.sensor_mm[1]!r}"/>',
+        f'        <float name="principal_point_x" value="{camera.principal_point_px[0]!r}"/>',
+        f'        <float name="principal_point_y" value="{camera.principal_point_px[1]!r}"/>',
+        f'        <float name="focus_near" value="{near!r}"/>',
+        *([f'        <float name="focus_far" value="{far!r}"/>'] if np.isfinite(far) else []),
+        '        <float name="scale" value="$scale"/>',
+        '        <transform name="to_world">',
+        f'            <lookat origin="{_vector(camera.origin)}"',
+        f'                    target="{_vector(camera.origin + distance * camera.forward)}"',
+        f'                    up="{_vector(-camera.matrix[:3, 1])}"/>',
+        "        </transform>",
+        '        <film type="hdrfilm">',
+        f'            <integer name="width" value="{camera.resolution[0]}"/>',
+        f'            <integer name="height" value="{camera.resolution[1]}"/>',
+        '            <string name="pixel_format" value="luminance"/>',
+        '            <string name="component_format" value="float32"/>',
+        '            <rfilter type="box"/>',
+        "        </film>",
+        "    </sensor>",
+        "",
+        '    <shape type="ply" id="part">',
+        f'        <string name="filename" value={quoteattr(PART_FILE)}/>',
+        '        <boolean name="face_normals" value="true"/>',
+        '        <bsdf type="diffuse"/>',
+        "    </shape>",
+    ]
+    for shell, mesh in zip(stack.shells, meshes, strict=True):
+        lines += [
+            "",
+            f'    <shape type="ply" id="{mesh.stem}">',
+            f'        <string name="filename" value={quoteattr(f"{SHELLS_FOLDER}/{mesh.name}")}/>',
+            *(
+                ['        <boolean name="face_normals" value="true"/>']
+                if shell.normals is None
+                else []
+            ),
+            '        <bsdf type="iso_shell">',
+            f'            <float name="ext_ior" value="{1 + shell.ext!r}"/>',
+            f'            <float name="int_ior" value="{1 + shell.int_!r}"/>',
+            f'            <string name="layer" value="{shell.layer}"/>',
+            "        </bsdf>",
+            "    </shape>",
+        ]
+    return "\n".join([*lines, "</scene>", ""])
+
+
+def load_scene(
+    path: str | Path, variables: Mapping[str, Any] | None = None, *, variant: str | None = None
+) -> LoadedScene:
+    """Load a scene's XML file into Mitsuba and build what every pose needs.
+
+    Parameters
+    ----------
+    path : path
+        The XML file; its integrator must be ``first_hit``.
+    variables : mapping, optional
+        Values for the file's ``<default>`` parameters, as Mitsuba's ``-D name=value``.
+    variant : str, optional
+        Mitsuba variant; see :func:`iriftrace.runtime.ensure`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, Mitsuba cannot read it, or it is no scene that can be traced.
+    SetupError
+        If no usable LLVM or CUDA is there.
+
+    Warns
+    -----
+    IriftraceWarning
+        If something in the file costs accuracy.
+    """
+    chosen = runtime.ensure(variant)
+    import mitsuba as mi
+
+    values = {name: _text(value) for name, value in (variables or {}).items()}
+    started = time.perf_counter()
+    file = read_scene_file(Path(path), values)
+    try:
+        scene = mi.load_file(str(path), optimize=False, **values)  # type: ignore[arg-type]
+    except (RuntimeError, ValueError) as error:
+        raise InputError(readable(error)) from error
+    loaded = time.perf_counter()
+    integrator = scene.integrator()
+    if not hasattr(integrator, "image"):
+        raise InputError(
+            f"{path} has the integrator {integrator.class_name()}, which computes light and not "
+            'hits; use <integrator type="first_hit"/>.'
+        )
+    if not scene.sensors():
+        raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
+    prepared = integrator.prepare(scene)
+    part = read_part(file.part_path).transformed(file.part_to_world)
+    _check_same_part(part, *prepared.tables.part_arrays())
+    built = time.perf_counter()
+    return LoadedScene(
+        path=Path(path),
+        part=part,
+        part_to_world=file.part_to_world,
+        normals=integrator.normals if prepared.tables.has_normals else "facet",
+        shells_table=_shells_table(file),
+        load_s=loaded - started,
+        build_s=built - loaded,
+        variant=chosen,
+        mitsuba_scene=scene,
+        integrator=integrator,
+    )
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _shells_table(file: SceneFile) -> dict[str, Any]:
+    folders = {path.parent for path in file.shell_paths}
+    for folder in folders:
+        table = folder / "shells.json"
+        if table.is_file():
+            content: dict[str, Any] = json.loads(table.read_text(encoding="utf-8"))
+            return content
+    return {}
+
+
+def _check_same_part(part: Part, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+    """Face numbers mean the same in Mitsuba's mesh and in ours, or the metrics would lie."""
+    same = len(faces) == len(part.faces) and np.allclose(
+        vertices[faces], part.vertices[part.faces], rtol=1e-5, atol=1e-4
+    )
+    if not same:
+        raise InputError(
+            f"Mitsuba reads {part.path} with other triangles than iriftrace does, so that faces "
+            "and regions would be confused; write the part anew with `iriftrace scene`."
+        )

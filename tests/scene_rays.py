@@ -1,0 +1,24 @@
+"""Scenes written into a temporary folder, for tests that trace rays of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from iriftrace.camera import Camera, look_at
+from iriftrace.part import Part
+from iriftrace.scene import LoadedScene, load_scene, write_scene
+from iriftrace.shell_stack import ShellStack
+
+ANY_CAMERA = Camera(
+    focal_length_mm=10.0,
+    sensor_mm=(6.7, 5.6),
+    resolution=(153, 128),
+    matrix=look_at((0.0, -200.0, 150.0), (0.0, 0.0, 0.0)),
+)
+
+
+def loaded(
+    folder: Path, part: Part, shells: ShellStack, camera: Camera = ANY_CAMERA, **variables: object
+) -> LoadedScene:
+    """Write a scene and load it."""
+    return load_scene(write_scene(folder, part, shells, camera, paraview=False), variables)
