@@ -1,0 +1,159 @@
+"""Scenes whose answer is known in closed form: a layered slab and a hot cylinder.
+
+Both use the law of ideal gas (n - 1 falls as 1/T) between ambient air and a wall at 1100 degC.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from iriftrace.air import Air
+from iriftrace.part import Part, part_of_mesh
+from iriftrace.shell_levels import index_levels
+from iriftrace.shell_stack import Shell, ShellStack
+
+FloatArray = NDArray[np.float64]
+
+WALL_K = 1373.15
+SLAB_MM = 20.0
+CYLINDER_RADIUS_MM = 13.5
+HOT_AIR_RADIUS_MM = 60.0
+
+
+def slab_heights(refractivity: FloatArray, air: Air) -> FloatArray:
+    """Heights above the wall at which n - 1 has given values, mm; temperature linear in height."""
+    temperature = air.temperature(refractivity)
+    return np.asarray((WALL_K - temperature) / (WALL_K - air.temperature_k) * SLAB_MM)
+
+
+def cylinder_radii(refractivity: FloatArray, air: Air) -> FloatArray:
+    """Radii at which n - 1 has given values, mm; temperature linear in the radius' logarithm."""
+    share = (WALL_K - air.temperature(refractivity)) / (WALL_K - air.temperature_k)
+    ratio = HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM
+    return np.asarray(CYLINDER_RADIUS_MM * ratio**share)
+
+
+def slab(
+    layers: int = 13, *, air: Air | None = None, size_mm: float = 100.0, rule: str = "midpoint"
+) -> tuple[Part, ShellStack]:
+    """A plate under plane layers of hot air.
+
+    Parameters
+    ----------
+    layers : int
+        Number of shells, squares parallel to the plate's top at z = 0.
+    air : Air, optional
+    size_mm : float, mm
+        Side of plate and shells.
+    rule : str
+        Of :func:`iriftrace.shell_levels.index_levels`.
+
+    Returns
+    -------
+    part : Part
+        Box below z = 0.
+    shells : ShellStack
+    """
+    air = air or Air()
+    half = size_mm / 2
+    square = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    surfaces, indices = _levels(layers, air, rule)
+    shells = [
+        Shell(
+            layer=k + 1,
+            refractivity=float(surfaces[k]),
+            ext=float(indices[k]),
+            int_=float(indices[k + 1]),
+            vertices=np.column_stack((square, np.full(4, height))),
+            faces=faces,
+            normals=np.tile((0.0, 0.0, 1.0), (4, 1)),
+        )
+        for k, height in enumerate(slab_heights(surfaces, air))
+    ]
+    box = trimesh.creation.box((size_mm, size_mm, 5.0))
+    box.apply_translation((0, 0, -2.5))
+    return _part(box), ShellStack(shells, air, rule)
+
+
+def concentric_cylinders(
+    layers: int = 13,
+    *,
+    air: Air | None = None,
+    sections: int = 360,
+    part_sections: int | None = None,
+    length_mm: float = 60.0,
+    rule: str = "midpoint",
+) -> tuple[Part, ShellStack]:
+    """A hot cylinder in coaxial layers of hot air; axis x.
+
+    Parameters
+    ----------
+    layers : int
+        Number of shells: tubes, open at both ends.
+    air : Air, optional
+    sections : int
+        Facets around each shell.
+    part_sections : int, optional
+        Facets around the part; as many as the shells have by default.
+    length_mm : float, mm
+        Length of part and shells.
+    rule : str
+        Of :func:`iriftrace.shell_levels.index_levels`.
+
+    Returns
+    -------
+    part : Part
+    shells : ShellStack
+    """
+    air = air or Air()
+    surfaces, indices = _levels(layers, air, rule)
+    shells = [
+        Shell(
+            k + 1,
+            float(surfaces[k]),
+            float(indices[k]),
+            float(indices[k + 1]),
+            *_tube(float(radius), length_mm, sections),
+        )
+        for k, radius in enumerate(cylinder_radii(surfaces, air))
+    ]
+    solid = trimesh.creation.cylinder(
+        CYLINDER_RADIUS_MM, length_mm, sections=part_sections or sections
+    )
+    solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
+    return _part(solid), ShellStack(shells, air, rule)
+
+
+def _levels(layers: int, air: Air, rule: str) -> tuple[FloatArray, FloatArray]:
+    hottest = float(air.refractivity(WALL_K))
+    return index_levels(air.ambient_refractivity, hottest, layers, rule)
+
+
+def _tube(
+    radius: float, length: float, sections: int
+) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+    """Vertices, outward faces and radial normals of an open tube along x."""
+    angle = 2 * np.pi * np.arange(sections) / sections
+    radial = np.column_stack((np.zeros(sections), np.cos(angle), np.sin(angle)))
+    end = np.array((length / 2, 0.0, 0.0))
+    vertices = np.concatenate((radius * radial - end, radius * radial + end))
+    near = np.arange(sections)
+    following = (near + 1) % sections
+    faces = np.concatenate(
+        (
+            np.column_stack((near, near + sections, following)),
+            np.column_stack((following, near + sections, following + sections)),
+        )
+    )
+    corners = vertices[faces]
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    if (facing[0] * radial[0]).sum() < 0:
+        faces = faces[:, ::-1]
+    return vertices, faces, np.concatenate((radial, radial))
+
+
+def _part(mesh: trimesh.Trimesh) -> Part:
+    return part_of_mesh(mesh.vertices, mesh.faces, name="iriftrace.scenes.analytic")
