@@ -1,0 +1,70 @@
+# Each target makes what it needs: the virtual environment and an LLVM library that Mitsuba can use.
+# Another place for the environment: make VENV=/some/folder test
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: help demo test lint bench clean llvm
+.DEFAULT_GOAL := help
+
+help:
+	@echo 'make demo    trace the bundled scene into out/'
+	@echo 'make test    run the tests'
+	@echo 'make lint    check format, style and types'
+	@echo 'make bench   print the speed ratios'
+	@echo 'make clean   remove build folders and caches; .venv and out/ stay'
+
+demo: $(VENV)/installed $(VENV)/drawing llvm
+	$(BIN)/iriftrace demo -o out
+
+test: $(VENV)/installed-dev $(VENV)/drawing llvm
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/installed-dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: $(VENV)/installed llvm
+	$(BIN)/python -m benchmarks
+
+clean:
+	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
+
+$(VENV)/installed: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	    echo "iriftrace needs Python 3.11 or newer: make PYTHON=python3.12 ..." >&2; exit 1; }
+	@echo 'Installing iriftrace and what it needs into $(VENV) (a few minutes the first time)'
+	@$(PYTHON) -m venv $(VENV)
+	@$(PIP_INSTALL) --editable .
+	@touch $@
+
+$(VENV)/installed-dev: $(VENV)/installed
+	@$(PIP_INSTALL) --editable '.[dev]'
+	@touch $@
+
+# $(call apt_install,PACKAGES) succeeds only where apt is there and may be used without a password.
+apt_install = { command -v apt-get >/dev/null && \
+    if [ "$$(id -u)" = 0 ]; then as_root=; else as_root=sudo; sudo -n true 2>/dev/null; fi && \
+    echo 'Installing $(1) with apt' && $$as_root apt-get update -qq && \
+    $$as_root apt-get install -y -qq --no-install-recommends $(1) >/dev/null; }
+
+# The package itself says whether LLVM is usable, so that make and iriftrace cannot disagree.
+WORKS = $(BIN)/python -c 'from iriftrace.runtime import ensure; ensure()'
+
+llvm: $(VENV)/installed
+	@$(WORKS) 2>/dev/null || { \
+	    [ -z "$$DRJIT_LIBLLVM_PATH" ] && $(WORKS) 2>&1 | grep -q 'apt-get install' && \
+	    $(call apt_install,libllvm19 libatomic1) && $(WORKS) 2>/dev/null; \
+	} || { $(WORKS) 2>&1 | tail -n 1 | sed 's/^iriftrace.errors.SetupError: //' >&2; exit 1; }
+
+# VTK draws the 3-D picture; without a driver there is none, and the rest goes on.
+DRAWS = $(BIN)/python -c 'import sys; from iriftrace.doctor import drawing_trouble as t; sys.exit(t() or 0)'
+
+$(VENV)/drawing: $(VENV)/installed
+	@$(DRAWS) 2>/dev/null || $(call apt_install,libegl1 libgl1-mesa-dri) || \
+	    echo 'No OpenGL driver: 3-D pictures are left out (iriftrace doctor says how to mend it)' >&2
+	@touch $@
