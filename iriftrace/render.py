@@ -54,8 +54,8 @@ class RayHits:
     ----------
     straight, refracted : (n, 3) arrays, mm, world
         First hits on the part; NaN where there is none.
-    direction : (n, 3) array, world
-        Direction in which the refracted ray ends.
+    last_point, direction : (n, 3) arrays, mm and unit vectors, world
+        Where the refracted ray hit or was last bent, and its direction from there.
     face, refracted_face : (n,) arrays of int
         Face of the part under either hit; -1 where there is none.
     path_length : (n,) array, mm
@@ -68,6 +68,7 @@ class RayHits:
 
     straight: FloatArray
     refracted: FloatArray
+    last_point: FloatArray
     direction: FloatArray
     face: IntArray
     refracted_face: IntArray
@@ -201,7 +202,8 @@ def trace_rays(
         return RayHits(
             straight=points(trace.straight, on_part),
             refracted=points(refracted.point, bent_on_part),
-            direction=points(refracted.direction, np.ones(len(start), dtype=bool)),
+            last_point=np.array(refracted.point, dtype=np.float64).T,
+            direction=np.array(refracted.direction, dtype=np.float64).T,
             face=np.where(on_part, np.array(trace.straight_face, dtype=np.int64), -1),
             refracted_face=np.where(
                 bent_on_part, np.array(refracted.face, dtype=np.int64) - first, -1

@@ -13,6 +13,9 @@ from xml.etree import ElementTree
 import numpy as np
 import trimesh
 
+CORRIDOR_MM = 1.0
+"""Triangles farther from a ray's straight line are looked at only if the ray strays that far."""
+
 
 @dataclass
 class Ending:
@@ -21,6 +24,7 @@ class Ending:
     point: np.ndarray | None
     crossings: int
     edge_distance: float  # smallest distance of a crossing to an edge of its triangle, mm
+    strayed: float  # largest distance of a crossing from the straight line, mm
 
 
 class NumpyTracer:
@@ -48,13 +52,14 @@ class NumpyTracer:
         self.centre = self.corners.mean(axis=1)
         self.radius = np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1) + 1e-6
 
-    def nearest(self, origin, direction, skip):
-        """Triangle, distance and barycentric coordinates of the first hit."""
+    def corridor(self, origin, direction, width):
+        """Numbers of all triangles that come within `width` of a straight line."""
         to_centre = self.centre - origin
-        along = to_centre @ direction
-        near = (to_centre**2).sum(axis=1) - along**2 <= self.radius**2
-        candidates = np.flatnonzero(near & (along > -self.radius))
-        candidates = candidates[candidates != skip]
+        squared = (to_centre**2).sum(axis=1) - (to_centre @ direction) ** 2
+        return np.flatnonzero(squared <= (self.radius + width) ** 2)
+
+    def nearest(self, origin, direction, candidates):
+        """Triangle, distance and barycentric coordinates of the first hit."""
         e1, e2 = self.edge1[candidates], self.edge2[candidates]
         p = np.cross(direction, e2)
         determinant = (e1 * p).sum(axis=1)
@@ -72,19 +77,29 @@ class NumpyTracer:
 
     def trace(self, origin, direction, limit=200) -> Ending:
         """Follow one ray to the part, or out of the scene."""
-        skip, crossings, closest = -1, 0, np.inf
+        ending = self._trace(
+            origin, direction, self.corridor(origin, direction, CORRIDOR_MM), limit
+        )
+        if ending.strayed > CORRIDOR_MM:
+            return self._trace(origin, direction, np.arange(len(self.corners)), limit)
+        return ending
+
+    def _trace(self, origin, direction, candidates, limit) -> Ending:
+        start, heading = origin, direction
+        skip, crossings, closest, strayed = -1, 0, np.inf, 0.0
         while crossings < limit:
-            found = self.nearest(origin, direction, skip)
+            found = self.nearest(origin, direction, candidates[candidates != skip])
             if found is None:
-                return Ending(None, crossings, closest)
+                return Ending(None, crossings, closest, strayed)
             skip, distance, u, v = found
             origin = origin + distance * direction
+            strayed = max(strayed, float(np.linalg.norm(np.cross(origin - start, heading))))
             closest = min(closest, self._edge_distance(skip, u, v))
             if skip >= self.part_first:
-                return Ending(origin, crossings, closest)
+                return Ending(origin, crossings, closest, strayed)
             direction = self._bend(skip, direction)
             crossings += 1
-        return Ending(None, crossings, closest)
+        return Ending(None, crossings, closest, strayed)
 
     def _edge_distance(self, triangle, u, v):
         a, b, c = self.corners[triangle]
