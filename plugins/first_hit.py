@@ -13,7 +13,7 @@ from iriftrace.errors import InputError
 from iriftrace.status import Status
 
 from .prepared import PreparedScene
-from .properties import choice, flag, number
+from .properties import choice, flag, whole_number
 from .stock_sensor import StockSensor
 from .tracing import (
     GAVE_UP,
@@ -115,12 +115,8 @@ def plugin_class(variant: str) -> type:
         def __init__(self, props: mi.Properties) -> None:
             super().__init__(props)
             self.normals = choice(props, "normals", NORMALS)
-            self.max_crossings = int(number(props, "max_crossings", 1000))
+            self.max_crossings = whole_number(props, "max_crossings", 1000)
             self.trace_all = flag(props, "trace_all", False)
-            if self.max_crossings < 1:
-                raise InputError(
-                    f'"max_crossings" is {self.max_crossings}; a ray must be allowed at least one.'
-                )
             self._prepared: PreparedScene | None = None
 
         def aov_names(self) -> list[str]:
@@ -307,7 +303,8 @@ def plugin_class(variant: str) -> type:
             a, b, c = np.moveaxis(vertices[faces[face]], 1, 0)
             normals = np.cross(b - a, c - a)
             normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-            return np.array(refracted.point).T[number], normals
+            # Axis by axis: Dr.Jit compiles a kernel for every length when it interleaves them.
+            return np.stack([np.array(axis)[number] for axis in refracted.point], axis=1), normals
 
         def image(self, scene: Any, sensor: Any) -> tuple[Any, dict[str, Any]]:
             """All channels of a sensor's picture.

@@ -53,6 +53,18 @@ def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
     )
 
 
+def _runs_against_its_normals(shape: Any) -> bool:
+    """Whether most of a mesh's triangles face away from its vertex normals, by area."""
+    import drjit as dr
+    import mitsuba as mi
+
+    corners = dr.unravel(mi.Vector3u, shape.faces_buffer())
+    a, b, c = (dr.gather(mi.Point3f, shape.vertex_positions_buffer(), v) for v in corners)
+    normal = sum(dr.gather(mi.Vector3f, shape.vertex_normals_buffer(), v) for v in corners)
+    facing = dr.dot(dr.cross(b - a, c - a), normal)
+    return bool(dr.sum(dr.select(dr.isfinite(facing), facing, 0))[0] < 0)
+
+
 class SceneTables:
     """Triangles, kinds and indices of every mesh of a scene, for gathering in a kernel.
 
@@ -63,7 +75,8 @@ class SceneTables:
     Raises
     ------
     InputError
-        If there is no shape with id ``part``, a shell is not a mesh, or the part is too large.
+        If there is no shape with id ``part``, a shell is not a mesh or is turned inside out, or the
+        part is too large.
     """
 
     def __init__(self, scene: Any) -> None:
@@ -115,6 +128,12 @@ class SceneTables:
             has_normals = False
             if kind != BLOCKER:
                 has_normals = shape.has_vertex_normals() and not shape.has_face_normals()
+                if kind == SHELL and has_normals and _runs_against_its_normals(shape):
+                    raise InputError(
+                        f"The triangles of shell '{shape.id()}' face against its vertex normals, "
+                        "as after a mirroring to_world, so outside and inside would be swapped; "
+                        "mirror the mesh itself instead."
+                    )
                 positions.append(shape.vertex_positions_buffer())
                 normals.append(
                     shape.vertex_normals_buffer()

@@ -16,7 +16,7 @@ def number(props: Any, name: str, default: float | None = None) -> float:
     if name not in props:
         if default is None:
             raise InputError(f'"{name}" is missing; give it as <float name="{name}" value="..."/>.')
-        return default
+        return float(default)
     value = props[name]
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(
@@ -25,6 +25,17 @@ def number(props: Any, name: str, default: float | None = None) -> float:
     if not math.isfinite(value):
         raise InputError(f'"{name}" is {value}; give a finite number.')
     return float(value)
+
+
+def whole_number(props: Any, name: str, default: int) -> int:
+    """Read a whole number of at least one, small enough for 32 bits."""
+    value = number(props, name, default)
+    if not (value.is_integer() and 1 <= value < 2**32):
+        raise InputError(
+            f'"{name}" is {value:g}; write <integer name="{name}" value="..."/> with a whole '
+            "number of at least 1."
+        )
+    return int(value)
 
 
 def flag(props: Any, name: str, default: bool) -> bool:

@@ -47,7 +47,8 @@ def distance_to_plane(
     import drjit as dr
 
     cosine = dr.dot(direction, normal)
-    exact = dr.dot(triangle.a - origin, normal) / cosine
+    # A ray parallel to the plane has no exact distance; one that lies in it would give NaN.
+    exact = dr.select(cosine != 0, dr.dot(triangle.a - origin, normal) / cosine, rough)
     doubt = tolerance / dr.maximum(dr.abs(cosine), 0.01)
     return dr.clip(exact, rough - doubt, rough + doubt)
 

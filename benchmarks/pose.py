@@ -1,0 +1,52 @@
+"""What a whole pose costs beside its refracted trace, and whether a second one compiles anything."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+
+from iriftrace.camera import Camera
+from iriftrace.render import render_scene
+from iriftrace.scene import LoadedScene
+
+
+def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
+    """Median of the time of render and files, without figures, over the refracted trace's."""
+    ratios = []
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(repeats + 1):
+            started = time.perf_counter()
+            rendering = render_scene(scene)
+            rendering.save(Path(folder) / "pose.exr")
+            seconds = time.perf_counter() - started
+            ratios.append(seconds / rendering.metrics["time_s"]["refracted"])
+    # The first pose compiles the kernels.
+    return median(ratios[1:])
+
+
+def shares(scene: LoadedScene) -> dict[str, float]:
+    """Time of each stage of one pose over the refracted trace's."""
+    with tempfile.TemporaryDirectory() as folder:
+        rendering = render_scene(scene)
+        rendering.save(Path(folder) / "pose.exr")
+    time_s = rendering.metrics["time_s"]
+    stages = ("straight", "refracted", "metrics", "write")
+    return {stage: time_s[stage] / time_s["refracted"] for stage in stages}
+
+
+def kernels_of_second_pose(scene: LoadedScene) -> int:
+    """Kernels that another pose of the same camera compiles."""
+    import drjit as dr
+
+    first = render_scene(scene)
+    camera = Camera.from_dict(first.image.header["camera"])
+    matrix = camera.matrix.copy()
+    render_scene(scene, camera=camera)
+    matrix[:3, 3] += (3.0, -2.0, 5.0)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        render_scene(scene, camera=camera.at(matrix))
+        history = dr.kernel_history()
+    return sum(entry["type"] == dr.KernelType.JIT and not entry["cache_hit"] for entry in history)
