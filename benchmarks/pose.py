@@ -1,4 +1,4 @@
-"""What a whole pose costs beside its refracted trace, and whether a second one compiles anything."""
+"""What a whole pose costs beside its refracted trace, and what a second one compiles."""
 
 from __future__ import annotations
 

@@ -120,7 +120,8 @@ def render_scene(
         sensor = _sensor(loaded, camera)
         _refuse_inside(loaded, sensor)
         tensor, report = loaded.integrator.image(loaded.mitsuba_scene, sensor)
-        planes = np.array(tensor, dtype=np.float32)
+        # A view of Dr.Jit's memory where that is the processor's own.
+        planes = tensor.numpy()
     channels = dict(zip(CHANNELS, planes, strict=True))
     time_s = {
         "load": loaded.load_s,
@@ -249,6 +250,8 @@ def _refuse_inside(loaded: LoadedScene, sensor: Any) -> None:
 
 
 def _refuse_empty(image: AovImage) -> None:
+    if (image.channels["status.code"] == Status.GOOD).any():
+        return
     status = image.status
     if (status == Status.MISSED).all():
         raise InputError(
