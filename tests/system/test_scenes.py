@@ -1,0 +1,47 @@
+"""Every bundled scene gives what its README says, and is what its script writes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from iriftrace.render import render_scene
+from iriftrace.scenes import folder_of, names
+from iriftrace.scenes.bundled import write_bundled
+
+COLUMNS = ("good", "missed", "out_of_focus", "refracted_missed", "index_mismatch")
+
+
+def expected_counts() -> dict[str, dict[str, int]]:
+    """The table of scenes/README.md."""
+    text = (folder_of("cylinder").parent / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \|.*?((?: \d+ \|)+)$", text, re.MULTILINE)
+    return {
+        name: dict(zip(COLUMNS, map(int, re.findall(r"\d+", numbers)), strict=True))
+        for name, numbers in rows
+    }
+
+
+@pytest.mark.parametrize("name", names())
+@pytest.mark.usefixtures("variant")
+def test_rays_by_status_are_those_of_the_readme(name: str) -> None:
+    metrics = render_scene(folder_of(name) / "scene.xml").metrics
+    rays = metrics["rays"]
+    for key, count in expected_counts()[name].items():
+        assert rays[key] == pytest.approx(count, abs=max(3, 1e-5 * rays["launched"]))
+    assert rays["gave_up"] == rays["blocked"] == rays["only_refracted"] == 0
+    line = (folder_of(name) / "README.md").read_text(encoding="utf-8")
+    median_um = float(re.search(r"median displacement ([\d.]+) um", line)[1])
+    assert metrics["displacement_mm"]["median"] * 1e3 == pytest.approx(median_um, abs=0.06)
+
+
+def test_the_script_writes_the_bundled_scenes(tmp_path: Path) -> None:
+    """The files in the tree are not older than the program: XML equal, meshes of equal size."""
+    for xml in write_bundled(tmp_path):
+        bundled = folder_of(xml.parent.name)
+        assert xml.read_text() == (bundled / "scene.xml").read_text()
+        for mesh in xml.parent.rglob("*.ply"):
+            twin = bundled / mesh.relative_to(xml.parent)
+            assert twin.stat().st_size == mesh.stat().st_size
