@@ -10,21 +10,30 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console
 
+from iriftrace.cli_errors import (
+    check_folder,
+    check_input,
+    check_output,
+    removed_on_failure,
+    sentence,
+)
 from iriftrace.cli_options import (
     AirOptions,
     CameraOptions,
     FieldOptions,
     PartOptions,
     ShellOptions,
+    Statuses,
     Variables,
+    statuses,
     variables_of,
 )
-from iriftrace.errors import InputError, IriftraceError
+from iriftrace.errors import InputError, IriftraceError, IriftraceWarning
 
 if TYPE_CHECKING:
     from iriftrace.field import IndexField
@@ -40,32 +49,28 @@ app = App(
     help="Traces camera rays through the hot air around a part: how far does each point move?",
     version=lambda: version("iriftrace"),
     help_format="rst",
+    suppress_keyboard_interrupt=False,
 )
 
 DEMO = "cylinder"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the program; returns the exit status (0 success, 1 interrupted, 2 wrong input)."""
+    """Run the program; returns the exit status (0 success, 2 wrong input, 130 interrupted)."""
     with warnings.catch_warnings():
+        # Ours are messages to the user, even where Python was told to make warnings errors.
+        warnings.simplefilter("default", IriftraceWarning)
         warnings.showwarning = _show_warning
         try:
             app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-        except (IriftraceError, CycloptsError) as error:
+        except (IriftraceError, CycloptsError, OSError, MemoryError) as error:
             notes.print("[bold red]error:[/] ", end="")
-            notes.print(_sentence(error), markup=False, soft_wrap=True)
+            notes.print(sentence(error), markup=False, soft_wrap=True)
             return 2
         except KeyboardInterrupt:
             notes.print("interrupted; nothing half written was left behind")
-            return 1
+            return 130
     return 0
-
-
-def _sentence(error: Exception) -> str:
-    text = str(error).strip()
-    if isinstance(error, CycloptsError):
-        return f"{' '.join(text.split())} See `iriftrace --help`."
-    return text[:1].upper() + text[1:]
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
@@ -132,15 +137,19 @@ def shells(
     from iriftrace.shell_io import save_shells
     from iriftrace.shell_report import report_shells
 
+    check_input(field, part)
+    check_folder(output)
     measured = None if part is None else part_options.read(part)
     stack, volume = _stack(field, air, field_options, shell_options)
+    fit = None
+    if measured is not None and volume is not None:
+        fit = _fit(volume, measured, part_options)
     with _working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
-    _make_folder(output)
     files = save_shells(stack, output, report=reports, notes=field_options.notes())
     print_shells(out, stack, reports, field_options.field_length_unit)
-    if measured is not None and volume is not None:
-        print_fit(out, _fit(volume, measured, part_options))
+    if fit is not None:
+        print_fit(out, fit)
     out.print(f"{len(files)} files in {output}", soft_wrap=True)
 
 
@@ -150,7 +159,7 @@ def scene(
     part: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
-    normals: Annotated[str, Parameter(help='"gradient" or "facet".')] = "gradient",
+    normals: Literal["gradient", "facet"] = "gradient",
     air: AirOptions = AirOptions(),  # noqa: B008
     field_options: FieldOptions = FieldOptions(),  # noqa: B008
     shell_options: ShellOptions = ShellOptions(),  # noqa: B008
@@ -169,20 +178,26 @@ def scene(
         The part's surface mesh (.ply .stl .obj .glb ...).
     output
         The scene's XML file; meshes go beside it.
+    normals
+        Where the shells' normals come from: the field's gradient, or their own triangles.
     """
     from iriftrace.cli_output import print_camera, print_fit, print_shells
-    from iriftrace.scene import write_scene
+    from iriftrace.scene import PART_FILE, write_scene
     from iriftrace.shell_report import report_shells
-    from iriftrace.viewpoint import refuse_hot_camera
+    from iriftrace.viewpoint import refuse_camera_inside
 
-    if output.suffix.lower() != ".xml":
-        raise InputError(f"The scene is an XML file; name it {output / 'scene.xml'}, for example.")
+    check_input(field, part)
+    check_output(output, ".xml", "scene.xml")
+    if part.resolve() == (output.parent / PART_FILE).resolve():
+        raise InputError(
+            f"The scene's own {PART_FILE} would replace the part's file {part}; give the scene a "
+            f"folder of its own, such as -o {output.with_suffix('') / output.name}."
+        )
     measured = part_options.read(part)
     stack, volume = _stack(field, air, field_options, shell_options)
     fit = None if volume is None else _fit(volume, measured, part_options)
-    camera = camera_options.camera(measured, volume)
-    if volume is not None:
-        refuse_hot_camera(camera.origin, volume, stack)
+    camera = camera_options.camera(measured, volume, stack)
+    refuse_camera_inside(camera.origin, measured, stack, volume)
     with _working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
     path = write_scene(
@@ -211,7 +226,7 @@ def render(
     define: Variables = None,
     variant: str | None = None,
     figures: bool = True,
-    include: Annotated[list[int] | None, Parameter(negative=())] = None,
+    include: Statuses = None,
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
@@ -232,11 +247,13 @@ def render(
     include
         Further status codes whose rays the metrics use, such as 5.
     """
-    exr = scene.with_suffix(".exr") if output is None else output
-    _check_output(exr)
-    rendering, _ = _render(scene, exr, variables_of(define), variant, include, figures)
     from iriftrace.cli_output import print_summary
 
+    check_input(scene)
+    exr = scene.with_suffix(".exr") if output is None else output
+    check_output(exr, ".exr", "out.exr", make=False)
+    used = statuses(include)
+    rendering, _ = _render(scene, exr, variables_of(define), variant, used, figures)
     print_summary(out, rendering.metrics)
     _list_files(exr, figures)
 
@@ -247,7 +264,7 @@ def metrics(
     *,
     part: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
-    include: Annotated[list[int] | None, Parameter(negative=())] = None,
+    include: Statuses = None,
 ) -> None:
     """Reduce an AOV EXR to metrics again.
 
@@ -269,10 +286,15 @@ def metrics(
     from iriftrace.metrics import pose_metrics, write_metrics
     from iriftrace.rendered_part import part_of_image
 
+    check_input(image, part)
     target = image.with_suffix(".json") if output is None else output
-    _check_output(target)
+    check_output(target, ".json", "out.json", make=False)
     pixels = read_exr(image)
-    result = pose_metrics(pixels, part_of_image(pixels, part), include=(0, *(include or ())))
+    shown = part_of_image(pixels, part)
+    started = time.perf_counter()
+    with _working("Reducing"):
+        result = pose_metrics(pixels, shown, include=statuses(include))
+    result["time_s"]["metrics"] = time.perf_counter() - started
     write_metrics(target, result)
     print_summary(out, result)
     out.print(f"Metrics in {target}", markup=False, soft_wrap=True)
@@ -301,11 +323,14 @@ def demo(
     from iriftrace.cli_output import print_summary
     from iriftrace.scenes import folder_of
 
-    _make_folder(output)
+    check_folder(output)
+    values = variables_of(define)
     copy = output / "scene"
-    shutil.copytree(folder_of(DEMO), copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
+    _keep_edited_scene(copy / "scene.xml", folder_of(DEMO) / "scene.xml")
     exr = output / f"{DEMO}.exr"
-    rendering, part = _render(copy / "scene.xml", exr, variables_of(define), variant, None, True)
+    with removed_on_failure(copy):
+        shutil.copytree(folder_of(DEMO), copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
+        rendering, part = _render(copy / "scene.xml", exr, values, variant, (0,), True)
     pictures = _scene_picture(rendering, part, copy / "shells", output / f"{DEMO}_scene.png")
     print_summary(out, rendering.metrics)
     _list_files(exr, True, *pictures)
@@ -313,6 +338,35 @@ def demo(
         f"Change {copy / 'scene.xml'} and run:  iriftrace render {copy / 'scene.xml'}",
         markup=False,
         soft_wrap=True,
+    )
+
+
+def _keep_edited_scene(mine: Path, bundled: Path) -> None:
+    """Refuse to replace a scene that somebody has changed, as the demo itself proposes."""
+    if mine.is_file() and mine.read_bytes() != bundled.read_bytes():
+        raise InputError(
+            f"{mine} has been changed since the last demo, which would be lost; run "
+            f"`iriftrace render {mine}` instead, or give another folder with -o."
+        )
+
+
+# By name, so that they are imported when they are called.
+for _name, _help, _example in (
+    (
+        "sweep",
+        "Render a scene from many poses into one netCDF file; resumes when interrupted.",
+        "scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19",
+    ),
+    (
+        "plan",
+        "Rank the poses of a sweep by the combined metric and print the best one.",
+        "sweep.nc --statistic median --region lateral",
+    ),
+):
+    app.command(
+        f"iriftrace.cli_sweep:{_name}",
+        name=_name,
+        help=f"{_help}\n\nExample: ``iriftrace {_name} {_example}``",
     )
 
 
@@ -331,6 +385,8 @@ def _stack(
                 temperature_unit=field_options.temperature_unit,
                 air=air.air(),
                 length_unit=field_options.field_length_unit,
+                transform=field_options.transform(),
+                min_size_mm=shell_options.min_size_mm(),
             )
         return shell_options.edited(stack), None
     with _working("Reading the field"):
@@ -341,13 +397,9 @@ def _stack(
 
 def _fit(volume: IndexField, part: Part, options: PartOptions) -> Any:
     from iriftrace.fit import fit_part_to_field
-    from iriftrace.units import parse_quantity
 
-    hot = options.hot_temperature
     with _working("Comparing part and field"):
-        fit = fit_part_to_field(
-            volume, part, wall_temperature_k=None if hot is None else parse_quantity(hot, "kelvin")
-        )
+        fit = fit_part_to_field(volume, part, wall_temperature_k=options.hot_temperature_k())
     for message in fit.warnings:
         _show_warning(message, UserWarning)
     return fit
@@ -358,7 +410,7 @@ def _render(
     exr: Path,
     variables: dict[str, str],
     variant: str | None,
-    include: list[int] | None,
+    include: tuple[int, ...],
     figures: bool,
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
@@ -368,13 +420,13 @@ def _render(
     with _working("Loading the scene"):
         loaded = load_scene(scene, variables, variant=variant)
     with _working("Tracing"):
-        rendering = render_scene(loaded, include=(0, *(include or ())))
+        rendering = render_scene(loaded, include=include)
     if figures:
         from iriftrace.figures import displacement_figure
 
         with _working("Drawing"):
             started = time.perf_counter()
-            displacement_figure(rendering.image, exr.with_suffix(".png"), (0, *(include or ())))
+            displacement_figure(rendering.image, exr.with_suffix(".png"), include)
             seconds = time.perf_counter() - started
             rendering.metrics["time_s"]["figures"] = seconds
             rendering.metrics["time_s"]["total"] += seconds
@@ -405,21 +457,6 @@ def _scene_picture(
         camera = Camera.from_dict(rendering.image.header["camera"])
         scene_figure(part, load_shells(shells_folder), camera, picture)
     return [picture]
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"Cannot make the folder {folder}: {error.strerror}.") from error
-
-
-def _check_output(path: Path) -> None:
-    """Refuse before the work what could not be written after it."""
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; name a file in it, such as {path / 'out.exr'}.")
-    if not path.parent.is_dir():
-        raise InputError(f"The folder {path.parent} does not exist; create it first.")
 
 
 def _list_files(exr: Path, figures: bool, *more: Path) -> None:

@@ -28,6 +28,8 @@ MEANING = {
     Status.BLOCKED: "another object in the way",
 }
 
+TOO_FEW = "fewer than 100 good rays, so no numbers"
+
 
 def print_shells(
     console: Console, stack: ShellStack, reports: Sequence[ShellReport], length_unit: str
@@ -53,7 +55,7 @@ def print_shells(
     console.print(
         f"Ambient air n - 1 = {air.ambient_refractivity:.4e} at {air.temperature_k - 273.15:g} degC"
         f", {air.wavelength_nm:g} nm; index rule {stack.rule}; lengths in mm, field read in "
-        f"{length_unit}."
+        f"{length_unit}; cut: share of a shell inside the part."
     )
     for crumb in stack.crumbs:
         console.print(
@@ -72,10 +74,16 @@ def _openings(report: ShellReport) -> list[str]:
 
 def print_fit(console: Console, fit: Fit) -> None:
     """How well the field's inner wall and the part lie on each other."""
-    console.print(
-        f"Field's wall to part: gap median {fit.gap_median_mm:.3f} mm, 95th percentile "
-        f"{fit.gap_p95_mm:.3f} mm; wall temperature {fit.wall_temperature_k - 273.15:.0f} degC."
-    )
+    temperature = "not known"
+    if np.isfinite(fit.wall_temperature_k):
+        temperature = f"{fit.wall_temperature_k - 273.15:.0f} degC"
+    if np.isfinite(fit.gap_median_mm):
+        console.print(
+            f"Field's wall to part: gap median {fit.gap_median_mm:.3f} mm, 95th percentile "
+            f"{fit.gap_p95_mm:.3f} mm; wall temperature {temperature}."
+        )
+    else:
+        console.print(f"Air at the part's surface: temperature {temperature}.")
 
 
 def print_camera(console: Console, camera: Camera, scale: float) -> None:
@@ -97,7 +105,9 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
     displacement, shift = metrics["displacement_mm"], metrics["shift_px"]
     table.add_row(
         "displacement",
-        _micrometres(displacement, ("median", "mean", "p95", "max")),
+        TOO_FEW
+        if displacement["median"] is None
+        else _micrometres(displacement, ("median", "mean", "p95", "max")),
     )
     table.add_row(
         "across / along line of sight",
@@ -135,12 +145,14 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
         median = values["displacement_mm"]["median"]
         table.add_row(
             f"region {name}",
-            f"median {_scaled(median, 1e3, 'um')}, coverage {_percent(values['coverage'])}",
+            TOO_FEW
+            if median is None
+            else f"median {_scaled(median, 1e3, 'um')}, coverage {_percent(values['coverage'])}",
         )
     time_s = metrics["time_s"]
     table.add_row(
         "time",
-        ", ".join(f"{key} {value:.2f} s" for key, value in time_s.items() if value >= 0.005),
+        ", ".join(f"{key} {value:.2f} s" for key, value in time_s.items() if (value or 0) >= 0.005),
     )
     console.print(table)
     console.print("Assumptions in force:", style="bold")

@@ -69,7 +69,7 @@ def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) 
         if found is None:
             raise InputError(
                 f"The name {array!r} does not tell what the array in {path} holds; say so with "
-                f"the quantity option: {', '.join(QUANTITIES)}."
+                f"the quantity option (--quantity): {', '.join(QUANTITIES)}."
             )
         return Choice(array, found)
     for candidate in (quantity,) if quantity else QUANTITIES:
@@ -78,7 +78,7 @@ def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) 
             return Choice(name, candidate)
     raise InputError(
         f"{path} has no array that looks like {quantity or 'a temperature, index or density'}; "
-        f"its arrays are {listed}. Name one with the array option."
+        f"its arrays are {listed}. Name one with the array option (--array)."
     )
 
 
@@ -134,7 +134,8 @@ def to_refractivity(
     if kelvin.min() < _COLDEST:
         raise InputError(
             f"The array {choice.name!r} in {path} goes down to {kelvin.min():g} K, colder than any "
-            "air around a hot part; if it is in degC, give the temperature unit degC."
+            "air around a hot part; if it is in degC, give the temperature "
+            "unit (--temperature-unit degC)."
         )
     return air.refractivity(kelvin)
 
@@ -155,7 +156,7 @@ def _named(names: Sequence[str], quantity: str, path: str) -> str | None:
     if len(found) > 1:
         raise InputError(
             f"{path} has several arrays that could be the {quantity}: {', '.join(found)}; name "
-            "the one to use with the array option."
+            "the one to use with the array option (--array)."
         )
     return found[0] if found else None
 

@@ -43,7 +43,7 @@ def check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: s
         return
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     smallest, largest = _PLAUSIBLE_SIZE_MM
-    if not smallest <= size <= largest:
+    if size < smallest or size > largest:  # not for NaN, which is refused later
         warnings.warn(
             f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
             "measured part; check --length-unit.",

@@ -9,6 +9,8 @@ from iriftrace.exr import AovImage
 from iriftrace.part import Part, read_part
 from iriftrace.part_file import sha256_of
 
+_NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
+
 
 def part_of_image(image: AovImage, path: str | Path | None = None) -> Part:
     """Read the part an image shows, in the world's frame.
@@ -26,8 +28,15 @@ def part_of_image(image: AovImage, path: str | Path | None = None) -> Part:
     Raises
     ------
     InputError
-        If the file is gone, or is not the one that was rendered: its face numbers would not fit.
+        If the image's header says too little, or the file is gone, or it is not the one that was
+        rendered: its face numbers would not fit.
     """
+    missing = [key for key in _NEEDED if key not in image.header]
+    if missing:
+        raise InputError(
+            f"The image's header has no {', '.join(missing)}: another program wrote it or took "
+            "them away, and metrics need them; render the scene again."
+        )
     named = image.header["part"]
     file = Path(named["path"] if path is None else path)
     if not file.is_file():

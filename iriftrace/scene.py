@@ -41,6 +41,8 @@ class LoadedScene:
         The measured part, mm, world.
     part_to_world : (4, 4) array
         What the XML does to the part's file.
+    camera : Camera
+        The scene's own (first) sensor.
     normals : str
         ``"gradient"`` or ``"facet"``.
     shells_table : dict
@@ -52,6 +54,7 @@ class LoadedScene:
     path: Path
     part: Part
     part_to_world: NDArray[np.float64]
+    camera: Camera
     normals: str
     shells_table: dict[str, Any]
     load_s: float
@@ -224,6 +227,8 @@ def load_scene(
     chosen = runtime.ensure(variant)
     import mitsuba as mi
 
+    from iriftrace.plugins.first_hit import camera_of
+
     values = {name: _text(value) for name, value in (variables or {}).items()}
     started = time.perf_counter()
     file = read_scene_file(Path(path), values)
@@ -248,6 +253,7 @@ def load_scene(
         path=Path(path),
         part=part,
         part_to_world=file.part_to_world,
+        camera=Camera.from_dict(camera_of(scene.sensors()[0]).description()),
         normals=integrator.normals if prepared.tables.has_normals else "facet",
         shells_table=_shells_table(file),
         load_s=loaded - started,
@@ -269,8 +275,14 @@ def _shells_table(file: SceneFile) -> dict[str, Any]:
     for folder in folders:
         table = folder / "shells.json"
         if table.is_file():
-            content: dict[str, Any] = json.loads(table.read_text(encoding="utf-8"))
-            return content
+            try:
+                content = json.loads(table.read_text(encoding="utf-8"))
+            except ValueError as error:
+                raise InputError(
+                    f"{table} is damaged ({error}); write the scene again, or remove the file "
+                    "(then results do not state the field)."
+                ) from error
+            return content if isinstance(content, dict) else {}
     return {}
 
 

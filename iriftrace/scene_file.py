@@ -113,18 +113,33 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
 
 
 def _check_variables(path: Path, values: Mapping[str, str]) -> None:
-    known = re.findall(r'<default\s+name="([^"]+)"', path.read_text(encoding="utf-8"))
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path} is no text in UTF-8 ({error.reason}); is it a scene's XML file?"
+        ) from error
+    known = re.findall(r'<default\s+name="([^"]+)"', text)
     unknown = [name for name in values if name not in known]
     if unknown:
         raise InputError(
             f"{path} has no parameter {', '.join(unknown)}, so -D would change nothing; it has "
             f"{', '.join(known) or 'none'}."
         )
+    # An included file may use what the file itself does not.
+    unneeded = [] if "<include" in text else [name for name in known if f"${name}" not in text]
+    if unneeded:
+        raise InputError(
+            f'{path} has <default name="{unneeded[0]}">, but nothing in it uses ${unneeded[0]}, so '
+            "setting it would change nothing; remove it or use it."
+        )
 
 
 def readable(error: Exception) -> str:
-    """Mitsuba's message on one line, without colours and positions in Mitsuba's own source."""
+    """Mitsuba's message on one line, without colours, tracebacks and positions in its source."""
     text = re.sub(r"\[[\w.]+\.(cpp|h):\d+\]\s*|\x1b\[[0-9;]*m", "", str(error))
+    # A plugin in Python that refuses its properties comes with a traceback before its message.
+    text = re.sub(r"Traceback \(most recent call last\):\n(?:[ \t].*\n)*(?:[\w.]+: )?", "", text)
     return re.sub(r"\s*\n\s*", " ", text).strip()
 
 

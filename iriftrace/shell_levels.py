@@ -1,6 +1,6 @@
 """Which surfaces of equal index cut hot air into layers, and the index of each layer.
 
-Symbols follow DESIGN, fact 6: ``e_0 .. e_N`` are the refractivities (n - 1) of the N + 1 layers
+Symbols: ``e_0 .. e_N`` are the refractivities (n - 1) of the N + 1 layers
 from ambient to the hottest air; shell k lies at ``s_k`` and separates layer k - 1 (outside) from
 layer k (inside).
 """
@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.errors import InputError
 
 FloatArray = NDArray[np.float64]
+
+MOST_LAYERS = 10_000
 
 
 def index_levels(
@@ -41,11 +43,17 @@ def index_levels(
     Raises
     ------
     InputError
-        If ``ambient`` does not exceed ``hottest``, ``layers`` is below 1 or the rule is unknown.
+        If ``ambient`` does not exceed ``hottest``, ``layers`` is below 1 or above ``MOST_LAYERS``,
+        or the rule is unknown.
     """
     check_range(ambient, hottest)
     if layers < 1:
         raise InputError(f"{layers} layers bend no ray; give at least 1.")
+    if layers > MOST_LAYERS:
+        raise InputError(
+            f"{layers} layers take longer than their error is worth, which falls with the square "
+            f"of their number; give at most {MOST_LAYERS}."
+        )
     e = np.linspace(ambient, hottest, layers + 1)
     if rule == "midpoint":
         return 0.5 * (e[:-1] + e[1:]), e

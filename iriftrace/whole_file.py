@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from iriftrace.errors import InputError
@@ -28,7 +28,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     InputError
-        The folder does not exist.
+        The folder does not exist, or the file system refuses the file.
     """
     target = Path(path)
     if not target.parent.is_dir():
@@ -40,5 +40,9 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         temporary.replace(target)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror or error}.") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        # What could not be written need not be removed either.
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)

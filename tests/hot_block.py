@@ -7,12 +7,24 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 import trimesh
+from attrs import frozen
 
 AMBIENT = 293.15
 WALL = 1293.15
 HALF = 6.0
 """Half the edge of the block, mm; the air reaches to three times as far."""
 OUTER = 3 * HALF
+
+
+@frozen
+class HotBlock:
+    """Absolute names of a user's files; tests read them and copy what they change."""
+
+    folder: Path
+    field: Path
+    part: Path
+    scene: Path
+    image: Path
 
 
 def air(cells: int = 18) -> pv.UnstructuredGrid:

@@ -1,0 +1,577 @@
+"""Every command as a user runs it: files, numbers and what is printed."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import hot_block
+import numpy as np
+import OpenEXR
+import pytest
+import pyvista as pv
+from hot_block import HotBlock
+
+import iriftrace
+from iriftrace.channels import CHANNELS
+from iriftrace.cli import main
+from iriftrace.scenes import folder_of
+from iriftrace.shell_io import load_shells
+from iriftrace.status import Status
+
+COMMANDS = ("doctor", "shells", "scene", "render", "metrics", "demo")
+AIR = iriftrace.Air()
+
+Run = Callable[..., str]
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run the program in a fresh folder; returns what it printed, and wants no complaints."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def program(*arguments: str | Path, warns: str | None = None) -> str:
+        capsys.readouterr()
+        code = main([str(word) for word in arguments])
+        said = capsys.readouterr()
+        assert code == 0, said.err
+        if warns is None:
+            assert said.err == ""
+        else:
+            (line,) = said.err.splitlines()
+            assert line.startswith("warning: ")
+            assert re.search(warns, line)
+        return said.out
+
+    return program
+
+
+def table_of(folder: str | Path) -> dict[str, Any]:
+    table: dict[str, Any] = json.loads((Path(folder) / "shells.json").read_text())
+    return table
+
+
+def column(table: dict[str, Any], key: str) -> np.ndarray:
+    return np.array([row[key] for row in table["shells"]])
+
+
+def metrics_of(path: str | Path) -> dict[str, Any]:
+    metrics: dict[str, Any] = json.loads(Path(path).read_text())
+    return metrics
+
+
+def channels_of(path: str | Path) -> dict[str, np.ndarray]:
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        return {name: channel.pixels.copy() for name, channel in file.channels().items()}
+
+
+# The program itself --------------------------------------------------------------------------
+
+
+def python(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=cwd,
+        env={**os.environ, "COLUMNS": "80", "TERM": "dumb"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_help_is_quick_and_has_an_example(command: str, tmp_path: Path) -> None:
+    """Help that loads VTK or Mitsuba takes seconds, and fails where they do not work."""
+    code = (
+        "import sys; from iriftrace.cli import main; main(sys.argv[1:]);"
+        "print(*{'mitsuba', 'drjit', 'vtkmodules', 'pyvista', 'trimesh'} & set(sys.modules))"
+    )
+    done = python("-c", code, *command.split(), "--help", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    *text, heavy = done.stdout.splitlines()
+    assert heavy == ""
+    assert max(map(len, text)) <= 80
+    if command:
+        assert f"Example: iriftrace {command}" in " ".join(done.stdout.split())
+    else:
+        assert all(re.search(rf"^│ {name} ", done.stdout, re.MULTILINE) for name in COMMANDS)
+
+
+def test_exit_codes_reach_the_shell(tmp_path: Path) -> None:
+    done = python("-m", "iriftrace.cli", "--version", cwd=tmp_path)
+    assert (done.returncode, done.stdout.strip()) == (0, iriftrace.__version__)
+    done = python("-m", "iriftrace.cli", "render", "gone.xml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert re.fullmatch(r"error: There is no scene file gone\.xml;.*\n", done.stderr)
+
+
+def test_doctor(run: Run) -> None:
+    printed = run("doctor")
+    for name in ("Python", "iriftrace", "mitsuba", "LLVM", "CUDA", "variant"):
+        assert re.search(rf"^ok +{name} ", printed, re.MULTILINE)
+
+
+def test_examples_of_the_help_run_as_they_stand(run: Run, tmp_path: Path) -> None:
+    """In a folder with a field, a part and the bundled scene, from shells to metrics."""
+    cylinder = folder_of("cylinder")
+    shutil.copytree(cylinder, tmp_path / "scenes" / "cylinder")
+    for name in ("field.vtu", "part.ply"):
+        shutil.copy(cylinder / name, tmp_path)
+    for command in ("shells", "scene", "render", "metrics"):
+        text = " ".join(run(command, "--help").partition("╭")[0].split())
+        (example,) = re.findall(r"Example: iriftrace (.*)", text)
+        run(*shlex.split(example))
+    assert table_of("shells")["shells"][12]["layer"] == 13
+    assert (tmp_path / "scene" / "scene.xml").is_file()
+    assert metrics_of("out.json")["camera"]["resolution"] == [612, 512]
+
+
+def test_demo(run: Run, tmp_path: Path) -> None:
+    """A metrologist's summary, two pictures, and a scene that is ready to be changed."""
+    printed = run("demo", "-o", "out", "-D", "scale=0.25")
+    assert max(map(len, printed.partition("Assumptions")[0].splitlines())) <= 80
+    flat = " ".join(printed.split())
+    for words in (
+        r"displacement │ median [\d.]+ um, mean",
+        r"of the part's area in faces hit",
+        r"lateral [\d.]+ um, axial",
+        r"313,344 launched",
+        r"out of focus \([\d.]+% of",
+        r"region lateral │ median [\d.]+ um",
+        r"time │ load",
+        r"geometric optics",
+        r"iriftrace render out/scene/scene.xml",
+    ):
+        assert re.search(words, flat), words
+    out = tmp_path / "out"
+    names = {path.name for path in out.iterdir()}
+    assert names == {
+        "scene",
+        "cylinder.exr",
+        "cylinder.json",
+        "cylinder.png",
+        "cylinder_scene.png",
+    }
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in out.glob("*.png"))
+    run("demo", "-o", "out", "-D", "scale=0.05")
+    run("render", out / "scene" / "scene.xml", "-D", "scale=0.05", "--no-figures")
+    again, copy = metrics_of(out / "cylinder.json"), metrics_of(out / "scene" / "scene.json")
+    assert without_times(again) == without_times(copy)
+
+
+# Shells --------------------------------------------------------------------------------------
+
+
+def test_shells_with_a_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    printed = run("shells", hot.field, "-o", "shells", "--part", hot.part)
+    assert max(map(len, printed.splitlines())) <= 80
+    flat = " ".join(printed.split())
+    assert "13 shells" in printed
+    assert "gap median 0.000 mm, 95th percentile 0.000 mm; wall temperature 1020 degC" in flat
+    assert "field read in mm" in flat
+    names = {path.name for path in (tmp_path / "shells").iterdir()}
+    assert names == {
+        *(f"shell_{k:02d}.ply" for k in range(1, 14)),
+        *("shells", "shells.vtm", "shells.json"),
+    }
+    assert pv.read(tmp_path / "shells" / "shells.vtm").n_blocks == 13
+    table = table_of("shells")
+    # Equal steps between ambient air and the hottest, each shell midway.
+    e = np.linspace(AIR.ambient_refractivity, float(AIR.refractivity(hot_block.WALL)), 14)
+    np.testing.assert_allclose(column(table, "refractivity"), (e[1:] + e[:-1]) / 2, rtol=1e-12)
+    assert column(table, "closed").all()
+    # T falls linearly with the distance to the block. The distance is convex, so that between the
+    # grid's points it is overestimated and each shell lies nearer, by less than a third of a cell.
+    share = (column(table, "temperature_k") - hot_block.AMBIENT) / (
+        hot_block.WALL - hot_block.AMBIENT
+    )
+    nearer = 9.0 * (1.0 - share) - column(table, "gap_part_mm")
+    assert nearer.min() > 0.0
+    assert nearer.max() < 2.0 / 3.0
+    assert not column(table, "part_cut_share").any()
+
+
+def test_number_and_levels_of_shells(run: Run, hot: HotBlock) -> None:
+    run("shells", hot.field, "-o", "one", "--layers=1")
+    assert len(table_of("one")["shells"]) == 1
+    run("shells", hot.field, "-o", "own", "--levels=1e-4,2.5e-4,2e-4")
+    own = table_of("own")
+    np.testing.assert_allclose(column(own, "refractivity"), (2.5e-4, 2e-4, 1e-4))
+    assert own["rule"] == "custom"
+
+
+def test_index_range_in_both_units(run: Run, hot: HotBlock) -> None:
+    """Studies over several fields use the same levels, given as temperatures or as n - 1."""
+    hottest = float(AIR.refractivity(1000.0 + 273.15))
+    run("shells", hot.field, "-o", "a", "--layers=3", "--index-range=20 degC:1000 degC")
+    ends = f"{AIR.ambient_refractivity!r}:{hottest!r}"
+    run("shells", hot.field, "-o", "b", "--layers=3", f"--index-range={ends}")
+    mixed = f"{AIR.ambient_refractivity!r}:1000 degC"
+    run("shells", hot.field, "-o", "c", "--layers=3", f"--index-range={mixed}")
+    e = np.linspace(AIR.ambient_refractivity, hottest, 4)
+    for folder in "abc":
+        levels = column(table_of(folder), "refractivity")
+        np.testing.assert_allclose(levels, (e[1:] + e[:-1]) / 2, rtol=1e-12)
+
+
+def test_isosurfaces_of_its_own_come_back(run: Run, hot: HotBlock) -> None:
+    """What ParaView shows can be read again: same surfaces, and the same layers between them."""
+    run("shells", hot.field, "-o", "made", "--layers=4")
+    run("shells", "made/shells.vtm", "-o", "read", "--isosurfaces", "--part", hot.part)
+    made, read = table_of("made"), table_of("read")
+    assert read["rule"] == "imported"
+    for key in ("refractivity", "ext", "area_mm2", "temperature_k"):
+        np.testing.assert_allclose(column(read, key), column(made, key), rtol=1e-6)
+    assert (column(read, "triangles") == column(made, "triangles")).all()
+    moved = ("--field-transform=translate 0 0 100", "--min-size=1 um")
+    run("shells", "made/shells.vtm", "-o", "moved", "--isosurfaces", *moved)
+    shift = load_shells("moved").shells[0].vertices.mean(axis=0) - (0, 0, 100)
+    np.testing.assert_allclose(shift, 0.0, atol=1e-3)
+
+
+def test_units_and_axes_of_field_and_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    """The same block, drawn in other units and axes, gives the same shells and fits as well."""
+    field, part = hot_block.air(), hot_block.block()
+    field.points = np.asarray(field.points)[:, [0, 2, 1]] * (1e-3, -1e-3, 1e-3)
+    field.point_data["T"] -= 273.15
+    field.save(tmp_path / "metres.vtu")
+    part.apply_scale(1 / 25.4)
+    part.apply_translation((0.0, 0.0, 5.0))
+    part.export(tmp_path / "inches.stl")
+    printed = run(
+        *("shells", "metres.vtu", "-o", "other", "--layers=3", "--temperature-unit=degC"),
+        *("--field-length-unit=m", "--field-transform=rotate x 90"),
+        *("--part=inches.stl", "--length-unit=inch", "--part-transform=translate 0 0 -127"),
+    )
+    assert "field read in m" in " ".join(printed.split())
+    assert "gap median 0.000 mm" in " ".join(printed.split())
+    run("shells", hot.field, "-o", "usual", "--layers=3", "--part", hot.part)
+    for key in ("refractivity", "area_mm2", "gap_part_mm"):
+        usual, other = column(table_of("usual"), key), column(table_of("other"), key)
+        np.testing.assert_allclose(other, usual, rtol=2e-3)
+
+
+def test_a_part_that_grows_with_its_temperature(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    """Drawn cold, 1 % smaller than the cavity; 1e-5/K over 1000 K make up for it."""
+    part = hot_block.block()
+    part.apply_scale(1 / 1.01)
+    part.export(tmp_path / "cold.stl")
+    printed = run(
+        *("shells", hot.field, "-o", "hot", "--layers=1", "--part=cold.stl"),
+        *("--expansion=10e-6/K", "--hot-temperature=1293.15 K"),
+    )
+    assert "gap median 0.000 mm" in " ".join(printed.split())
+
+
+def test_other_quantities_smoothing_and_subdivision(
+    run: Run, hot: HotBlock, tmp_path: Path
+) -> None:
+    field = hot_block.air()
+    field.point_data["ior"] = AIR.refractivity(np.asarray(field.point_data.pop("T"))) + 1.0
+    field.save(tmp_path / "index.vtu")
+    run("shells", "index.vtu", "-o", "index", "--layers=2", "--quantity=index", "--array=ior")
+    run("shells", hot.field, "-o", "plain", "--layers=2")
+    index, plain = table_of("index"), table_of("plain")
+    np.testing.assert_allclose(column(index, "area_mm2"), column(plain, "area_mm2"), rtol=1e-4)
+    run("shells", hot.field, "-o", "fine", "--layers=2", "--subdivide=1", "--smooth=2")
+    assert (column(table_of("fine"), "triangles") == 4 * column(plain, "triangles")).all()
+
+
+def test_another_room_is_said(run: Run, hot: HotBlock) -> None:
+    """A false step at the edge of the data is worth a warning, and the work goes on."""
+    run(
+        *("shells", hot.field, "-o", "shells", "--layers=1", "--ambient=30 degC"),
+        warns=r"coolest air .* give --ambient '293\.\d K'",
+    )
+
+
+def test_a_field_without_a_cavity(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    """Nothing tells whether the part lies where it belongs; no NaN is printed."""
+    around = hot_block.air()
+    whole = pv.ImageData(dimensions=(19, 19, 19), spacing=(2.0,) * 3, origin=(-18.0,) * 3)
+    outside = np.maximum(np.abs(whole.points) - hot_block.HALF, 0.0)
+    share = np.maximum(1.0 - np.linalg.norm(outside, axis=1) / 9.0, 0.0)
+    whole["T"] = hot_block.AMBIENT + (hot_block.WALL - hot_block.AMBIENT) * share
+    assert whole.n_cells > around.n_cells
+    whole.save(tmp_path / "whole.vti")
+    command = ("shells", "whole.vti", "-o", "shells", "--layers=2", "--part", hot.part)
+    printed = run(*command, warns="no cavity")
+    assert "nan" not in printed
+    assert "Air at the part's surface: temperature 1020 degC" in printed
+
+
+# Scenes --------------------------------------------------------------------------------------
+
+
+def test_the_default_camera_is_outside_the_hot_air_and_sees_the_part(
+    run: Run, hot: HotBlock
+) -> None:
+    printed = run("scene", hot.field, hot.part, "-o", "made/scene.xml", "--layers=3")
+    assert "iriftrace render made/scene.xml" in printed
+    assert max(map(len, printed.splitlines())) <= 80
+    run("render", "made/scene.xml", "-D", "scale=0.05", "--no-figures")
+    metrics = metrics_of("made/scene.json")
+    temperature = iriftrace.read_field(hot.field).sample(metrics["pose"]["origin_mm"])
+    assert not np.any(temperature < 0.999 * AIR.ambient_refractivity)  # NaN outside the data
+    rays = metrics["rays"]
+    assert rays["good"] > 0.99 * rays["hit"] > 100
+
+
+def test_the_camera_of_isosurfaces_stands_outside_them(run: Run, hot: HotBlock) -> None:
+    """Without a field, the shells themselves tell where the air is hot."""
+    surfaces = hot.scene.parent / "shells" / "shells.vtm"
+    options = ("--isosurfaces", "--focus=0:inf", "--resolution=60,50", "--scale=1")
+    run("scene", surfaces, hot.part, "-o", "made/scene.xml", *options)
+    run("render", "made/scene.xml", "--no-figures")
+    metrics = metrics_of("made/scene.json")
+    outermost = np.abs(load_shells("made/shells").shells[0].vertices).max()
+    assert np.abs(metrics["pose"]["origin_mm"]).max() > outermost
+    assert metrics["camera"]["focus_mm"] == [0.0, None]
+    assert main(["scene", str(surfaces), str(hot.part), "-o", "in.xml", *options,
+                 "--origin=9,0,0", "--target=0,0,0"]) == 2  # fmt: skip
+
+
+def test_the_given_camera_comes_back(run: Run, hot: HotBlock) -> None:
+    run(
+        *("scene", hot.field, hot.part, "-o", "made/scene.xml", "--layers=2"),
+        *("--origin=60,-45,70", "--target=1,2,3", "--up=0,1,0", "--focal-length=2 cm"),
+        *("--sensor=6,5 mm", "--resolution=120,80", "--principal-point=61.5,38", "--scale=0.5"),
+        *("--normals=facet", "--focus=50:250"),
+    )
+    run("render", "made/scene.xml", "-D", "scale=1", "--no-figures")
+    metrics = metrics_of("made/scene.json")
+    camera = metrics["camera"]
+    assert camera["focal_length_mm"] == 20.0
+    assert camera["sensor_mm"] == [6.0, 5.0]
+    assert camera["resolution"] == [120, 80]
+    assert camera["principal_point_px"] == [61.5, 38.0]
+    assert camera["focus_mm"] == [50.0, 250.0]
+    assert metrics["assumptions"]["normals"] == "facet"
+    matrix = np.array(metrics["pose"]["matrix"])
+    origin, target = np.array((60.0, -45.0, 70.0)), np.array((1.0, 2.0, 3.0))
+    np.testing.assert_allclose(matrix[:3, 3], origin, atol=1e-9)
+    axis = (target - origin) / np.linalg.norm(target - origin)
+    np.testing.assert_allclose(matrix[:3, 2], axis, atol=1e-9)
+    assert matrix[1, 1] < 0  # y is down in the picture, and up is +y
+    assert abs(matrix[1, 0]) < 1e-9
+
+
+# Rendering -----------------------------------------------------------------------------------
+
+STATISTICS = {"mean", "median", "p95", "max"}
+NUMBERS = {
+    *("rays", "displacement_mm", "displacement_lateral_mm", "displacement_axial_mm", "shift_px"),
+    *("lateral_resolution_mm", "axial_resolution_mm", "incidence_angle_deg"),
+    *("coverage", "coverage_area"),
+}
+
+
+def without_times(metrics: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in metrics.items() if key != "time_s"}
+
+
+def test_metrics_have_every_key_of_the_schema(hot: HotBlock) -> None:
+    metrics = metrics_of(hot.image.with_suffix(".json"))
+    assert metrics["schema"] == "iriftrace.pose/1"
+    rays = metrics["rays"]
+    assert rays.keys() == {"launched", "hit", "open_boundary", *(s.key for s in Status)}
+    assert rays["launched"] == 12_000 == sum(rays[s.key] for s in Status)
+    assert metrics.keys() >= NUMBERS | {"shell_triangles_in_view", "camera", "assumptions"}
+    assert metrics["displacement_mm"].keys() == STATISTICS | {"rms"}
+    assert metrics["shift_px"].keys() == STATISTICS
+    times = metrics["time_s"]
+    steps = ("load", "build", "straight", "refracted", "metrics", "write", "figures")
+    assert times.keys() == {*steps, "total"}
+    assert all(times[step] > 0 for step in steps)
+    assert times["total"] == pytest.approx(sum(times[step] for step in steps), rel=0.5)
+    assert np.shape(metrics["pose"]["matrix"]) == (4, 4)
+    assert metrics["pose"]["origin_mm"] == pytest.approx([60, -45, 70])
+    assert metrics["assumptions"].keys() >= {
+        *("engine", "index_rule", "normals", "field_source", "field_time", "field_symmetry"),
+        *("open_boundary", "camera", "optics", "sampling", "air"),
+    }
+    regions = metrics["regions"]
+    assert regions.keys() == {f"plane {sign}{axis}" for sign in "+-" for axis in "xyz"}
+    for region in regions.values():
+        assert region.keys() >= NUMBERS
+    seen = {name for name, region in regions.items() if region["coverage"]}
+    assert seen == {"plane +x", "plane -y", "plane +z"}
+    assert regions["plane -x"]["displacement_mm"]["median"] is None  # fewer than 100 good rays
+    assert sum(region["rays"]["good"] for region in regions.values()) == rays["good"]
+
+
+def test_channels_as_openexr_reads_them(hot: HotBlock) -> None:
+    """float32, exactly the listed ones, no NaN, and a header that says where it comes from."""
+    with OpenEXR.File(str(hot.image), separate_channels=True) as file:
+        channels, header = file.channels(), file.header()
+        assert set(channels) == set(CHANNELS)
+        assert len(CHANNELS) == 17
+        for channel in channels.values():
+            assert channel.type() == OpenEXR.FLOAT
+            assert channel.pixels.shape == (100, 120)
+            assert np.isfinite(channel.pixels).all()
+        assert {name for name in header if name.startswith("iriftrace.")} >= {
+            f"iriftrace.{key}"
+            for key in (
+                *("schema", "version", "camera", "pose", "engine", "index_rule", "normals"),
+                *("wavelength_nm", "field", "part", "variant", "length_unit", "time_s"),
+            )
+        }
+        part = json.loads(header["iriftrace.part"])
+        assert part["sha256"] == iriftrace.read_part(hot.scene.parent / "part.ply").sha256
+        assert json.loads(header["iriftrace.field"])["path"] == str(hot.field)
+
+
+def test_outputs_lie_where_they_are_expected(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    """Beside the scene by default; and a scene folder can be moved as a whole."""
+    shutil.copytree(
+        hot.scene.parent, tmp_path / "moved", ignore=shutil.ignore_patterns("scene.[ejp]*")
+    )
+    printed = run("render", "moved/scene.xml")
+    assert "Files: moved/scene.exr, moved/scene.json, moved/scene.png" in printed
+    assert {p.name for p in (tmp_path / "moved").glob("scene.*")} == {
+        *("scene.xml", "scene.exr", "scene.json", "scene.png")
+    }
+    run("render", "moved/scene.xml", "-o", "other.exr", "--no-figures", "--variant=llvm_ad_mono")
+    assert {path.name for path in tmp_path.iterdir()} == {"moved", "other.exr", "other.json"}
+    first, second = channels_of("moved/scene.exr"), channels_of("other.exr")
+    assert all(np.array_equal(first[name], second[name]) for name in CHANNELS)
+
+
+def test_definitions_change_the_scene(run: Run, hot: HotBlock) -> None:
+    options = ("-D", "scale=0.5", "-D", "normals=facet", "--no-figures", "--include=5")
+    printed = run("render", hot.scene, "-o", "half.exr", *options)
+    metrics = metrics_of("half.json")
+    assert metrics["camera"]["resolution"] == [60, 50]
+    assert metrics["assumptions"]["normals"] == "facet"
+    assert metrics["assumptions"]["included_rays"] == ["good", "index_mismatch"]
+    assert "good, index_mismatch" in printed
+
+
+def edited(hot: HotBlock, folder: Path, pattern: str, new: str) -> Path:
+    """A copy of the scene, changed by hand."""
+    shutil.copytree(hot.scene.parent, folder)
+    xml = folder / hot.scene.name
+    text, count = re.subn(pattern, new, xml.read_text(), flags=re.DOTALL)
+    assert count == 1
+    xml.write_text(text)
+    return xml
+
+
+def test_a_view_with_too_few_rays_says_so(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    printed = run("render", hot.scene, "-o", "tiny.exr", "-D", "scale=0.1", "--no-figures")
+    assert re.search(r"displacement +│ fewer than 100 good rays, so no numbers", printed)
+    metrics = metrics_of("tiny.json")
+    assert 0 < metrics["rays"]["good"] < 100
+    assert metrics["displacement_mm"]["median"] is None
+
+
+def test_a_moved_camera(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    scene = edited(hot, tmp_path / "s", r'lookat origin="[^"]*"', 'lookat origin="-70, -45, 60"')
+    run("render", scene, "--no-figures")
+    metrics = metrics_of(scene.with_suffix(".json"))
+    assert metrics["pose"]["origin_mm"] == [-70.0, -45.0, 60.0]
+    assert metrics["regions"]["plane +x"]["coverage"] is None
+    assert metrics["regions"]["plane -x"]["coverage"] > 0.9
+
+
+def test_a_dropped_shell(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    """Every ray that met all four shells meets three, and is bent less."""
+    scene = edited(hot, tmp_path / "s", r'<shape type="ply" id="shell_02">.*?</shape>', "")
+    run("render", scene, "--no-figures")
+    four, three = channels_of(hot.image), channels_of(scene.with_suffix(".exr"))
+    good = (four["status.code"] == 0) & (three["status.code"] == 0)
+    assert good.sum() > 3500
+    less = four["path.crossings"][good] - three["path.crossings"][good]
+    assert np.median(less) == 1
+    assert less.min() >= 0
+    norms = [np.median(image["displacement.norm"][good]) for image in (four, three)]
+    assert norms[1] < 0.9 * norms[0]
+
+
+def test_a_stock_sensor(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    """Mitsuba's perspective camera with the same view sees the same, in single precision."""
+    fov = math.degrees(2.0 * math.atan(3.0 / 20.0))
+    pose = re.search(
+        r'<transform name="to_world">.*?</transform>', hot.scene.read_text(), re.DOTALL
+    )
+    film = re.search(r'<film type="hdrfilm">.*?</film>', hot.scene.read_text(), re.DOTALL)
+    assert pose
+    assert film
+    film_text = film[0].replace('"scale"', '"unused"')
+    sensor = (
+        f'<sensor type="perspective"><float name="fov" value="{fov!r}"/>'
+        f'<string name="fov_axis" value="x"/><float name="near_clip" value="1"/>'
+        f'<float name="far_clip" value="1000"/>{pose[0]}{film_text}</sensor>'
+    )
+    scene = edited(hot, tmp_path / "s", r"<sensor.*</sensor>", sensor)
+    scene.write_text(scene.read_text().replace('<default name="scale" value="1.0"/>', ""))
+    run("render", scene, "--no-figures")
+    ours, stock = channels_of(hot.image), channels_of(scene.with_suffix(".exr"))
+    good = (ours["status.code"] == 0) & (stock["status.code"] == 0)
+    assert good.sum() > 3700
+    for axis in "XYZ":
+        off = np.abs(ours[f"straight.{axis}"][good] - stock[f"straight.{axis}"][good])
+        assert np.percentile(off, 99) < 2e-3
+    assert metrics_of(scene.with_suffix(".json"))["camera"]["projection"] == "pinhole"
+
+
+# Reduction -----------------------------------------------------------------------------------
+
+
+def test_metrics_again(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    """The numbers that render wrote, from the EXR alone; times apart."""
+    shutil.copy(hot.image, tmp_path / "a.exr")
+    printed = run("metrics", "a.exr")
+    assert "Metrics in a.json" in printed
+    written = metrics_of(hot.image.with_suffix(".json"))
+    assert without_times(metrics_of("a.json")) == without_times(written)
+    shutil.copy(hot.scene.parent / "part.ply", tmp_path / "elsewhere.ply")
+    run("metrics", "a.exr", "--part", "elsewhere.ply", "-o", "b.json")
+    assert without_times(metrics_of("b.json")) == without_times(written)
+
+
+def test_metrics_need_no_mitsuba(hot: HotBlock, tmp_path: Path) -> None:
+    code = (
+        "import sys; from iriftrace.cli import main; assert main(sys.argv[1:]) == 0;"
+        "print(*{'mitsuba', 'drjit'} & set(sys.modules))"
+    )
+    done = python("-c", code, "metrics", str(hot.image), "-o", "a.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == ""
+
+
+# The same from Python ------------------------------------------------------------------------
+
+
+def test_python_gives_the_numbers_of_the_commands(hot: HotBlock, tmp_path: Path) -> None:
+    field = iriftrace.read_field(hot.field)
+    part = iriftrace.read_part(hot.part)
+    shells = iriftrace.contour_shells(field, layers=4)
+    camera = iriftrace.Camera(
+        focal_length_mm=20.0,
+        sensor_mm=(6.0, 5.0),
+        resolution=(120, 100),
+        focus_mm=(50.0, 250.0),
+        matrix=iriftrace.look_at(origin=(60.0, -45.0, 70.0), target=part.centre),
+    )
+    scene = iriftrace.load_scene(iriftrace.write_scene(tmp_path / "scene", part, shells, camera))
+    rendering = iriftrace.render_scene(scene)
+    exr, report = rendering.save(tmp_path / "out.exr")
+    typed = metrics_of(hot.image.with_suffix(".json"))
+    for key in NUMBERS - {"coverage"}:
+        assert metrics_of(report)[key] == typed[key]
+    assert iriftrace.read_exr(exr).resolution == (120, 100)
+    hits = iriftrace.trace_rays(scene, [(0.0, -50.0, 1.0)], [(0.0, 1.0, 0.0)])
+    assert hits.straight[0] == pytest.approx((0.0, -hot_block.HALF, 1.0), abs=1e-5)

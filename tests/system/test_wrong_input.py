@@ -1,0 +1,554 @@
+"""Wrong input: exit code 2, one readable message, nothing half written, no traceback."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+import hot_block
+import numpy as np
+import OpenEXR
+import pytest
+import pyvista as pv
+import trimesh
+from hot_block import HotBlock
+
+from iriftrace.cli import main
+
+Failing = Callable[..., str]
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Every name below a folder, with the hash of the files."""
+    return {
+        str(path.relative_to(folder)): sha256(path.read_bytes()).hexdigest()
+        if path.is_file()
+        else "folder"
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+@pytest.fixture
+def fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Failing:
+    """Run the program in a fresh folder; returns its only message once all promises are kept."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str | Path) -> str:
+        before = contents(tmp_path)
+        capsys.readouterr()
+        code = main([str(word) for word in arguments])
+        said = capsys.readouterr()
+        print(said.err)
+        assert code == 2, said
+        assert "Traceback" not in said.err
+        (line,) = [line for line in said.err.splitlines() if not line.startswith("warning:")]
+        assert line.startswith("error: ")
+        message = line.removeprefix("error: ")
+        assert re.match(r"[A-Z0-9`'\"-]|\S*[./]\S*|n - 1", message)
+        assert message[-1] in ".!?"
+        assert len(message) < 400
+        assert contents(tmp_path) == before, "something was written"
+        return message
+
+    return run
+
+
+@pytest.fixture
+def scene(hot: HotBlock, tmp_path: Path) -> Path:
+    """A copy of the scene folder that a test may spoil; returns its XML."""
+    shutil.copytree(hot.scene.parent, tmp_path / "scene")
+    return tmp_path / "scene" / "scene.xml"
+
+
+# Options of every kind -----------------------------------------------------------------------
+
+OPTIONS = {
+    "no layers": ("--layers=0", "0 layers"),
+    "negative layers": ("--layers=-3", "-3 layers"),
+    "far too many layers": ("--layers=1000000000", "at most 10000"),
+    "no number": ("--layers=many", "many"),
+    "no whole number": ("--layers=2.5", "2.5"),
+    "ambient without value": ("--ambient", "ambient"),
+    "unknown unit": ("--ambient='20 degX'", "20 degX"),
+    "other dimension": ("--ambient='20 mm'", "20 mm"),
+    "no temperature": ("--ambient=warm", "warm"),
+    "below absolute zero": ("--ambient='-300 degC'", "-26.85|-300"),
+    "ambient out of range": ("--ambient='900 degC'", "900|1173"),
+    "wavelength out of range": ("--wavelength='10 um'", "10000 nm|10 um"),
+    "negative pressure": ("--pressure=-5", "-5"),
+    "humidity in percent": ("--humidity=50", "50.*0 to 1|50.*between 0 and 1"),
+    "negative humidity": ("--humidity=-0.1", "-0.1"),
+    "co2 not a number": ("--co2=nan", "nan|finite"),
+    "unknown model": ("--air-model=owens", "ciddor"),
+    "unknown array": ("--array=U", "'U'.*T"),
+    "unknown quantity": ("--quantity=pressure", "temperature"),
+    "quantity that is not there": ("--quantity=density", "density"),
+    "wrong quantity": ("--array=T --quantity=index", "index"),
+    "unknown temperature unit": ("--temperature-unit=F", "degC"),
+    "unknown length unit": ("--field-length-unit=parsec", "parsec"),
+    "unknown transform": ("--field-transform='turn x 90'", "turn x 90"),
+    "transform that flattens": ("--field-transform='scale 0'", "singular"),
+    "transform with missing numbers": ("--field-transform='1 0 0 0'", "16"),
+    "index range with one end": ("--index-range=2.7e-4", "OUTSIDE:INSIDE"),
+    "index range reversed": ("--index-range='1000 degC:20 degC'", "ambient"),
+    "index range of words": ("--index-range=cold:hot", "cold"),
+    "index range of n": ("--index-range=1.00027:1.00006", '"1.00027".*no n - 1'),
+    "index range without units": ("--index-range=20:1000", "20 degC"),
+    "index range outside the field": ("--index-range='-30 degC:10 degC'", "no surface"),
+    "levels out of range": ("--levels=3e-4,1e-4", "0.0003"),
+    "levels of words": ("--levels=a,b", "a,b"),
+    "levels twice the same": ("--levels=1e-4,1e-4", "different"),
+    "levels with a gap": ("--levels=2e-4,,1e-4", "levels"),
+    "unknown rule": ("--rule=inner", "midpoint"),
+    "negative size": ("--min-size=-1", "-1"),
+    "size of time": ("--min-size='1 s'", "1 s"),
+    "negative smoothing": ("--smooth=-1", "-1"),
+    "negative subdivision": ("--subdivide=-2", "-2"),
+    "unknown option": ("--colour=red", "colour"),
+    "surplus word": ("surplus", "surplus"),
+    "unknown field time": ("--field-time=now", "snapshot"),
+}
+
+
+@pytest.mark.parametrize(("options", "words"), OPTIONS.values(), ids=OPTIONS.keys())
+def test_shell_options(fails: Failing, hot: HotBlock, options: str, words: str) -> None:
+    message = fails("shells", hot.field, "-o", "shells", *shlex.split(options))
+    assert re.search(words, message)
+
+
+PART_OPTIONS = {
+    "unknown length unit": ("--length-unit=feet", "feet"),
+    "unknown transform": ("--part-transform='rotate w 90'", "rotate w 90"),
+    "expansion without temperature": ("--expansion=14e-6/K", "hot temperature"),
+    "expansion that is none": ("--expansion=14 --hot-temperature=1000", "14"),
+    "expansion of a length": ("--expansion='14 mm'", "14 mm"),
+    "hot temperature of words": ("--hot-temperature=hot", "hot"),
+    "negative kelvin": ("--hot-temperature=-5 --expansion=14e-6", "-5"),
+    "angle of nothing": ("--region-angle=0", "angle"),
+    "part in another place": ("--part-transform='translate 500 0 0'", "translate -500"),
+    "part in metres": ("--length-unit=m", "--field-length-unit m"),
+    "field in metres": ("--field-length-unit=m", "--length-unit m"),
+    "field elsewhere": ("--field-transform='translate 0 0 90'", "does not reach"),
+}
+
+
+@pytest.mark.parametrize("command", ["shells", "scene"])
+@pytest.mark.parametrize(("options", "words"), PART_OPTIONS.values(), ids=PART_OPTIONS.keys())
+def test_part_options(
+    fails: Failing, hot: HotBlock, command: str, options: str, words: str
+) -> None:
+    """A field that does not reach the part is refused, and the mistaken unit is named."""
+    output = {"shells": "out", "scene": "out/scene.xml"}[command]
+    part = ["--part", hot.part] if command == "shells" else [hot.part]
+    message = fails(command, hot.field, *part, "-o", output, "--layers=2", *shlex.split(options))
+    assert re.search(words, message)
+
+
+CAMERA_OPTIONS = {
+    "no focal length": ("--focal-length=0", "Focal length is 0"),
+    "negative focal length": ("--focal-length='-10 mm'", "-10"),
+    "focal length of words": ("--focal-length=long", "long"),
+    "negative sensor": ("--sensor='-6 mm,5 mm'", "-6"),
+    "sensor with one side": ("--sensor='6 mm'", "width and height"),
+    "resolution with one side": ("--resolution=100", "2 numbers"),
+    "no resolution": ("--resolution=0,100", "0 x 100"),
+    "broken resolution": ("--resolution=100.5,100", "100.5"),
+    "endless resolution": ("--resolution=inf,100", "inf"),
+    "focus with a dash": ("--focus=50-250", "50-250"),
+    "focus reversed": ("--focus=250:50", "250"),
+    "focus not a number": ("--focus=nan:250", "nan"),
+    "origin with two numbers": ("--origin=1,2", "3 numbers"),
+    "origin is target": ("--origin=1,2,3 --target=1,2,3", "same point"),
+    "origin in the part": ("--origin=0,0,3", "part"),
+    "origin in hot air": ("--origin=8,0,0", "hot air"),
+    "endless origin": ("--origin=inf,0,0", "finite"),
+    "no up": ("--up=0,0,0", "up"),
+    "principal point with three numbers": ("--principal-point=1,2,3", "2 numbers"),
+    "principal point not a number": ("--principal-point=nan,50", "nan|finite"),
+    "no scale": ("--scale=0", "cale is 0"),
+    "scale not a number": ("--scale=nan", "cale is nan"),
+    "unknown normals": ("--normals=smooth", "gradient"),
+}
+
+
+@pytest.mark.parametrize(("options", "words"), CAMERA_OPTIONS.values(), ids=CAMERA_OPTIONS.keys())
+def test_camera_options(fails: Failing, hot: HotBlock, options: str, words: str) -> None:
+    output = ("-o", "out/scene.xml", "--layers=2")
+    message = fails("scene", hot.field, hot.part, *output, *shlex.split(options))
+    assert re.search(words, message)
+
+
+COMMANDS = {
+    "unknown command": ("sing", "sing"),
+    "no field": ("shells -o out", "needs FIELD"),
+    "no output": ("shells air.vtu", "needs -o"),
+    "no scene": ("render", "needs SCENE"),
+    "missing field": ("shells gone.vtu -o out", "gone.vtu does not exist"),
+    "missing scene": ("render gone.xml", "gone.xml"),
+    "missing image": ("metrics gone.exr", "gone.exr"),
+    "no name at all": ("render ''", "folder"),
+    "no image name": ("metrics ''", "folder"),
+    "folder as field": ("shells . -o out", "folder"),
+    "folder as scene": ("render .", "folder"),
+    "folder as image": ("metrics .", "folder"),
+    "define without value": ("demo -D scale", "name=value"),
+    "define without name": ("demo -D =0.5", "name=value"),
+    "define unknown": ("demo -D sclae=0.5", "sclae.*scale"),
+    "define nonsense": ("demo -D scale=big", "big"),
+    "define negative": ("demo -D scale=-1", "scale"),
+    "define normals": ("demo -D normals=smooth", "smooth"),
+    "unknown variant": ("demo --variant=fast", "fast"),
+    "scalar variant": ("demo --variant=scalar_rgb", "scalar"),
+}
+
+
+@pytest.mark.parametrize(("line", "words"), COMMANDS.values(), ids=COMMANDS.keys())
+def test_commands(fails: Failing, line: str, words: str) -> None:
+    assert re.search(words, fails(*shlex.split(line)))
+
+
+# Outputs -------------------------------------------------------------------------------------
+
+OUTPUTS = {
+    "scene without name": ("scene {field} {part} -o out", r"\.xml"),
+    "scene into a folder": ("scene {field} {part} -o here", "here is a folder"),
+    "scene in a file": ("scene {field} {part} -o file/scene.xml", "file is a file"),
+    "shells into a file": ("shells {field} -o file", "file is a file"),
+    "shells in a file": ("shells {field} -o file/shells", "file is a file"),
+    "image into a folder": ("render {scene} -o here", "here is a folder"),
+    "image in no folder": ("render {scene} -o gone/out.exr", "gone does not exist"),
+    "image in a file": ("render {scene} -o file/out.exr", "file"),
+    "image that would be the scene": ("render {scene} -o scene.xml", r"\.exr"),
+    "image that would be the metrics": ("render {scene} -o out.json", r"\.exr"),
+    "metrics into a folder": ("metrics {image} -o here", "here is a folder"),
+    "metrics in no folder": ("metrics {image} -o gone/out.json", "gone does not exist"),
+    "metrics that would be the image": ("metrics {image} -o out.exr", r"\.json"),
+    "demo into a file": ("demo -o file", "file is a file"),
+    "a name that is too long": (f"render {{scene}} -o {'x' * 250}.exr", "too long"),
+    "status that is none": ("render {scene} -o out.exr --include=99", "99.*5 index_mismatch"),
+    "status of a word": ("render {scene} -o out.exr --include=good", '"good"'),
+    "status of metrics": ("metrics {image} -o out.json --include=-1", "-1"),
+}
+
+
+@pytest.mark.parametrize(("line", "words"), OUTPUTS.values(), ids=OUTPUTS.keys())
+def test_outputs(fails: Failing, hot: HotBlock, tmp_path: Path, line: str, words: str) -> None:
+    """Found before the work begins, and no output replaces an input."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "file").touch()
+    (tmp_path / "scene.xml").touch()
+    names = {"field": hot.field, "part": hot.part, "scene": hot.scene, "image": hot.image}
+    assert re.search(words, fails(*shlex.split(line.format(**names))))
+
+
+@pytest.mark.parametrize("command", ["shells", "scene", "render", "metrics", "demo"])
+def test_a_folder_that_may_not_be_written(
+    fails: Failing, hot: HotBlock, tmp_path: Path, command: str
+) -> None:
+    closed = tmp_path / "closed"
+    closed.mkdir(mode=0o500)
+    if os.access(closed, os.W_OK):  # whoever may do everything cannot write here
+        closed = Path("/proc")
+    arguments = {
+        "shells": (hot.field, "-o", closed / "shells", "--layers=1"),
+        "scene": (hot.field, hot.part, "-o", closed / "scene.xml", "--layers=1"),
+        "render": (hot.scene, "-o", closed / "out.exr"),
+        "metrics": (hot.image, "-o", closed / "out.json"),
+        "demo": ("-o", closed / "demo", "-D", "scale=0.01"),
+    }[command]
+    assert str(closed) in fails(command, *arguments)
+
+
+def test_the_demo_keeps_a_scene_that_was_changed(fails: Failing, tmp_path: Path) -> None:
+    """The demo itself proposes to change it; the next `make demo` must not undo that."""
+    changed = tmp_path / "out" / "scene" / "scene.xml"
+    changed.parent.mkdir(parents=True)
+    changed.write_text("<scene/>")
+    assert "has been changed" in fails("demo", "-o", "out")
+
+
+def test_the_scene_does_not_replace_the_part(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
+    """Written back in float32 and moved, it would be another part at the next run."""
+    trimesh.load(hot.part).export(tmp_path / "part.ply")
+    assert "would replace" in fails("scene", hot.field, "part.ply", "-o", "scene.xml")
+
+
+# Fields --------------------------------------------------------------------------------------
+
+
+def with_arrays(**arrays: float | np.ndarray) -> pv.UnstructuredGrid:
+    """The hot block's air with other arrays."""
+    grid = hot_block.air()
+    temperature = grid.point_data.pop("T")
+    for name, values in arrays.items():
+        grid.point_data[name] = np.full(grid.n_points, 1.0) * (
+            temperature if values is None else values
+        )
+    return grid
+
+
+def somewhere(value: float) -> np.ndarray:
+    """Temperatures with one of another value."""
+    temperature = np.array(hot_block.air().point_data["T"])
+    temperature[7] = value
+    return temperature
+
+
+FIELDS: dict[str, tuple[Callable[[], pv.DataSet], str]] = {
+    "surface": (lambda: pv.Sphere().cast_to_unstructured_grid(), "no volume cells"),
+    "nothing": (pv.UnstructuredGrid, "no volume cells"),
+    "no array": (with_arrays, "no array.*none"),
+    "no temperature": (lambda: with_arrays(U=1.0, p=2.0), "no array.*U, p"),
+    "ambiguous": (lambda: with_arrays(Temp=None, temperature=None), "Temp, temperature"),
+    "ambiguous to the eye": (lambda: with_arrays(T_old=None, T_new=None), "T_old, T_new"),
+    "not a number": (lambda: with_arrays(T=somewhere(np.nan)), "not a finite number at 1 of"),
+    "infinite": (lambda: with_arrays(T=somewhere(np.inf)), "not a finite number at 1 of"),
+    "negative": (lambda: with_arrays(T=somewhere(-5.0)), "-5 K.*positive"),
+    "zero": (lambda: with_arrays(T=somewhere(0.0)), "0 K.*positive"),
+    "degC as kelvin": (
+        lambda: with_arrays(T=np.array(hot_block.air().point_data["T"]) - 273.15),
+        "degC",
+    ),
+    "no hot air": (lambda: with_arrays(T=hot_block.AMBIENT), "no hot air"),
+    "index that is none": (lambda: with_arrays(n=1.5), "neither an index"),
+    "density of nothing": (lambda: with_arrays(rho=0.0), "must be positive"),
+}
+
+
+@pytest.mark.parametrize(("make", "words"), FIELDS.values(), ids=FIELDS.keys())
+def test_fields(fails: Failing, tmp_path: Path, make: Callable[[], pv.DataSet], words: str) -> None:
+    make().save(tmp_path / "field.vtu")
+    assert re.search(words, fails("shells", "field.vtu", "-o", "shells", "--layers=2"))
+
+
+FILES = {
+    "text called .vtu": ("field.vtu", b"x y z T\n0 0 0 300\n", "field.vtu"),
+    "broken XML called .vtu": ("field.vtu", b"<VTKFile type='Unstr", "field.vtu"),
+    "empty file": ("field.vtk", b"", "field.vtk"),
+    "spreadsheet": ("field.xlsx", b"PK", "can be read here"),
+    "empty collection": ("field.pvd", b"<?xml version='1.0'?><VTKFile/>", "field.pvd"),
+}
+
+
+@pytest.mark.parametrize(("name", "content", "words"), FILES.values(), ids=FILES.keys())
+def test_files_that_are_no_field(
+    fails: Failing, tmp_path: Path, name: str, content: bytes, words: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    assert re.search(words, fails("shells", name, "-o", "shells"))
+
+
+def test_a_volume_as_isosurfaces_and_the_reverse(fails: Failing, hot: HotBlock) -> None:
+    assert "triangles" in fails("shells", hot.field, "-o", "shells", "--isosurfaces")
+    table = hot.scene.parent / "shells" / "shells.vtm"
+    assert "volume" in fails("shells", table, "-o", "shells")
+    assert "smaller than 99 mm" in fails(
+        "shells", table, "-o", "shells", "--isosurfaces", "--min-size=99"
+    )
+
+
+# Parts ---------------------------------------------------------------------------------------
+
+PARTS = {
+    "missing": ("part.ply", None, "part.ply"),
+    "empty": ("part.ply", b"", "damaged or no mesh|no triangles"),
+    "text": ("part.txt", b"cube\n", "format 'txt'"),
+    "text called .stl": ("part.stl", b"cube\n", "part.stl"),
+    "picture": ("part.png", b"\x89PNG\r\n", "format 'png'"),
+    "points": ("part.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no triangles"),
+    "no area": ("part.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no area"),
+    "not a number": ("part.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "NaN"),
+}
+
+
+@pytest.mark.parametrize("command", ["shells", "scene"])
+@pytest.mark.parametrize(("name", "content", "words"), PARTS.values(), ids=PARTS.keys())
+def test_parts(
+    fails: Failing,
+    hot: HotBlock,
+    tmp_path: Path,
+    command: str,
+    name: str,
+    content: bytes | None,
+    words: str,
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    part = ("--part", name) if command == "shells" else (name,)
+    output = {"shells": "out", "scene": "out/scene.xml"}[command]
+    assert re.search(words, fails(command, hot.field, *part, "-o", output, "--layers=1"))
+
+
+def test_a_folder_as_part(fails: Failing, hot: HotBlock) -> None:
+    assert "folder" in fails("scene", hot.field, ".", "-o", "out/scene.xml")
+    assert "folder" in fails("shells", hot.field, "--part", ".", "-o", "out")
+
+
+def test_a_part_that_is_not_closed_is_legitimate(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A scanned surface: one warning says which numbers suffer, and the work goes on."""
+    mesh = hot_block.block().subdivide().subdivide().subdivide()
+    mesh.update_faces(np.arange(len(mesh.faces)) > 0)
+    mesh.export(tmp_path / "open.stl")
+    scene = tmp_path / "scene" / "scene.xml"
+    arguments = ["scene", str(hot.field), str(tmp_path / "open.stl"), "-o", str(scene)]
+    for command in ([*arguments, "--layers=2", *hot_block.CAMERA], ["render", str(scene)]):
+        capsys.readouterr()
+        assert main(command) == 0
+        said = capsys.readouterr().err
+        assert said.count("warning:") == 1
+        assert "is not closed (3 open edges): coverage" in said
+    assert main(["metrics", str(scene.with_suffix(".exr"))]) == 0
+
+
+# Scenes --------------------------------------------------------------------------------------
+
+SCENES = {
+    "broken": ("</scene>", "", "scene.xml"),
+    "no integrator": ('<integrator type="first_hit">', '<integrator type="sniff">', "sniff"),
+    "no part": ('id="part"', 'id="block"', 'id="part"'),
+    "missing part": ("part.ply", "gone.ply", "gone.ply"),
+    "missing shell": ("shell_02.ply", "gone.ply", "gone.ply"),
+    "unknown plugin": ('"iso_shell"', '"iso_shall"', "iso_shall"),
+    "half precision": ('value="float32"', 'value="float16"', "float32"),
+    "blurred film": ('rfilter type="box"', 'rfilter type="gaussian"', "box"),
+    "no focal length": ('"focal_length" value="20.0"', '"focal_length" value="0"', "focal"),
+    "negative sensor": ('"sensor_width" value="6.0"', '"sensor_width" value="-6"', "sensor|Sensor"),
+    "focal length of words": ('"focal_length" value="20.0"', '"focal_length" value="f"', '"f"'),
+    "unread property": ('"focal_length" value="20.0"', '"focus" value="1"', "focus|focal_length"),
+    "out of focus": ('"focus_far" value="250.0"', '"focus_far" value="60"', "in focus.*60 mm"),
+    "index of glass": ('"ext_ior" value="1.0002', '"ext_ior" value="-1.0002', "ext_ior"),
+}
+
+
+def replaced(scene: Path, old: str, new: str) -> None:
+    text = scene.read_text()
+    assert old in text
+    scene.write_text(text.replace(old, new))
+
+
+@pytest.mark.parametrize(("old", "new", "words"), SCENES.values(), ids=SCENES.keys())
+def test_scenes(fails: Failing, scene: Path, old: str, new: str, words: str) -> None:
+    replaced(scene, old, new)
+    assert re.search(words, fails("render", scene, "-o", "out.exr"))
+
+
+POSES = {
+    "in the part": ("0, 0, 3", "0, 0, 0", "inside the part"),
+    "in a shell": ("0, 0, 12", "0, 0, 0", "inside the hot air"),
+    "looking away": ("60, -45, 70", "120, -90, 140", "No ray of the camera hits the part"),
+    "too far": ("600, -450, 700", "0, 0, 0", "in focus"),
+    "not a place": ("nan, 0, 0", "0, 0, 0", ""),
+}
+
+
+@pytest.mark.parametrize(("origin", "target", "words"), POSES.values(), ids=POSES.keys())
+def test_poses(fails: Failing, scene: Path, origin: str, target: str, words: str) -> None:
+    text = scene.read_text()
+    posed = re.sub(r'origin="[^"]*"\s*target="[^"]*"', f'origin="{origin}" target="{target}"', text)
+    assert posed != text
+    scene.write_text(posed)
+    assert re.search(words, fails("render", scene, "-o", "out.exr"))
+
+
+def test_an_integrator_that_computes_light(fails: Failing, scene: Path) -> None:
+    text = re.sub(
+        r"<integrator.*</integrator>",
+        '<integrator type="path"/>',
+        scene.read_text(),
+        flags=re.DOTALL,
+    )
+    assert "path" in text
+    scene.write_text(text.replace('<default name="normals" value="gradient"/>', ""))
+    assert "first_hit" in fails("render", scene, "-o", "out.exr")
+
+
+DEFINITIONS = {
+    "misspelt": ("sclae=0.5", "sclae.*scale"),
+    "nonsense": ("scale=big", "big"),
+    "negative": ("scale=-1", "scale"),
+    "normals": ("normals=smooth", "smooth"),
+    "without value": ("scale", "name=value"),
+    "without name": ("=0.5", "name=value"),
+}
+
+
+@pytest.mark.parametrize(("text", "words"), DEFINITIONS.values(), ids=DEFINITIONS.keys())
+def test_definitions(fails: Failing, hot: HotBlock, text: str, words: str) -> None:
+    assert re.search(words, fails("render", hot.scene, "-o", "out.exr", "-D", text))
+
+
+def test_a_scene_that_is_no_text(fails: Failing, tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_bytes(bytes(range(256)))
+    assert "scene.xml" in fails("render", "scene.xml")
+
+
+def test_a_damaged_table_of_shells(fails: Failing, scene: Path) -> None:
+    (scene.parent / "shells" / "shells.json").write_text("{")
+    assert "shells.json" in fails("render", scene, "-o", "out.exr")
+
+
+def test_a_damaged_mesh(fails: Failing, scene: Path) -> None:
+    part = scene.parent / "part.ply"
+    part.write_bytes(part.read_bytes()[:-20])
+    assert "part.ply" in fails("render", scene, "-o", "out.exr")
+
+
+# Images --------------------------------------------------------------------------------------
+
+
+def foreign(path: Path, header: dict[str, str]) -> Path:
+    """An EXR of another program."""
+    pixels = np.zeros((4, 4), dtype=np.float32)
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, **header}, {"Y": pixels}).write(str(path))
+    return path
+
+
+def test_images_of_others(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
+    (tmp_path / "text.exr").write_text("no picture\n")
+    assert "not an OpenEXR file" in fails("metrics", "text.exr")
+    assert "no AOV image" in fails("metrics", foreign(tmp_path / "theirs.exr", {}))
+    older = foreign(tmp_path / "older.exr", {"iriftrace.schema": "iriftrace.aov/0"})
+    assert "iriftrace.aov/0" in fails("metrics", older)
+    bare = foreign(tmp_path / "bare.exr", {"iriftrace.schema": "iriftrace.aov/1"})
+    assert "channels" in fails("metrics", bare)
+    content = hot.image.read_bytes()
+    (tmp_path / "cut.exr").write_bytes(content[: len(content) // 2])
+    assert "damaged or incomplete" in fails("metrics", "cut.exr")
+
+
+def test_an_image_with_a_poor_header(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
+    """Somebody edited the file and kept the pixels only."""
+    with OpenEXR.File(str(hot.image), separate_channels=True) as file:
+        channels = {name: channel.pixels.copy() for name, channel in file.channels().items()}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "iriftrace.schema": "iriftrace.aov/1"}
+    OpenEXR.File(header, channels).write(str(tmp_path / "poor.exr"))
+    assert "header" in fails("metrics", "poor.exr")
+    assert "header" in fails("metrics", "poor.exr", "--part", hot.part)
+
+
+def test_another_part(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
+    trimesh.creation.icosphere().export(tmp_path / "ball.stl")
+    assert "SHA-256 differs" in fails("metrics", hot.image, "-o", "o.json", "--part", "ball.stl")
+    assert "--part" in fails("metrics", hot.image, "-o", "o.json", "--part", "gone.stl")
+
+
+def test_a_part_that_was_changed_since(
+    fails: Failing, hot: HotBlock, scene: Path, tmp_path: Path
+) -> None:
+    """The numbers of its faces would not fit any more."""
+    assert main(["render", str(scene), "--no-figures"]) == 0
+    part = scene.parent / "part.ply"
+    part.write_bytes(part.read_bytes() + b"\n")
+    assert "SHA-256 differs" in fails("metrics", scene.with_suffix(".exr"))
+    part.unlink()
+    assert "not there" in fails("metrics", scene.with_suffix(".exr"))
+    assert hot.scene.parent.joinpath("part.ply").is_file()
