@@ -1,0 +1,157 @@
+"""The poses of a sweep that can be compared, and the four metrics by which they are."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+Statistic = Literal["mean", "median", "p95"]
+"""Statistic of the displacements in one view."""
+
+Resolution = Literal["step", "nn3d", "nnxy"]
+"""Definition of the resolution: pixel step, nearest neighbour in space, or in the image plane."""
+
+METRICS = ("displacement", "coverage", "axial", "lateral")
+"""Names of the metrics; the coverage is better the larger it is, the others the smaller."""
+
+_DIMENSIONS = {"pose", "region"}
+
+
+@frozen(eq=False)
+class Candidates:
+    """Which of n poses can be compared.
+
+    Attributes
+    ----------
+    metrics : dict of (n,) arrays
+        Values of each of `METRICS` in all poses; mm, and 0..1 for the coverage.
+    eligible : (n,) array of bool
+        The poses that can be compared.
+    reasons : dict
+        Number of each other pose and why it cannot be compared.
+    """
+
+    metrics: dict[str, FloatArray]
+    eligible: BoolArray
+    reasons: dict[int, str]
+
+
+def find_candidates(
+    dataset: xr.Dataset,
+    statistic: str,
+    resolution: str,
+    region: str,
+    min_hits: int,
+    needed: Collection[str],
+) -> Candidates:
+    """The metrics of all poses, and why some of them cannot be compared.
+
+    Parameters
+    ----------
+    dataset, statistic, resolution, region, min_hits
+        As for `iriftrace.planning.rank_poses`.
+    needed
+        Those of `METRICS` without which a pose cannot be compared.
+
+    Raises
+    ------
+    InputError
+        An option is wrong, the dataset is not a sweep, or no pose can be compared.
+    """
+    check_choice("statistic", statistic, get_args(Statistic))
+    check_choice("resolution", resolution, get_args(Resolution))
+    if min_hits < 1:
+        raise InputError(
+            f"The smallest number of good rays is {min_hits}, so views of nothing would be ranked; "
+            "give at least 1."
+        )
+    reading = "" if resolution == "step" else f"_{resolution}"
+    variables = {
+        "displacement": f"displacement_{statistic}",
+        "coverage": "coverage",
+        "axial": f"axial_resolution{reading}",
+        "lateral": f"lateral_resolution{reading}",
+    }
+    column = _region_number(dataset, [*variables.values(), "rays_good"], region)
+    metrics = {name: _column(dataset, v, column) for name, v in variables.items()}
+    good_rays = _column(dataset, "rays_good", column)
+    failures = _failures(dataset)
+    reasons = {}
+    for pose, (failure, rays) in enumerate(zip(failures, good_rays.tolist(), strict=True)):
+        if failure:
+            reasons[pose] = f"failed: {failure}"
+        elif not rays >= 0:
+            reasons[pose] = "not traced"
+        elif rays < min_hits:
+            reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
+    rich = np.ones(len(good_rays), dtype=np.bool_)
+    rich[list(reasons)] = False
+    if not rich.any():
+        pose, reason = next(iter(reasons.items()))
+        raise InputError(
+            f"None of the {len(rich)} poses can be ranked for {region} (pose {pose}: {reason}); "
+            "check where the cameras stand and look, or rank another region."
+        )
+    eligible = rich.copy()
+    for name in needed:
+        known = np.isfinite(metrics[name])
+        if not np.any(known & rich):
+            raise InputError(
+                f"The sweep has no value of {variables[name]} for {region}, so poses cannot be "
+                "compared by it; choose another reading or sweep again with this one."
+            )
+        for pose in np.flatnonzero(rich & ~known).tolist():
+            reasons[pose] = f"{reasons[pose]}, {name}" if pose in reasons else f"no value of {name}"
+        eligible &= known
+    if not eligible.any():
+        raise InputError(
+            f"None of the {len(rich)} poses has all of {', '.join(needed)} for {region}, so none "
+            "can be ranked; give the weight 0 to what is not known."
+        )
+    return Candidates(metrics, eligible, reasons)
+
+
+def _region_number(dataset: xr.Dataset, variables: list[str], region: str) -> int:
+    missing = [v for v in variables if v not in dataset or set(dataset[v].dims) != _DIMENSIONS]
+    if missing or "region" not in dataset.coords:
+        raise InputError(
+            f"This is not a sweep of iriftrace: {missing[0] if missing else 'region'} is missing; "
+            "give the file that `iriftrace sweep` wrote."
+        )
+    if dataset.sizes["pose"] == 0:
+        raise InputError("The sweep has no poses, so there is nothing to rank; run it again.")
+    names = [str(name) for name in dataset["region"].to_numpy()]
+    if region not in names:
+        raise InputError(f"The sweep has no region '{region}'; it has {', '.join(names)}.")
+    return names.index(region)
+
+
+def _column(dataset: xr.Dataset, variable: str, region: int) -> FloatArray:
+    values = np.asarray(dataset[variable].isel(region=region).to_numpy(), dtype=np.float64)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _failures(dataset: xr.Dataset) -> list[str]:
+    if "failure" not in dataset:
+        return [""] * dataset.sizes["pose"]
+    texts = dataset["failure"].to_numpy().tolist()
+    # Text that was never written comes back from some writers as NaN or None.
+    return [text if isinstance(text, str) else "" for text in texts]
+
+
+def check_choice(option: str, value: str, choices: Collection[str]) -> None:
+    """Raise `InputError` for a value that is not one of the choices."""
+    if value not in choices:
+        raise InputError(f"Unknown {option} '{value}'; use one of {', '.join(choices)}.")

@@ -1,0 +1,52 @@
+"""Sweeps as tables typed by hand: what the planning tests rank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+METRIC_VARIABLES = [
+    *(f"displacement_{statistic}" for statistic in ("mean", "median", "p95")),
+    "coverage",
+    *(
+        f"{direction}_resolution{reading}"
+        for direction in ("axial", "lateral")
+        for reading in ("", "_nn3d", "_nnxy")
+    ),
+]
+
+
+def sweep_table(
+    displacement: Sequence[float],
+    coverage: Sequence[float],
+    axial: Sequence[float],
+    lateral: Sequence[float],
+    rays_good: Sequence[int] | int = 1000,
+) -> xr.Dataset:
+    """A sweep with one region, ``part``; unnamed statistics and readings are unknown (NaN)."""
+    count = len(displacement)
+    columns = {name: np.full(count, np.nan) for name in METRIC_VARIABLES}
+    columns["displacement_mean"] = np.asarray(displacement, dtype=float)
+    columns["coverage"] = np.asarray(coverage, dtype=float)
+    columns["axial_resolution"] = np.asarray(axial, dtype=float)
+    columns["lateral_resolution"] = np.asarray(lateral, dtype=float)
+    columns["rays_good"] = np.broadcast_to(np.asarray(rays_good, dtype=np.int64), (count,))
+    return xr.Dataset(
+        {
+            **{name: (("pose", "region"), values[:, None]) for name, values in columns.items()},
+            "failure": ("pose", np.array([""] * count, dtype=object)),
+        },
+        coords={"region": ["part"]},
+    )
+
+
+def two_regions(part: xr.Dataset, other: xr.Dataset, name: str) -> xr.Dataset:
+    """The first table as ``part``, the second one as another region of the same poses."""
+    failure = part["failure"]
+    joined = xr.concat(
+        [part.drop_vars("failure"), other.drop_vars("failure").assign_coords(region=[name])],
+        dim="region",
+    )
+    return joined.assign(failure=failure)
