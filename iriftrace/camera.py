@@ -223,9 +223,9 @@ class Camera:
 
     def to_camera(self, points: ArrayLike) -> FloatArray:
         """(n, 3) points from the world's frame to the camera's, mm."""
-        rotated: FloatArray = (np.asarray(points, dtype=np.float64) - self.origin) @ self.matrix[
-            :3, :3
-        ]
+        offset = np.asarray(points, dtype=np.float64) - self.origin
+        # Not by BLAS, whose threads wait for cores that the tracer's own threads still hold.
+        rotated: FloatArray = np.einsum("ij,jk->ik", offset, self.matrix[:3, :3])
         return rotated
 
     def project(self, points: ArrayLike) -> FloatArray:

@@ -56,12 +56,16 @@ class _Rays:
     incidence: FloatArray
     face: IntArray
     step: Spacing
-    space: Spacing
-    plane: Spacing
+    space: Spacing | None
+    plane: Spacing | None
 
 
 def pose_metrics(
-    image: AovImage, part: Part, *, include: Collection[int] = (Status.GOOD,)
+    image: AovImage,
+    part: Part,
+    *,
+    include: Collection[int] = (Status.GOOD,),
+    nearest: bool = True,
 ) -> dict[str, Any]:
     """Metrics of one pose, ready for JSON.
 
@@ -73,6 +77,9 @@ def pose_metrics(
         The part that the image shows.
     include
         Status codes of the rays that count; 0 and 5 are possible.
+    nearest
+        Whether to search nearest neighbours for the resolutions ``*_nn3d`` and ``*_nnxy``, which
+        takes longer than all the rest; without, they are None.
 
     Returns
     -------
@@ -113,7 +120,9 @@ def pose_metrics(
     coverage = measure_coverage(part, face, footprint)
     _check_sampling(len(face), coverage.visible_faces)
 
-    rays = _gather(image, part, camera, good, hits, face) if len(face) >= FEWEST_RAYS else None
+    rays = None
+    if len(face) >= FEWEST_RAYS:
+        rays = _gather(image, part, camera, good, hits, face, nearest)
     counts = image.header.get("counts") or {}
     region_of_ray = part.region_of_face[face]
     hit = hit_face >= 0
@@ -175,12 +184,13 @@ def _gather(
     good: NDArray[np.bool_],
     hits: FloatArray,
     face: IntArray,
+    nearest: bool,
 ) -> _Rays:
     points = camera.to_camera(hits)
     grid = pixel_grid(good)
     # The search in the plane takes as long as all the rest; SciPy lets go of Python meanwhile.
     with ThreadPoolExecutor(max_workers=1) as pool:
-        plane = pool.submit(nearest_in_plane, points)
+        plane = pool.submit(nearest_in_plane, points) if nearest else None
         sight = lines_of_sight(camera, hits)
         lateral, axial = split_displacement(image.vector("displacement", good), sight)
         shift = image.vector("shift.px", good)
@@ -192,8 +202,8 @@ def _gather(
             incidence=np.degrees(image.channels["incidence.angle"][good].astype(np.float64)),
             face=face,
             step=step_spacing(points, grid, part.smooth_group[face]),
-            space=nearest_in_space(points, grid, camera),
-            plane=plane.result(),
+            space=nearest_in_space(points, grid, camera) if nearest else None,
+            plane=None if plane is None else plane.result(),
         )
 
 
@@ -235,7 +245,9 @@ def _statistics(values: FloatArray) -> dict[str, float]:
     }
 
 
-def _resolution(spacing: Spacing, members: IntArray | slice, reading: str) -> dict[str, Any]:
+def _resolution(spacing: Spacing | None, members: IntArray | slice, reading: str) -> dict[str, Any]:
+    if spacing is None:
+        return {f"{direction}_resolution_mm{reading}": None for direction in ("lateral", "axial")}
     lateral, axial = spacing.lateral[members], spacing.axial[members]
     known = np.isfinite(lateral)
     some = bool(known.any())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Collection
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from iriftrace.channels import CHANNELS
 from iriftrace.errors import InputError
 from iriftrace.exr import SCHEMA, AovImage, write_exr
 from iriftrace.metrics import pose_metrics, write_metrics
-from iriftrace.part_file import sha256_of
+from iriftrace.provenance import provenance
 from iriftrace.scene import LoadedScene, load_scene
 from iriftrace.status import Status
 
@@ -92,6 +91,8 @@ def render_scene(
     *,
     camera: Camera | None = None,
     include: Collection[int] = (0,),
+    nearest: bool = True,
+    empty: bool = False,
 ) -> Rendering:
     """Trace a camera's rays through a scene, bent and unbent, and reduce the hits to metrics.
 
@@ -103,6 +104,10 @@ def render_scene(
         Takes the place of the scene's own sensor.
     include : collection of int
         Status codes whose rays the metrics use.
+    nearest : bool
+        See :func:`iriftrace.metrics.pose_metrics`.
+    empty : bool
+        Whether a picture without a good ray is a result too and not an error.
 
     Returns
     -------
@@ -130,9 +135,10 @@ def render_scene(
         "refracted": report["time_s"]["refracted"],
     }
     image = AovImage(channels, _header(loaded, report, time_s))
-    _refuse_empty(image)
+    if not empty:
+        _refuse_empty(image)
     reduced = time.perf_counter()
-    metrics = pose_metrics(image, loaded.part, include=tuple(include))
+    metrics = pose_metrics(image, loaded.part, include=tuple(include), nearest=nearest)
     done = time.perf_counter()
     metrics["time_s"] = {
         **time_s,
@@ -180,12 +186,14 @@ def trace_rays(
         import drjit as dr
         import mitsuba as mi
 
-        origin, direction = mi.Point3d(*start.T), mi.Vector3d(*heading.T)
+        from iriftrace.plugins.aligned import aligned
+
+        places, headings = (mi.Float64(aligned(rows.ravel())) for rows in (start, heading))
         trace = loaded.integrator.trace(
             loaded.mitsuba_scene,
             lambda ray: (
-                dr.gather(mi.Point3d, dr.ravel(origin), ray),
-                dr.gather(mi.Vector3d, dr.ravel(direction), ray),
+                dr.gather(mi.Point3d, places, ray),
+                dr.gather(mi.Vector3d, headings, ray),
             ),
             len(start),
             focus=focus_mm,
@@ -213,6 +221,14 @@ def trace_rays(
             crossings=np.array(refracted.crossings, dtype=np.int64),
             status=np.array(trace.status, dtype=np.int64),
         )
+
+
+def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
+    """Whether points lie in the hot air or in the part, (n, 3) array, mm, world to (n,) array."""
+    with runtime.using(scene.variant):
+        prepared = scene.integrator.prepare(scene.mitsuba_scene)
+        positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        return np.array([prepared.surroundings(point) is not None for point in positions])
 
 
 def _bundle(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -274,51 +290,17 @@ def _header(
     loaded: LoadedScene, report: dict[str, Any], time_s: dict[str, float]
 ) -> dict[str, Any]:
     camera = report["camera"]
-    table = loaded.shells_table
-    part = loaded.part
-    rule = table.get("rule", "unknown: taken from the scene file")
-    notes = table.get("notes") or {}
-    source = table.get("source")
     return {
         "schema": SCHEMA,
-        "version": version("iriftrace"),
-        "scene": {"path": str(loaded.path), "sha256": sha256_of(loaded.path)},
+        **provenance(loaded, camera["projection"]),
         "camera": camera,
         "pose": {
             "origin_mm": [row[3] for row in camera["matrix"][:3]],
             "matrix": camera["matrix"],
         },
-        "engine": "shells",
-        "index_rule": rule,
-        "normals": loaded.normals,
-        "wavelength_nm": (table.get("air") or {}).get("wavelength_nm"),
-        "field": source,
-        "part": {
-            "path": str(Path(part.path).resolve()),
-            "sha256": part.sha256,
-            "length_unit": part.length_unit,
-            "to_world": loaded.part_to_world.tolist(),
-        },
-        "variant": loaded.variant,
-        "length_unit": "mm",
         "time_s": time_s,
         "counts": {
             "open_boundary": report["open_boundary"],
             "shell_triangles_in_view": report["shell_triangles_in_view"],
-        },
-        "assumptions": {
-            "engine": "nested iso-index shells, Snell's law at each",
-            "index_rule": rule,
-            "normals": loaded.normals,
-            "field_source": f"{source['quantity']} from {source['path']}"
-            if source
-            else "not stated",
-            "field_time": notes.get("time", "not stated"),
-            "field_symmetry": notes.get("symmetry", "not stated"),
-            "open_boundary": "air beyond the data is not modelled",
-            "camera": f"{camera['projection']}, no lens distortion",
-            "optics": "geometric optics, no diffraction",
-            "sampling": "a single ray through each pixel's centre",
-            "air": "static during the exposure",
         },
     }

@@ -48,7 +48,9 @@ def run(arguments: list[str], folder: Path) -> str:
 
 
 def test_commands_run_as_they_stand(folder: Path) -> None:
-    assert [c[1] for c in commands()] == ["doctor", "demo", "scene", "render", "metrics"]
+    assert [c[1] for c in commands()] == [
+        *("doctor", "demo", "scene", "render", "metrics", "sweep", "plan")
+    ]
     for command in commands():
         run(["-m", "iriftrace.cli", *command[1:]], folder)
     assert (folder / "out.exr").is_file()

@@ -1,0 +1,58 @@
+"""Where a result comes from and what it assumes, for the header of every file."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from iriftrace.part_file import sha256_of
+from iriftrace.scene import LoadedScene
+
+
+def provenance(scene: LoadedScene, projection: str) -> dict[str, Any]:
+    """Version, scene, field, part and assumptions in force, as plain JSON values.
+
+    Parameters
+    ----------
+    scene : LoadedScene
+    projection : str
+        Of the camera: ``"pinhole"`` or ``"orthographic"``.
+    """
+    table = scene.shells_table
+    part = scene.part
+    rule = table.get("rule", "unknown: taken from the scene file")
+    notes = table.get("notes") or {}
+    source = table.get("source")
+    return {
+        "version": version("iriftrace"),
+        "scene": {"path": str(scene.path), "sha256": sha256_of(scene.path)},
+        "engine": "shells",
+        "index_rule": rule,
+        "normals": scene.normals,
+        "wavelength_nm": (table.get("air") or {}).get("wavelength_nm"),
+        "field": source,
+        "part": {
+            "path": str(Path(part.path).resolve()),
+            "sha256": part.sha256,
+            "length_unit": part.length_unit,
+            "to_world": scene.part_to_world.tolist(),
+        },
+        "variant": scene.variant,
+        "length_unit": "mm",
+        "assumptions": {
+            "engine": "nested iso-index shells, Snell's law at each",
+            "index_rule": rule,
+            "normals": scene.normals,
+            "field_source": f"{source['quantity']} from {source['path']}"
+            if source
+            else "not stated",
+            "field_time": notes.get("time", "not stated"),
+            "field_symmetry": notes.get("symmetry", "not stated"),
+            "open_boundary": "air beyond the data is not modelled",
+            "camera": f"{projection}, no lens distortion",
+            "optics": "geometric optics, no diffraction",
+            "sampling": "a single ray through each pixel's centre",
+            "air": "static during the exposure",
+        },
+    }
