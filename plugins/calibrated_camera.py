@@ -192,7 +192,9 @@ def plugin_class(variant: str) -> type:
             callback.put("to_world", self.to_world, mi.ParamFlags.NonDifferentiable)
 
         def parameters_changed(self, keys: Any = ()) -> None:
-            pose = np.array(self.to_world.matrix, dtype=np.float64).reshape(4, 4)
+            # Entry by entry: a conversion as a whole would compile a kernel for each pose.
+            matrix = self.to_world.matrix
+            pose = np.array([[float(matrix[i, j][0]) for j in range(4)] for i in range(4)])
             self._description = self._description.at(flip_axes(pose))
             self._projection = Projection(self._description.as_dict())
 

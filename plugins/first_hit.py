@@ -12,6 +12,7 @@ from iriftrace.channels import CHANNELS
 from iriftrace.errors import InputError
 from iriftrace.status import Status
 
+from .aligned import aligned
 from .prepared import PreparedScene
 from .properties import choice, flag, whole_number
 from .stock_sensor import StockSensor
@@ -46,7 +47,7 @@ class Trace(NamedTuple):
 class Bundle(NamedTuple):
     """A trace and what was found of the rays that were not refracted."""
 
-    trace: Trace
+    trace: Trace | None  # None if no ray was to be traced on
     status: Any  # UInt32, every ray of the bundle: its status if it was not traced on
     time_s: dict[str, float]
 
@@ -177,7 +178,14 @@ def plugin_class(variant: str) -> type:
             straight_done = time.perf_counter()
 
             hit = straight.outcome == HIT_PART
+            untraced = dr.select(
+                straight.outcome == HIT_BLOCKER, mi.UInt32(int(Status.BLOCKED)), int(Status.MISSED)
+            )
             chosen = dr.arange(mi.UInt32, count) if trace_all else dr.compress(hit)
+            if dr.width(chosen) == 0:
+                return Bundle(
+                    None, untraced, {"straight": straight_done - started, "refracted": 0.0}
+                )
             origin, direction = rays(chosen)
             refracted = refracted_hits(
                 scene,
@@ -195,9 +203,6 @@ def plugin_class(variant: str) -> type:
             refracted_done = time.perf_counter()
 
             trace = self._finish(prepared, chosen, origin, direction, straight, refracted, focus)
-            untraced = dr.select(
-                straight.outcome == HIT_BLOCKER, mi.UInt32(int(Status.BLOCKED)), int(Status.MISSED)
-            )
             return Bundle(
                 trace,
                 untraced,
@@ -281,17 +286,22 @@ def plugin_class(variant: str) -> type:
             highest = dr.gather(mi.Float64, prepared.highest_wall_index, face, hit) + slack
             missing = dr.abs(entry - ambient)
             fits = (layer > lowest) & (layer < highest)
-            doubtful = dr.compress(hit & ~fits)
+            # A ray without a crossing does not tell in which air it runs, unless the part's wall
+            # has one kind only.
+            silent = hit & (refracted.entry_index == 0) & dr.isfinite(lowest)
+            silent &= (lowest < ambient - 2 * slack) | (highest > ambient + 2 * slack)
+            dr.eval(layer, missing, fits, silent)
+            doubtful = dr.compress(hit & (~fits | silent))
             if dr.width(doubtful) > 0:
                 number = np.array(doubtful)
-                points, normals = self._hits(prepared, refracted, number)
-                near = prepared.layers_near(points, normals)
-                found = np.array(layer)[number]
-                right = (np.abs(found - near) < tables.half_step).any(axis=0)
-                exact = np.array(fits)
-                exact[number] = right
-                fits = mi.Bool(exact)
-            dr.eval(fits)
+                near = prepared.layers_near(*self._hits(prepared, refracted, number))
+                right = (np.abs(np.array(layer)[number] - near) < tables.half_step).any(axis=0)
+                # It has come all its way in the air before the wall then, through an open end.
+                astray = np.array(silent)[number] & ~right
+                steps, exact = np.array(missing), np.array(fits)
+                steps[number[astray]] = np.abs(near[0, astray] - tables.ambient)
+                exact[number] = right | astray
+                missing, fits = mi.Float64(aligned(steps)), mi.Bool(aligned(exact))
             return fits & (missing < open_steps + slack), missing < slack
 
         def _hits(
@@ -352,14 +362,17 @@ def plugin_class(variant: str) -> type:
             status_row = len(CHANNELS) - 1
             dr.scatter(pixels, mi.Float(bundle.status), everywhere + status_row * count)
             dr.eval(pixels)
-            for row, (value, exists) in enumerate(self._channel_values(trace, camera)):
-                dr.scatter(pixels, mi.Float(dr.select(exists, value, 0)), trace.ray + row * count)
-            open_boundary = dr.count(trace.open_boundary)
-            dr.eval(pixels, open_boundary)
+            open_boundary = 0
+            if trace is not None:
+                for row, (value, exists) in enumerate(self._channel_values(trace, camera)):
+                    value = mi.Float(dr.select(exists, value, 0))
+                    dr.scatter(pixels, value, trace.ray + row * count)
+                dr.eval(pixels)
+                open_boundary = int(dr.count(trace.open_boundary)[0])
             dr.sync_thread()
             report = {
                 "time_s": {**bundle.time_s, "channels": time.perf_counter() - started},
-                "open_boundary": int(open_boundary[0]),
+                "open_boundary": open_boundary,
                 "shell_triangles_in_view": self.prepare(scene).tables.triangles_in_view(
                     camera.project64, tuple(description["resolution"])
                 ),

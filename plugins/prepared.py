@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .aligned import aligned
 from .geometry import PART, SceneTables, shell_indices
 from .tracing import crossed_steps, query_step
 
@@ -61,8 +62,8 @@ class PreparedScene:
         import mitsuba as mi
 
         directions = _directions(256)
-        origin = mi.Point3d(*np.repeat(point[:, None], len(directions), axis=1))
-        direction = mi.Vector3d(*directions.T)
+        origin = mi.Point3d(*(aligned(np.full(len(directions), x)) for x in point))
+        direction = mi.Vector3d(*(aligned(x) for x in directions.T))
         _, enclosed = crossed_steps(self.scene, self.tables, origin, direction, self.step)
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
         hit = self.opaque.ray_intersect_preliminary(ray)
@@ -106,13 +107,14 @@ class PreparedScene:
         """
         import mitsuba as mi
 
+        direction = mi.Vector3d(*(aligned(x) for x in directions.T))
         index = np.array(
             [
                 crossed_steps(
                     self.scene,
                     self.tables,
-                    mi.Point3d(*(points + shift * directions).T),
-                    mi.Vector3d(*directions.T),
+                    mi.Point3d(*(aligned(x) for x in (points + shift * directions).T)),
+                    direction,
                     self.step,
                 )[0]
                 for shift in (WALL_STEPS * self.step, -WALL_STEPS * self.step)

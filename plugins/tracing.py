@@ -18,6 +18,9 @@ ESCAPED, HIT_PART, HIT_BLOCKER, GAVE_UP = range(4)
 SAME_CROSSING_STEPS = 20
 """Within this many steps, a second crossing of one shell in one direction is the same crossing."""
 
+LEAST_COMPONENT = 1e-9
+"""Least component of a queried direction; it turns a ray by far less than single precision does."""
+
 QUERY_ERROR_STEPS = 40
 """Steps by which a single precision query can be wrong across the ray, generously."""
 
@@ -58,9 +61,15 @@ def query_step(scene: Any) -> float:
 
 
 def _query(scene: Any, origin: Any, direction: Any, coherent: bool, active: Any) -> Any:
+    import drjit as dr
     import mitsuba as mi
 
-    ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
+    # Embree's traversal of coherent packets loses rays, a whole packet at a time, when one of them
+    # runs exactly along a plane of two axes (as the central column's do in a picture of odd width).
+    queried = mi.Vector3f(
+        *(dr.select(dr.abs(x) < LEAST_COMPONENT, LEAST_COMPONENT, x) for x in direction)
+    )
+    ray = mi.Ray3f(mi.Point3f(origin), queried)
     return scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
 
 

@@ -30,8 +30,11 @@ def edge_distance(scene: LoadedScene, points: np.ndarray, faces: np.ndarray) -> 
 
 @pytest.mark.usefixtures("variant")
 def test_index_matched_shells_of_the_real_scene_displace_nothing(tmp_path: Path) -> None:
-    """Displacement <= 1e-9 mm but where a hit lies so close to an edge that the other ray takes the
-    neighbouring triangle; there the angle between the two faces limits it. No ray is lost, none miscounted."""
+    """Displacement <= 1e-9 mm, no ray lost, none miscounted.
+
+    Except where a hit lies so close to an edge that the other ray takes the neighbouring triangle;
+    there the angle between the two faces limits it.
+    """
     shutil.copytree(folder_of("cylinder"), tmp_path / "scene")
     xml = tmp_path / "scene" / "scene.xml"
     text = xml.read_text()

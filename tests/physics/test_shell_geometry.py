@@ -92,7 +92,7 @@ def test_real_shells_are_without_cracks_and_wound_consistently(plume, shells):
 
 
 def test_cooler_shells_leave_through_the_top_and_hotter_ones_are_closed(plume, shells):
-    # DESIGN fact 9: 8 of the cylinder's 13 shells are open where the plume leaves.
+    # 8 of the cylinder's 13 shells are open where the plume leaves.
     reports = report_shells(shells, plume)
     open_on_top = [r.layer for r in reports if "data boundary" in dict(r.open_at)]
     assert open_on_top == [1, 2, 3, 4, 5, 6, 7, 8]
@@ -123,7 +123,7 @@ def test_vertices_have_their_shells_index(plume, shells):
 
 
 def test_index_steps_along_a_line_add_up_to_the_layers_at_its_ends(plume, shells):
-    # DESIGN fact 9, by brute force and without any tracer: crossing a shell inward adds
+    # By brute force and without any tracer: crossing a shell inward adds
     # int - ext, outward the reverse, and the sum leads from the first end's layer to the second's.
     rng = np.random.default_rng(7)
     low, high = np.array(plume.grid.bounds).reshape(3, 2).T

@@ -1,0 +1,291 @@
+"""The sensor calibrated_camera against the pinhole's closed form and iriftrace.camera.Camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iriftrace.camera import Camera, look_at
+from iriftrace.plugins.calibrated_camera import sensor_of
+from tests.small_scenes import camera, channels, film, part, scene, vector
+
+pytestmark = pytest.mark.usefixtures("variant")
+
+SENSOR_MM = (6.7, 5.6)
+PAPER = {"focal_length": 10.0, "sensor_width": SENSOR_MM[0], "sensor_height": SENSOR_MM[1]}
+PAPER_FILM = {"width": 2448, "height": 2048}
+POSE = ((150.0, -100.0, 120.0), (3.0, -2.0, 1.0))
+
+
+def loaded(origin: Any = POSE[0], target: Any = POSE[1], **more: Any) -> Any:
+    import mitsuba as mi
+
+    return mi.load_dict(camera(origin, target, **{"film": film(**PAPER_FILM), **PAPER, **more}))
+
+
+def rays(sensor: Any, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    import mitsuba as mi
+
+    positions = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    origin, direction = sensor.rays64(*(mi.Float64(p) for p in positions.T))
+    return np.array(origin).T, np.array(direction).T
+
+
+def projected(sensor: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    import mitsuba as mi
+
+    x, y, in_front = sensor.project64(mi.Point3d(*np.asarray(points, dtype=np.float64).T))
+    return np.stack((np.array(x), np.array(y)), axis=1), np.array(in_front)
+
+
+def closed_form(pixels: np.ndarray, centre: tuple[float, float] = (1224.0, 1024.0)) -> np.ndarray:
+    """Unit directions through image positions, by angles: no code shared with the package.
+
+    A pixel is 2.7369 um wide and 2.7344 um high; the sensor is 10 mm behind the pinhole.
+    """
+    forward = np.subtract(POSE[1], POSE[0])
+    forward = forward / np.linalg.norm(forward)
+    heading, rise = np.arctan2(forward[1], forward[0]), np.arcsin(forward[2])
+    across = (pixels[:, 0] - centre[0]) * 6.7 / 2448
+    along = (centre[1] - pixels[:, 1]) * 5.6 / 2048
+    # Camera at the origin that looks along x: right is -y, up is z; then rise, then heading.
+    local = np.stack((np.full(len(pixels), 10.0), -across, along), axis=1)
+    cos, sin = np.cos(rise), np.sin(rise)
+    tilted = local @ np.array(((cos, 0, sin), (0, 1, 0), (-sin, 0, cos)))
+    cos, sin = np.cos(heading), np.sin(heading)
+    turned = tilted @ np.array(((cos, sin, 0), (-sin, cos, 0), (0, 0, 1)))
+    return turned / np.linalg.norm(turned, axis=1, keepdims=True)
+
+
+PIXELS = np.array(
+    [(0.5, 0.5), (2447.5, 0.5), (0.5, 2047.5), (2447.5, 2047.5), (1224.0, 1024.0), (700.5, 99.5)]
+)
+
+
+def test_rays_go_through_the_pixels_centres() -> None:
+    """1e-6 px is demanded; double precision gives 1e-9 px (a pixel spans 2.7e-4 rad)."""
+    origins, directions = rays(loaded(), PIXELS)
+    np.testing.assert_array_equal(origins, np.tile(POSE[0], (len(PIXELS), 1)))
+    np.testing.assert_allclose(directions, closed_form(PIXELS), atol=2.7e-4 * 1e-9)
+
+
+def test_pixels_need_not_be_square() -> None:
+    """The paper's pixels are 2.7369 x 2.7344 um; taken for square, a corner is off by a pixel."""
+    _, directions = rays(loaded((0, 0, 0), (0, 1, 0)), PIXELS)
+    slope = directions / directions[:, 1:2]
+    pitch = slope[:, (0, 2)] / (PIXELS - (1224, 1024) + 1e-300) * 10e3
+    np.testing.assert_allclose(pitch[:4, 0], 2.736928, atol=1e-6)
+    np.testing.assert_allclose(pitch[:4, 1], -2.734375, atol=1e-9)
+    as_if_square = slope[0, 2] * 10 / (6.7 / 2448)
+    assert abs(as_if_square - 1023.5) > 0.9
+
+
+def test_principal_point_moves_the_axis_not_the_scale() -> None:
+    sensor = loaded(principal_point_x=1200.25, principal_point_y=1030.5)
+    forward = np.subtract(POSE[1], POSE[0]) / np.linalg.norm(np.subtract(POSE[1], POSE[0]))
+    _, axis = rays(sensor, np.array([(1200.25, 1030.5)]))
+    np.testing.assert_allclose(axis[0], forward, atol=1e-15)
+    _, directions = rays(sensor, PIXELS)
+    np.testing.assert_allclose(directions, closed_form(PIXELS, (1200.25, 1030.5)), atol=1e-12)
+
+
+@pytest.mark.parametrize("scale", [0.5, 0.25, 2.0])
+def test_scale_changes_the_pixels_not_the_view(scale: float) -> None:
+    """The film is resized; the same place of the sensor sees the same direction."""
+    whole = loaded(principal_point_x=1200.25, principal_point_y=1030.5)
+    sensor = loaded(principal_point_x=1200.25, principal_point_y=1030.5, scale=scale)
+    assert tuple(sensor.film().size()) == (2448 * scale, 2048 * scale)
+    assert tuple(sensor.film().crop_size()) == (2448 * scale, 2048 * scale)
+    _, expected = rays(whole, PIXELS)
+    _, directions = rays(sensor, PIXELS * scale)
+    np.testing.assert_allclose(directions, expected, atol=1e-15)
+
+
+def test_scale_rounds_to_whole_pixels() -> None:
+    sensor = loaded(scale=0.3, film=film(11, 7))
+    assert tuple(sensor.film().size()) == (3, 2)
+    assert sensor.description()["sensor_mm"] == [6.7, 5.6]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"focal_length": 0.0}, "Focal length is 0.0 mm"),
+        ({"focal_length": -10.0}, "Focal length is -10.0 mm"),
+        ({"focal_length": "10"}, "\"focal_length\" is '10', not a number"),
+        ({"sensor_width": 0.0}, "Sensor size is 0.0 x 5.6 mm"),
+        ({"sensor_height": float("nan")}, '"sensor_height" is nan'),
+        ({"focus_near": 250.0, "focus_far": 50.0}, "Focus interval 250.0 to 50.0 mm is empty"),
+        ({"focus_near": -1.0}, "Focus interval -1.0 to inf mm"),
+        ({"scale": 0.0}, "scale is 0.0"),
+        ({"scale": "0.5s"}, "\"scale\" is '0.5s', not a number"),
+        (
+            {"scale": 0.5, "film": film(64, 48, crop_width=8, crop_height=8)},
+            "The film has a crop window.*use either",
+        ),
+        ({"fov": 40.0}, "unreferenced property"),
+    ],
+)
+def test_wrong_parameters_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(RuntimeError, match=message):
+        loaded(**changes)
+
+
+def test_missing_focal_length_is_named() -> None:
+    import mitsuba as mi
+
+    with pytest.raises(RuntimeError, match='"focal_length" is missing'):
+        mi.load_dict({"type": "calibrated_camera", "sensor_width": 6.7, "sensor_height": 5.6})
+
+
+def test_scaling_pose_is_refused() -> None:
+    import mitsuba as mi
+
+    with pytest.raises(RuntimeError, match="not a rigid motion"):
+        loaded(to_world=mi.ScalarTransform4d().scale([1, 1, 2]))
+
+
+def test_pose_is_read_in_double_precision() -> None:
+    """In single precision an origin of 1234.56789 mm is off by 5e-5 mm."""
+    origin = (1234.56789012345, -987.654321098765, 111.222333444555)
+    found, _ = rays(loaded(origin, (0.0, 0.0, 0.0)), PIXELS[:1])
+    np.testing.assert_array_equal(found[0], origin)
+
+
+def test_it_equals_the_numpy_camera() -> None:
+    """The description it gives makes a Camera with the same rays, and back through sensor_of."""
+    described = Camera(
+        focal_length_mm=10.0,
+        sensor_mm=SENSOR_MM,
+        resolution=(2448, 2048),
+        principal_point_px=(1210.0, 1031.0),
+        focus_mm=(50.0, 250.0),
+        matrix=look_at(*POSE),
+    )
+    sensor = loaded(
+        principal_point_x=1210.0, principal_point_y=1031.0, focus_near=50.0, focus_far=250.0
+    )
+    for found in (sensor, sensor_of(described)):
+        assert Camera.from_dict(found.description()).focus_mm == (50.0, 250.0)
+        np.testing.assert_allclose(
+            Camera.from_dict(found.description()).matrix, described.matrix, atol=1e-14
+        )
+        origins, directions = rays(found, PIXELS)
+        expected = described.rays(PIXELS)
+        np.testing.assert_allclose(origins, expected[0], atol=1e-12)
+        np.testing.assert_allclose(directions, expected[1], atol=1e-14)
+        points = expected[0] + 170 * expected[1]
+        pixels, _ = projected(found, points)
+        np.testing.assert_allclose(pixels, described.project(points), atol=1e-9)
+
+
+@given(
+    st.floats(0, 2448), st.floats(0, 2048), st.floats(1.0, 1e4), st.floats(-3, 3), st.floats(-1, 1)
+)
+def test_projection_is_the_inverse_of_rays(
+    x: float, y: float, distance: float, heading: float, height: float
+) -> None:
+    origin = 200 * np.array((np.cos(heading), np.sin(heading), height))
+    described = Camera(
+        focal_length_mm=10.0,
+        sensor_mm=SENSOR_MM,
+        resolution=(2448, 2048),
+        principal_point_px=(1210.0, 1031.0),
+        matrix=look_at(origin, (1.0, 2.0, 3.0)),
+    )
+    sensor = sensor_of(described)
+    origins, directions = rays(sensor, np.array([(x, y)]))
+    pixels, in_front = projected(sensor, origins + distance * directions)
+    assert in_front.all()
+    # The position 200 mm away is rounded to 3e-14 mm, which is 1e-7 px at a distance of 1 mm.
+    np.testing.assert_allclose(pixels[0], (x, y), atol=1e-8 + 1e-6 / distance)
+    _, in_front = projected(sensor, origins - distance * directions)
+    assert not in_front.any()
+
+
+def test_single_precision_rays_agree() -> None:
+    """sample_ray serves other integrators: positions from 0 to 1 over the film."""
+    import mitsuba as mi
+
+    sensor = loaded()
+    positions = PIXELS / (2448, 2048)
+    for sample in (sensor.sample_ray, sensor.sample_ray_differential):
+        ray, weight = sample(0.0, 0.5, mi.Point2f(*positions.T), mi.Point2f(0.5), mi.Mask(True))
+        origins, directions = rays(sensor, PIXELS)
+        np.testing.assert_allclose(np.array(ray.o).T, np.broadcast_to(origins, (6, 3)), atol=2e-5)
+        np.testing.assert_allclose(np.array(ray.d).T, directions, atol=1e-6)
+        np.testing.assert_allclose(np.array(weight), 1)
+
+
+def test_crop_window_shows_a_part_of_the_whole_picture() -> None:
+    """Positions 0..1 go over the window, and rays64 keeps counting from the sensor's edge."""
+    import mitsuba as mi
+
+    window = film(
+        **PAPER_FILM, crop_offset_x=600, crop_offset_y=300, crop_width=200, crop_height=100
+    )
+    sensor, whole = loaded(film=window), loaded()
+    ray, _ = sensor.sample_ray(0.0, 0.5, mi.Point2f(0.5025, 0.505), mi.Point2f(0.5), mi.Mask(True))
+    _, expected = rays(whole, np.array([(700.5, 350.5)]))
+    np.testing.assert_allclose(np.array(ray.d).T, expected, atol=1e-6)
+    np.testing.assert_array_equal(rays(sensor, PIXELS)[1], rays(whole, PIXELS)[1])
+
+
+def test_traverse_moves_the_camera() -> None:
+    """Another pose without another scene, also through the scene's own parameters."""
+    import mitsuba as mi
+
+    sensor = loaded()
+    loaded_scene = mi.load_dict({"type": "scene", "sensor": sensor})
+    elsewhere = ((20.0, 300.0, -5.0), (1.0, 0.0, 2.0))
+    parameters = mi.traverse(loaded_scene)
+    key = next(key for key in parameters.keys() if key.endswith("to_world"))
+    parameters[key] = mi.Transform4d().look_at(*elsewhere, [0, 0, 1])
+    parameters.update()
+    expected = rays(loaded(*elsewhere), PIXELS)
+    found = rays(loaded_scene.sensors()[0], PIXELS)
+    for a, b in zip(found, expected, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-13)
+    np.testing.assert_allclose(
+        loaded_scene.sensors()[0].description()["matrix"], look_at(*elsewhere), atol=1e-13
+    )
+
+
+def cubes(*centres: tuple[float, float, float]) -> trimesh.Trimesh:
+    """Small cubes as one mesh; face f belongs to cube f // 12."""
+    return trimesh.util.concatenate(
+        [
+            trimesh.creation.box((4, 4, 4), transform=trimesh.transformations.translation_matrix(c))
+            for c in centres
+        ]
+    )
+
+
+@pytest.mark.parametrize("heading_deg", [0, 90, 200])
+def test_up_is_up_and_right_is_right_in_the_rendered_picture(
+    tmp_path: Path, heading_deg: float
+) -> None:
+    """A horizontal camera: row 0 of the picture is world +z, the last column its right hand."""
+    heading = np.radians(heading_deg)
+    forward = np.array((np.cos(heading), np.sin(heading), 0.0))
+    right = np.array((np.sin(heading), -np.cos(heading), 0.0))
+    centres = [tuple(c) for c in (15 * np.array((0, 0, 1)), 20 * right, (0.0, 0.0, 0.0))]
+    pixels = channels(
+        scene({"part": part(tmp_path, cubes(*centres))}, camera(tuple(-100 * forward), (0, 0, 0)))
+    )
+    cube = np.where(pixels["part.face"] > 0, (pixels["part.face"] - 1) // 12, -1)
+    middle = [np.argwhere(cube == k).mean(axis=0) for k in range(3)]
+    above, beside, centre = middle
+    # The picture is 48 x 40 pixels of 60 x 50 mm at the cubes' distance.
+    np.testing.assert_allclose(centre, (19.5, 23.5), atol=0.6)
+    np.testing.assert_allclose(above - centre, (-15 * 40 / 50, 0), atol=0.6)
+    np.testing.assert_allclose(beside - centre, (0, 20 * 48 / 60), atol=0.6)
+    hits = vector(pixels, "straight")
+    assert (hits[cube == 0][:, 2] > 12).all()
+    assert (hits[cube == 1] @ right > 17).all()

@@ -1,0 +1,445 @@
+"""The integrator first_hit as a Mitsuba user meets it: channels, film, sensors, determinism."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from iriftrace.camera import Camera, look_at
+from iriftrace.channels import CHANNELS
+from iriftrace.errors import InputError
+from iriftrace.plugins.aligned import BYTES, aligned
+from iriftrace.plugins.calibrated_camera import sensor_of
+from iriftrace.plugins.first_hit import camera_of
+from iriftrace.plugins.projection import flip_axes
+from tests.small_scenes import (
+    camera,
+    camera_in_numpy,
+    channels,
+    film,
+    nested_spheres,
+    part,
+    scene,
+    sphere,
+    vector,
+)
+
+pytestmark = pytest.mark.usefixtures("variant")
+
+INDICES = (1.000272, 1.00024, 1.00021, 1.00018)
+
+
+@pytest.fixture
+def shapes(tmp_path: Path) -> dict[str, Any]:
+    """A ball of 10 mm in three shells of hot air."""
+    return {
+        "part": part(tmp_path, sphere(10.0)),
+        **nested_spheres(tmp_path, (20.0, 16.0, 13.0), INDICES),
+    }
+
+
+@pytest.fixture
+def lens(tmp_path: Path) -> dict[str, Any]:
+    """A ball of 8 mm inside a ball of glass: hits move by millimetres and pixels."""
+    return {
+        "part": part(tmp_path, sphere(8.0)),
+        **nested_spheres(tmp_path, (20.0,), (1.0, 1.05), subdivisions=4),
+    }
+
+
+def test_render_gives_the_channels_and_the_film_keeps_their_names(shapes: dict[str, Any]) -> None:
+    """Bit for bit what image() gives; the film's own channel Y comes first and is empty."""
+    import mitsuba as mi
+
+    loaded = scene(shapes)
+    image = channels(loaded)
+    rendered = np.array(mi.render(loaded))
+    assert rendered.shape == (40, 48, 1 + len(CHANNELS))
+    bitmap = loaded.sensors()[0].film().bitmap()
+    assert [field.name for field in bitmap.struct_()] == ["Y", *CHANNELS]
+    for pixels in (rendered, np.array(bitmap)):
+        np.testing.assert_array_equal(pixels[..., 0], 0)
+        for k, name in enumerate(CHANNELS):
+            np.testing.assert_array_equal(pixels[..., k + 1], image[name])
+    assert loaded.integrator().aov_names() == list(CHANNELS)
+
+
+def test_every_channel_is_finite_and_zero_where_it_does_not_exist(shapes: dict[str, Any]) -> None:
+    pixels = channels(scene(shapes))
+    missed = pixels["status.code"] == 1
+    assert 0.5 < missed.mean() < 0.95
+    for name, values in pixels.items():
+        assert values.dtype == np.float32
+        assert np.isfinite(values).all()
+        if name != "status.code":
+            np.testing.assert_array_equal(values[missed], 0)
+    np.testing.assert_array_equal(pixels["status.code"][~missed], 0)
+    np.testing.assert_array_equal(pixels["path.crossings"][~missed], 3)
+
+
+def test_hits_lie_where_the_closed_form_has_them(shapes: dict[str, Any]) -> None:
+    """Straight hits on the faces' planes in NumPy, for the face that the channel names; incidence,
+    displacement and path length follow from the hits."""
+    mesh = sphere(10.0)
+    pixels = channels(scene(shapes))
+    described = camera_in_numpy()
+    origins, directions = (v.reshape(40, 48, 3) for v in described.rays())
+    hit = pixels["part.face"] > 0
+    face = pixels["part.face"][hit].astype(int) - 1
+    corners = np.asarray(mesh.vertices, dtype=np.float32).astype(np.float64)[mesh.faces[face]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    o, d = origins[hit], directions[hit]
+    cosine = (d * normal).sum(axis=1)
+    length = ((corners[:, 0] - o) * normal).sum(axis=1) / cosine
+    # float32 channels: 1e-6 mm at 10 mm
+    np.testing.assert_allclose(vector(pixels, "straight")[hit], o + length[:, None] * d, atol=1e-6)
+    np.testing.assert_allclose(pixels["incidence.angle"][hit], np.arccos(-cosine), atol=1e-6)
+    difference = vector(pixels, "refracted") - vector(pixels, "straight")
+    moved = vector(pixels, "displacement")
+    np.testing.assert_allclose(moved, difference, atol=2e-6)
+    np.testing.assert_allclose(
+        pixels["displacement.norm"], np.linalg.norm(moved, axis=-1), rtol=1e-5, atol=1e-12
+    )
+    # The bent path is longer than the straight line to its end, by the square of 1e-4 rad.
+    chord = np.linalg.norm(vector(pixels, "refracted")[hit] - o, axis=1)
+    assert (np.abs(pixels["path.length"][hit] - chord) < 2e-5).all()
+
+
+def test_shift_is_the_pixels_centre_less_the_projection_of_the_refracted_hit(
+    lens: dict[str, Any],
+) -> None:
+    """By the NumPy camera; the ball is a lens, so the part appears larger: shifts point outward."""
+    pixels = channels(scene(lens))
+    described = camera_in_numpy()
+    good = pixels["status.code"] == 0
+    centres = np.stack(np.meshgrid(np.arange(48) + 0.5, np.arange(40) + 0.5), axis=-1)[good]
+    expected = centres - described.project(vector(pixels, "refracted")[good])
+    found = np.stack((pixels["shift.px.X"], pixels["shift.px.Y"]), axis=-1)[good]
+    assert np.abs(expected).max() > 0.1
+    # The refracted channel is rounded to 5e-7 mm, a pixel sees 1.2 mm.
+    np.testing.assert_allclose(found, expected, atol=2e-6)
+    outward = (found * (centres - (24, 20))).sum(axis=1)
+    assert (outward > 0).all()
+
+
+def test_shift_of_weak_air_is_the_displacement_seen_by_the_camera(shapes: dict[str, Any]) -> None:
+    """To first order: minus the finite-difference derivative of the projection times the
+    displacement. The shift is 6e-4 px at most, far less than a projected float32 hit resolves."""
+    pixels = channels(scene(shapes))
+    described = camera_in_numpy()
+    good = pixels["status.code"] == 0
+    at, moved = (vector(pixels, name)[good] for name in ("straight", "displacement"))
+    stretch = 1e3
+    there, back = (described.project(at + s * stretch * moved) for s in (1, -1))
+    expected = -(there - back) / (2 * stretch)
+    found = np.stack((pixels["shift.px.X"], pixels["shift.px.Y"]), axis=-1)[good]
+    size = np.linalg.norm(expected, axis=1)
+    assert size.max() < 2e-3
+    error = np.linalg.norm(found - expected, axis=1)
+    # 6 um of 6 mm near the silhouette, stretched a thousand times, is no small difference there.
+    assert np.median(error / size) < 1e-3
+    assert (error < 0.01 * size + 1e-9).mean() > 0.95
+
+
+def test_normals_parameter_chooses_gradient_or_facets(shapes: dict[str, Any]) -> None:
+    """Facets of a coarse sphere bend differently; without vertex normals both are the same."""
+    gradient, facet = (channels(scene(shapes, normals=n)) for n in ("gradient", "facet"))
+    difference = gradient["displacement.norm"] - facet["displacement.norm"]
+    assert np.abs(difference).max() > 1e-6
+    default = channels(scene(shapes))
+    np.testing.assert_array_equal(default["displacement.norm"], gradient["displacement.norm"])
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"normals": "gradien"}, "\"normals\" is 'gradien'.*one of gradient, facet"),
+        ({"normals": 3}, '"normals" is 3'),
+        ({"max_crossings": 0}, '"max_crossings" is 0.*at least 1'),
+        ({"max_crossings": 2.5}, '"max_crossings" is 2.5.*whole'),
+        ({"max_crossings": 2**40}, '"max_crossings" is 1.09951e'),
+        ({"max_crossings": "7"}, "\"max_crossings\" is '7', not a number"),
+        ({"trace_all": "true"}, "\"trace_all\" is 'true', not a truth value"),
+        ({"trace_al": True}, "unreferenced property"),
+    ],
+)
+def test_wrong_parameters_are_refused(values: dict[str, Any], message: str) -> None:
+    import mitsuba as mi
+
+    with pytest.raises(RuntimeError, match=message):
+        mi.load_dict({"type": "first_hit", **values})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"component_format": "float16"}, "component_format float32"),
+        ({"rfilter": {"type": "gaussian"}}, '<rfilter type="box"/>'),
+    ],
+)
+def test_films_that_smear_or_round_are_refused(
+    shapes: dict[str, Any], changes: dict[str, Any], message: str
+) -> None:
+    loaded = scene(shapes, camera(film=film(**changes)))
+    with pytest.raises(InputError, match=message):
+        channels(loaded)
+
+
+def test_crop_window_is_a_piece_of_the_whole_picture(shapes: dict[str, Any]) -> None:
+    import mitsuba as mi
+
+    whole = channels(scene(shapes))
+    window = film(crop_offset_x=15, crop_offset_y=10, crop_width=12, crop_height=20)
+    loaded = scene(shapes, camera(film=window))
+    piece = channels(loaded)
+    rendered = np.array(mi.render(loaded))
+    for k, name in enumerate(CHANNELS):
+        np.testing.assert_array_equal(piece[name], whole[name][10:30, 15:27])
+        np.testing.assert_array_equal(rendered[..., k + 1], piece[name])
+
+
+def perspective(**more: Any) -> dict[str, Any]:
+    """Mitsuba's own sensor with the view of small_scenes.camera()."""
+    import mitsuba as mi
+
+    return {
+        "type": "perspective",
+        "fov": float(2 * np.degrees(np.arctan(0.3))),
+        "fov_axis": "x",
+        "near_clip": 1.0,
+        "to_world": mi.ScalarTransform4f().look_at([0, -100, 0], [0, 0, 0], [0, 0, 1]),
+        "film": film(),
+        **more,
+    }
+
+
+def test_stock_perspective_sensor_gives_the_same_hits(shapes: dict[str, Any]) -> None:
+    """Within single precision of its rays (1e-7 of 100 mm, over the cosine of incidence); its path
+    counts from the near plane."""
+    own, stock = channels(scene(shapes)), channels(scene(shapes, perspective()))
+    both = (own["status.code"] == 0) & (stock["status.code"] == 0)
+    assert (own["status.code"] != stock["status.code"]).sum() <= 2
+    grazing = both & (own["incidence.angle"] > np.radians(80))
+    clear = both & ~grazing
+    for name in ("straight", "refracted"):
+        np.testing.assert_allclose(vector(stock, name)[clear], vector(own, name)[clear], atol=2e-4)
+    np.testing.assert_allclose(
+        vector(stock, "displacement")[clear],
+        vector(own, "displacement")[clear],
+        atol=2e-8,
+        rtol=0.01,
+    )
+    for axis in "XY":
+        np.testing.assert_allclose(
+            stock[f"shift.px.{axis}"][clear], own[f"shift.px.{axis}"][clear], atol=1e-8, rtol=0.01
+        )
+    _, directions = camera_in_numpy().rays()
+    skipped = (1.0 / directions[:, 1]).reshape(40, 48)
+    np.testing.assert_allclose(
+        (own["path.length"] - stock["path.length"])[clear], skipped[clear], atol=2e-4
+    )
+
+
+def test_stock_orthographic_sensor_gives_parallel_rays(shapes: dict[str, Any]) -> None:
+    """to_world scales the picture to +-30 mm; each hit lies behind its pixel's centre."""
+    import mitsuba as mi
+
+    sensor = {
+        "type": "orthographic",
+        "to_world": mi.ScalarTransform4f().look_at([0, -100, 0], [0, 0, 0], [0, 0, 1])
+        @ mi.ScalarTransform4f().scale([30, 30, 1]),
+        "film": film(),
+    }
+    pixels = channels(scene(shapes, sensor))
+    good = pixels["status.code"] == 0
+    assert 150 < good.sum() < 250  # the ball's disc has 201 pixels of 1.25 mm
+    columns, rows = np.meshgrid(np.arange(48) + 0.5, np.arange(40) + 0.5)
+    hits = vector(pixels, "straight")
+    np.testing.assert_allclose(hits[good][:, 0], (columns[good] - 24) * 60 / 48, atol=1e-4)
+    np.testing.assert_allclose(hits[good][:, 2], (20 - rows[good]) * 60 / 48, atol=1e-4)
+    bent = vector(pixels, "refracted")[good]
+    shift = np.stack((-bent[:, 0], bent[:, 2]), axis=1) * 48 / 60
+    expected = np.stack((columns[good] - 24, rows[good] - 20), axis=1) + shift
+    found = np.stack((pixels["shift.px.X"], pixels["shift.px.Y"]), axis=-1)[good]
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    assert np.abs(found).max() > 3e-4
+
+
+@pytest.mark.parametrize("sensor_type", ["perspective", "orthographic"])
+def test_projection_of_stock_sensors_is_the_inverse_of_their_rays(sensor_type: str) -> None:
+    """Principal point, crop window and scale have the sign that Mitsuba gives them."""
+    import mitsuba as mi
+
+    pose = mi.ScalarTransform4f().look_at([30, -100, 20], [1, 2, 3], [0, 0, 1])
+    window = film(crop_offset_x=10, crop_offset_y=5, crop_width=20, crop_height=30)
+    more = (
+        {"fov": 40.0, "principal_point_offset_x": 0.1, "principal_point_offset_y": -0.2}
+        if sensor_type == "perspective"
+        else {}
+    )
+    if sensor_type == "orthographic":
+        pose = pose @ mi.ScalarTransform4f().scale([30, 30, 1])
+    sensor = camera_of(
+        mi.load_dict({"type": sensor_type, "to_world": pose, "film": window, **more})
+    )
+    x, y = np.array((10.5, 29.5, 20.0)), np.array((5.5, 34.5, 17.0))
+    origin, direction = sensor.rays64(mi.Float64(x), mi.Float64(y))
+    found = sensor.project64(origin + 77.0 * direction)
+    np.testing.assert_allclose(np.array(found[0]), x, atol=1e-4)
+    np.testing.assert_allclose(np.array(found[1]), y, atol=1e-4)
+
+
+def test_sensors_without_a_picture_plane_are_refused(shapes: dict[str, Any]) -> None:
+    loaded = scene(shapes, {"type": "thinlens", "aperture_radius": 1.0, "film": film()})
+    with pytest.raises(InputError, match="ThinLensCamera, which has no picture plane"):
+        channels(loaded)
+
+
+def test_report_counts_and_describes(shapes: dict[str, Any]) -> None:
+    loaded = scene(shapes)
+    _, report = loaded.integrator().image(loaded, loaded.sensors()[0])
+    assert report["open_boundary"] == 0
+    # All shells are in view: three icospheres of 1280 triangles; only half would be without sides.
+    assert report["shell_triangles_in_view"] == 3 * 1280
+    assert Camera.from_dict(report["camera"]).resolution == (48, 40)
+    assert set(report["time_s"]) == {"straight", "refracted", "channels"}
+    away = sensor_of(camera_in_numpy((0.0, -100.0, 0.0), (0.0, -200.0, 0.0)))
+    assert loaded.integrator().image(loaded, away)[1]["shell_triangles_in_view"] == 0
+
+
+@pytest.fixture
+def kernel_history() -> Iterator[Any]:
+    """Function that returns the kernels launched since its last call."""
+    import drjit as dr
+
+    def launched() -> list[dict[str, Any]]:
+        return [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        yield launched
+
+
+def test_second_pose_compiles_no_kernel(shapes: dict[str, Any], kernel_history: Any) -> None:
+    """Neither through the scene's parameters nor with a new sensor: poses are data, not code.
+
+    A kernel that comes from Dr.Jit's cache on disk counts as compiled: the first run of this test
+    on a machine would have compiled it.
+    """
+    import mitsuba as mi
+
+    loaded = scene(shapes)
+    integrator = loaded.integrator()
+
+    def look(sensor: Any) -> None:
+        assert integrator.surroundings(loaded, sensor) is None
+        integrator.image(loaded, sensor)
+
+    look(loaded.sensors()[0])
+    look(sensor_of(camera_in_numpy((3.0, -90.0, 5.0))))
+    first = kernel_history()
+    assert len(first) >= 20
+    parameters = mi.traverse(loaded)
+    parameters["sensor.to_world"] = mi.Transform4d(flip_axes(look_at((40, 80, 33), (1, 0, 0))))
+    parameters.update()
+    look(loaded.sensors()[0])
+    # Nothing hit, and back; another focus interval.
+    integrator.image(loaded, sensor_of(camera_in_numpy((0.0, -90.0, 0.0), (0.0, -99.0, 0.0))))
+    for x in range(5):
+        look(sensor_of(camera_in_numpy((-70.0, 5.0 * x, 60.0), focus_mm=(10.0 + x, 500.0))))
+    launched = kernel_history()
+    assert len(launched) >= 100
+    assert not [k for k in launched if not k["cache_hit"] or k["cache_disk"]]
+
+
+def test_kernels_do_not_depend_on_where_numpy_puts_its_arrays(
+    shapes: dict[str, Any], kernel_history: Any
+) -> None:
+    """Dr.Jit writes into a kernel whether its input's address is a multiple of 128 bytes."""
+    loaded = scene(shapes)
+    prepared = loaded.integrator().prepare(loaded)
+    outward = sphere(1.0, 2).vertices
+
+    def layers(keep: int) -> None:
+        # Odd lengths between them, so that the addresses differ.
+        points = [np.zeros(keep + 13 * k) for k in range(40)]
+        np.testing.assert_allclose(prepared.layers_near(outward * 14, outward)[0], INDICES[2])
+        assert len(points) == 40
+
+    layers(3)
+    kernel_history()
+    for keep in range(8):
+        layers(keep)
+    launched = kernel_history()
+    assert launched
+    assert all(k["cache_hit"] and not k["cache_disk"] for k in launched)
+
+
+@pytest.mark.parametrize("kind", [np.float64, bool])
+def test_aligned_arrays_are_copies_that_start_at_128_bytes(kind: type) -> None:
+    for size in (1, 7, 1000):
+        values = np.arange(size + 1)[1:].astype(kind)
+        copy = aligned(values)
+        assert copy.ctypes.data % BYTES == 0
+        assert copy.dtype == values.dtype
+        np.testing.assert_array_equal(copy, values)
+
+
+def test_result_depends_neither_on_the_run_nor_on_the_threads(shapes: dict[str, Any]) -> None:
+    import drjit as dr
+
+    first = channels(scene(shapes))
+    threads = dr.thread_count()
+    try:
+        dr.set_thread_count(1)
+        single = channels(scene(shapes))
+        dr.set_thread_count(5)
+        several = channels(scene(shapes))
+    finally:
+        dr.set_thread_count(threads)
+    again = channels(scene(shapes))
+    for other in (single, several, again):
+        for name in CHANNELS:
+            np.testing.assert_array_equal(other[name], first[name])
+
+
+def test_integrator_prepares_anew_for_another_scene(tmp_path: Path) -> None:
+    """One integrator, two scenes in turn: tables of the first must not serve the second."""
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    small, large = (
+        scene({"part": part(tmp_path / name, sphere(radius))})
+        for name, radius in (("a", 5.0), ("b", 15.0))
+    )
+    integrator = small.integrator()
+    status = CHANNELS.index("status.code")
+    counts = [
+        int((np.array(integrator.image(s, s.sensors()[0])[0])[status] == 0).sum())
+        for s in (small, large, small)
+    ]
+    assert counts[0] == counts[2] < counts[1] / 5
+
+
+def test_scene_without_shells_displaces_nothing(tmp_path: Path) -> None:
+    pixels = channels(scene({"part": part(tmp_path, sphere(10.0))}))
+    good = pixels["status.code"] == 0
+    assert good.sum() > 150
+    np.testing.assert_array_equal(pixels["path.crossings"], 0)
+    assert pixels["displacement.norm"].max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("origin", "where"),
+    [((0.0, -100.0, 0.0), None), ((0.0, -18.0, 0.0), "hot air"), ((1.0, 2.0, 3.0), "part")],
+)
+def test_surroundings_of_a_sensor(
+    shapes: dict[str, Any], origin: tuple[float, float, float], where: str | None
+) -> None:
+    loaded = scene(shapes)
+    sensor = sensor_of(camera_in_numpy().at(look_at(origin, (0.0, 50.0, 0.0))))
+    assert loaded.integrator().surroundings(loaded, sensor) == where

@@ -1,0 +1,353 @@
+"""Snell's law, plane hits and interpolated normals against independent float64 NumPy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from iriftrace.plugins.refraction import (
+    GRAZING,
+    Triangle,
+    cross_surface,
+    distance_to_plane,
+    facet_normal,
+    interpolated_normal,
+)
+
+pytestmark = pytest.mark.usefixtures("variant")
+
+AIR = 1.0002718 / 1.0002553
+UP = np.array((0.0, 0.0, 1.0))
+
+
+def vectors(rows: Any) -> Any:
+    """Vector3d from (n, 3) or (3,) numbers."""
+    import mitsuba as mi
+
+    return mi.Vector3d(*np.atleast_2d(np.asarray(rows, dtype=np.float64)).T)
+
+
+def points(rows: Any) -> Any:
+    import mitsuba as mi
+
+    return mi.Point3d(*np.atleast_2d(np.asarray(rows, dtype=np.float64)).T)
+
+
+def rows(value: Any) -> np.ndarray:
+    return np.array(value).T
+
+
+def crossed(
+    direction: Any, facet: Any, shading: Any, ratio: Any, outward: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """cross_surface with NumPy on both sides."""
+    import mitsuba as mi
+
+    bent, reflected = cross_surface(
+        vectors(direction),
+        vectors(facet),
+        None if shading is None else vectors(shading),
+        mi.Float64(np.atleast_1d(np.asarray(ratio, dtype=np.float64))),
+        mi.Bool(np.atleast_1d(outward)),
+    )
+    return rows(bent), np.broadcast_to(np.array(reflected), len(rows(bent)))
+
+
+def downward(angle: np.ndarray, azimuth: np.ndarray | float = 0.3) -> np.ndarray:
+    """Unit directions at an angle to -z, (n, 3)."""
+    sine = np.sin(angle)
+    return np.stack((sine * np.cos(azimuth), sine * np.sin(azimuth), -np.cos(angle)), axis=-1)
+
+
+def triangle_of(corners: Any) -> Triangle:
+    return Triangle(*(points(corner) for corner in np.asarray(corners, dtype=np.float64)))
+
+
+def unit(values: np.ndarray) -> np.ndarray:
+    return values / np.linalg.norm(values, axis=-1, keepdims=True)
+
+
+@st.composite
+def unit_vectors(draw: st.DrawFn) -> np.ndarray:
+    """Evenly spread over the sphere."""
+    z = draw(st.floats(-1, 1))
+    azimuth = draw(st.floats(0, 2 * np.pi))
+    radius = np.sqrt(1 - z * z)
+    return np.array((radius * np.cos(azimuth), radius * np.sin(azimuth), z))
+
+
+RATIOS = st.one_of(st.floats(0.9999, 1.0001), st.floats(0.5, 2.0))
+
+
+@pytest.mark.parametrize("ratio", [AIR, 1 / AIR, 1 / 1.5, 1.0])
+@pytest.mark.parametrize("smooth", [False, True])
+def test_angles_follow_snell(ratio: float, smooth: bool) -> None:
+    """sin(behind) = ratio sin(before), in the plane of incidence, for rays down and up."""
+    angle = np.radians((0.0, 1e-3, 15.0, 45.0, 60.0, 85.0, 89.0, 89.7))
+    behind = np.arcsin(np.minimum(ratio * np.sin(angle), 1))
+    direction, expected = downward(angle), downward(behind)
+    facet = np.tile(UP, (len(angle), 1))
+    for sign, outward in ((1, False), (-1, True)):
+        bent, reflected = crossed(
+            sign * direction, facet, facet if smooth else None, np.full(len(angle), ratio), outward
+        )
+        possible = ratio * np.sin(angle) < 1
+        assert not reflected[possible].any()
+        np.testing.assert_allclose(bent[possible], sign * expected[possible], atol=2e-14)
+
+
+def test_deflection_of_one_shell_keeps_ten_digits() -> None:
+    """Single precision would keep two: the deflection of one shell is 1e-5 rad."""
+    angle = np.radians(np.linspace(5, 85, 17))
+    exact = np.arcsin(np.sin(angle) * AIR) - angle
+    bent, _ = crossed(
+        downward(angle), np.tile(UP, (17, 1)), None, np.full(17, AIR), np.zeros(17, bool)
+    )
+    turned = np.cross(downward(angle), bent)
+    # Of (sin x, 0, -cos x) to x + e: the cross product has the length sin e.
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), np.sin(exact), rtol=1e-9)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_rays_beyond_the_critical_angle_are_totally_reflected(smooth: bool) -> None:
+    for ratio in (AIR, 1.5):
+        critical = np.arcsin(1 / ratio)
+        angle = critical + np.array((-1e-6, 1e-6, 0.5 * (np.pi / 2 - critical)))
+        direction, facet = downward(angle), np.tile(UP, (3, 1))
+        bent, reflected = crossed(
+            direction, facet, facet if smooth else None, np.full(3, ratio), np.zeros(3, bool)
+        )
+        assert reflected.tolist() == [False, True, True]
+        assert bent[0, 2] < 0
+        np.testing.assert_allclose(bent[1:], direction[1:] * (1, 1, -1), atol=1e-15)
+
+
+def test_a_ray_is_reflected_only_where_neither_normal_has_a_solution() -> None:
+    """The interpolated normal decides where Snell's law has a solution with it, else the facet's;
+    rays that bounce between shells because of one of the two would ruin the mean."""
+    ratio, lean = 1.5, 0.02
+    critical = np.arcsin(1 / ratio)
+    direction = downward(np.array([critical - 0.01]), 0.0)
+    steeper, flatter = (np.array((s * np.sin(lean), 0.0, np.cos(lean))) for s in (1, -1))
+    bent, reflected = crossed(direction, UP, steeper, ratio, False)
+    plain, _ = crossed(direction, UP, None, ratio, False)
+    assert not reflected[0]
+    np.testing.assert_array_equal(bent, plain)
+    direction = downward(np.array([critical + 0.01]), 0.0)
+    assert crossed(direction, UP, steeper, ratio, False)[1][0]
+    bent, reflected = crossed(direction, UP, flatter, ratio, False)
+    assert not reflected[0]
+    np.testing.assert_allclose(bent, crossed(direction, flatter, None, ratio, False)[0], atol=1e-15)
+
+
+@given(unit_vectors(), unit_vectors(), unit_vectors(), RATIOS)
+def test_tangential_component_is_conserved(
+    direction: np.ndarray, facet: np.ndarray, lean: np.ndarray, ratio: float
+) -> None:
+    """n1 t1 = n2 t2 at the normal that refracts, and the result has length one."""
+    for shading in (None, unit(facet + 0.3 * lean)):
+        outward = bool(direction @ facet > 0)
+        normal = facet if shading is None else shading
+        assume(abs(direction @ normal) > 1e-3)
+        assume(abs(ratio**2 * (1 - (direction @ normal) ** 2) - 1) > 1e-6)
+        bent, reflected = crossed(direction, facet, shading, ratio, outward)
+        assert np.linalg.norm(bent[0]) == pytest.approx(1, abs=1e-14)
+        leaves = bent[0] @ (facet if outward else -facet)
+        solvable = ratio**2 * (1 - (direction @ normal) ** 2) < 1
+        # Elsewhere the direction was turned into the triangle's plane or the triangle decided.
+        if not reflected[0] and solvable and leaves > 2 * GRAZING:
+            before = direction - (direction @ normal) * normal
+            after = bent[0] - (bent[0] @ normal) * normal
+            np.testing.assert_allclose(after, ratio * before, atol=1e-13)
+
+
+@given(unit_vectors(), unit_vectors(), unit_vectors(), RATIOS)
+def test_refraction_is_reversible(
+    direction: np.ndarray, facet: np.ndarray, lean: np.ndarray, ratio: float
+) -> None:
+    """The ray sent back from behind the surface returns on itself, with either kind of normal."""
+    for shading in (None, unit(facet + 0.05 * lean)):
+        normal = facet if shading is None else shading
+        outward = bool(direction @ facet > 0)
+        assume(abs(direction @ normal) > 0.05)
+        assume(abs(direction @ facet) > 0.05)
+        assume((direction @ normal > 0) == outward)
+        bent, reflected = crossed(direction, facet, shading, ratio, outward)
+        assume(not reflected[0])
+        assume(abs(bent[0] @ facet) > 0.05)
+        assume((bent[0] @ normal > 0) == outward)
+        back, reflected = crossed(-bent, facet, shading, 1 / ratio, not outward)
+        assert not reflected[0]
+        np.testing.assert_allclose(back[0], -direction, atol=1e-12)
+
+
+def test_crossings_of_a_step_cancel_but_for_one() -> None:
+    """A shell with a step: plateau inward, riser outward, plateau inward; grad(n) is vertical.
+
+    The index acts along grad(n) at all three, so the ray behind them is that of one crossing.
+    """
+    ratio = 1.2
+    direction = downward(np.array([np.radians(40)]), 0.0)
+    riser = unit(np.array((1.0, 0.0, 0.1)))
+    assert direction[0] @ riser > 0
+    inside, _ = crossed(direction, UP, UP, 1 / ratio, False)
+    outside, reflected = crossed(inside, riser, UP, ratio, True)
+    assert not reflected[0]
+    np.testing.assert_allclose(outside, direction, atol=1e-14)
+    again, _ = crossed(outside, UP, UP, 1 / ratio, False)
+    np.testing.assert_allclose(again, inside, atol=1e-14)
+    # The riser's own normal would bend the ray sideways instead.
+    facet_only, _ = crossed(inside, riser, None, ratio, True)
+    assert np.linalg.norm(facet_only - direction) > 0.1
+
+
+@pytest.mark.parametrize("ratio", [AIR, 1 / AIR])
+@pytest.mark.parametrize("lean", [0.05, -0.05])
+def test_direction_that_would_come_back_is_turned_into_the_triangles_plane(
+    ratio: float, lean: float
+) -> None:
+    """A ray that grazes a triangle leaves it on the far side, turned by less than its deflection.
+
+    It dips by 1e-6 rad only, and the deflection at a normal that leans by 0.05 is 20 times 1.65e-5.
+    """
+    direction = np.array((np.cos(1e-6), 0.0, -np.sin(1e-6)))
+    normal = unit(np.array((lean, 0.0, 1.0)))
+    against = -np.sign(direction @ normal) * normal
+    free, _ = crossed(direction, against, None, ratio, False)
+    bent, reflected = crossed(direction, UP, normal, ratio, False)
+    assert not reflected[0]
+    if free[0, 2] > 0:
+        assert bent[0, 2] == pytest.approx(-GRAZING, rel=1e-6)
+        deflection = np.linalg.norm(free - direction)
+        assert deflection > 1e-4
+        assert np.linalg.norm(bent - free) <= deflection
+    else:
+        np.testing.assert_allclose(bent, free, atol=1e-15)
+
+
+def test_both_kinds_of_grazing_rays_exist() -> None:
+    """Else the test above would not test the turning at all."""
+    direction = np.array((np.cos(1e-6), 0.0, -np.sin(1e-6)))
+    leaving = []
+    for lean in (0.05, -0.05):
+        normal = unit(np.array((lean, 0.0, 1.0)))
+        against = -np.sign(direction @ normal) * normal
+        leaving += [crossed(direction, against, None, r, False)[0][0, 2] for r in (AIR, 1 / AIR)]
+    assert min(leaving) < 0 < max(leaving)
+
+
+CORNERS = np.array(((1.0, 2.0, 3.0), (4.0, 2.5, 3.5), (1.5, 5.0, 2.0)))
+FACET = unit(np.cross(CORNERS[1] - CORNERS[0], CORNERS[2] - CORNERS[0]))
+NORMALS = unit(FACET + np.array(((0.1, 0.0, 0.2), (-0.2, 0.1, 0.0), (0.0, -0.3, 0.1))))
+
+
+def interpolated(at: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    return rows(
+        interpolated_normal(points(at), triangle_of(CORNERS), triangle_of(normals), vectors(FACET))
+    )
+
+
+def test_facet_normal_is_counter_clockwise() -> None:
+    np.testing.assert_allclose(rows(facet_normal(triangle_of(CORNERS)))[0], FACET, atol=1e-15)
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_normals_are_interpolated_linearly(u: float, v: float) -> None:
+    if u + v > 1:
+        u, v = 1 - u, 1 - v
+    weights = np.array((1 - u - v, u, v))
+    np.testing.assert_allclose(
+        interpolated(weights @ CORNERS, NORMALS)[0], unit(weights @ NORMALS), atol=1e-14
+    )
+
+
+@pytest.mark.parametrize(
+    ("outside", "weights"),
+    [
+        ((1.4, -0.2, -0.2), (1, 0, 0)),
+        ((-0.3, 1.2, 0.1), (0, 1, 0)),
+        ((0.6, -0.3, 0.7), (0.3, 0, 0.7)),
+    ],
+)
+def test_points_beyond_an_edge_take_weights_of_the_triangle(
+    outside: tuple[float, ...], weights: tuple[float, ...]
+) -> None:
+    """A query in single precision can hit a triangle a little beside it; normals of weights
+    outside 0..1 would be extrapolated."""
+    found = interpolated(np.array(outside) @ CORNERS, NORMALS)[0]
+    np.testing.assert_allclose(found, unit(np.array(weights) @ NORMALS), atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("normals", "expected"),
+    [
+        (np.zeros((3, 3)), FACET),
+        (NORMALS * ((0,), (1,), (0,)), NORMALS[1]),
+        (np.stack((NORMALS[0], -NORMALS[0], np.zeros(3))), FACET),
+    ],
+    ids=["all zero", "two zero", "opposed"],
+)
+def test_vanishing_normals_give_the_facets(normals: np.ndarray, expected: np.ndarray) -> None:
+    """Where the gradient is zero a file has (0, 0, 0)."""
+    found = interpolated(np.array((0.4, 0.4, 0.2)) @ CORNERS, normals)[0]
+    np.testing.assert_allclose(found, expected, atol=1e-14)
+
+
+def distance(
+    origin: np.ndarray, direction: np.ndarray, rough: float, tolerance: float = 1e-3
+) -> float:
+    import mitsuba as mi
+
+    found = distance_to_plane(
+        points(origin),
+        vectors(direction),
+        triangle_of(CORNERS),
+        vectors(FACET),
+        mi.Float64([rough]),
+        mi.Float64([tolerance]),
+    )
+    return float(found[0])
+
+
+@given(unit_vectors(), st.floats(1, 500), st.floats(-3e-4, 3e-4))
+def test_distance_to_the_plane_is_exact(direction: np.ndarray, length: float, error: float) -> None:
+    """A query in single precision is off by 1e-5 of the distance; the plane is met exactly."""
+    cosine = abs(direction @ FACET)
+    assume(cosine > 0.01)
+    hit = CORNERS.mean(axis=0)
+    found = distance(hit - length * direction, direction, length + error / cosine)
+    assert found == pytest.approx(length, abs=1e-12 * length / cosine)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_distance_stays_within_what_a_query_can_be_wrong_by(sign: int) -> None:
+    """A grazing ray meets the plane far away from where the query met the triangle."""
+    along = unit(CORNERS[1] - CORNERS[0])
+    direction = unit(along - 1e-6 * FACET)
+    hit = CORNERS.mean(axis=0) + sign * 0.01 * FACET
+    # To the plane it is 10 m more, or less; 0.01 is the smallest cosine that is reckoned with.
+    assert distance(hit - 5 * direction, direction, 5.0) == pytest.approx(5 + sign * 1e-3 / 0.01)
+    steep = unit(along - FACET)
+    far = hit - 5 * steep
+    assert distance(far, steep, 5.0) == pytest.approx(5 + sign * 1e-3 * np.sqrt(2))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.01, -0.01])
+def test_ray_parallel_to_the_plane_keeps_the_querys_distance(height: float) -> None:
+    """0 / 0 would make the ray NaN from there on. The plane is z = 0, so that cos is exactly 0."""
+    import mitsuba as mi
+
+    flat = triangle_of(((0, 0, 0), (1, 0, 0), (0, 1, 0)))
+    found = distance_to_plane(
+        points((-1, 0.2, height)),
+        vectors((1, 0, 0)),
+        flat,
+        facet_normal(flat),
+        mi.Float64([1.5]),
+        mi.Float64([1e-3]),
+    )
+    assert float(found[0]) == 1.5
