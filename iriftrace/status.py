@@ -8,7 +8,7 @@ from enum import IntEnum
 class Status(IntEnum):
     """Outcome of one ray.
 
-    A ray that deserves several codes gets the first of 1, 2, 7, 6, 3, 4, 5, 0 (DESIGN, section 2).
+    A ray that deserves several codes gets the first of 1, 2, 7, 6, 3, 4, 5, 0.
     """
 
     GOOD = 0

@@ -74,7 +74,7 @@ def test_header_values_keep_value_and_type(
 
 
 def test_file_is_readable_by_openexr_alone(tmp_path: Path) -> None:
-    """Other programs see the channel names of DESIGN, float32, and readable attributes."""
+    """Other programs see the channel names, float32, and readable attributes."""
     image = random_image()
     write_exr(tmp_path / "a.exr", image)
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:

@@ -36,7 +36,7 @@ from iriftrace.shells import (
 
 
 def test_midpoint_levels_by_hand():
-    # DESIGN fact 6 with e = 10, 8, 6, 4 (1e-5): surfaces midway.
+    # By hand with e = 10, 8, 6, 4 (1e-5): surfaces midway.
     surfaces, e = index_levels(10e-5, 4e-5, layers=3)
     assert_allclose(e, [10e-5, 8e-5, 6e-5, 4e-5])
     assert_allclose(surfaces, [9e-5, 7e-5, 5e-5])

@@ -1,0 +1,85 @@
+"""The program ``iriftrace``: options in, files and one readable summary out."""
+
+from __future__ import annotations
+
+import warnings
+from importlib.metadata import version
+
+from cyclopts import App, CycloptsError
+
+from iriftrace.cli.checks import sentence
+from iriftrace.cli.console import notes, out, show_warning
+from iriftrace.cli.field_commands import scene, shells
+from iriftrace.cli.render_commands import demo, metrics, render
+from iriftrace.errors import InputError, IriftraceError, IriftraceWarning
+
+app = App(
+    name="iriftrace",
+    help="Traces camera rays through the hot air around a part: how far does each point move?",
+    version=lambda: version("iriftrace"),
+    help_format="rst",
+    suppress_keyboard_interrupt=False,
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the program; returns the exit status (0 success, 2 wrong input, 130 interrupted)."""
+    with warnings.catch_warnings():
+        # Ours are messages to the user, even where Python was told to make warnings errors.
+        warnings.simplefilter("default", IriftraceWarning)
+        warnings.showwarning = show_warning
+        try:
+            app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        except (IriftraceError, CycloptsError, OSError, MemoryError) as error:
+            notes.print("[bold red]error:[/] ", end="")
+            notes.print(sentence(error), markup=False, soft_wrap=True)
+            return 2
+        except KeyboardInterrupt:
+            notes.print("interrupted; nothing half written was left behind")
+            return 130
+    return 0
+
+
+@app.command
+def doctor() -> int:
+    """Check this machine: versions, variants, the LLVM or CUDA library, and how to mend them.
+
+    Example: ``iriftrace doctor``
+    """
+    from iriftrace.doctor import diagnose
+
+    diagnosis = diagnose()
+    colours = {"ok": "green", "warn": "yellow", "error": "red"}
+    for finding in diagnosis.findings:
+        out.print(
+            f"[{colours[finding.state]}]{finding.state:5}[/] [bold]{finding.name}[/]", end="  "
+        )
+        out.print(finding.text, markup=False, soft_wrap=True)
+        if finding.remedy:
+            out.print(f"      {finding.remedy}", markup=False, soft_wrap=True)
+    if not diagnosis.ok:
+        raise InputError("Something that iriftrace needs is missing; see the lines marked error.")
+    return 0
+
+
+for _command in (shells, scene, render, metrics, demo):
+    app.command(_command)
+
+# By name, so that they are imported when they are called.
+for _name, _help, _example in (
+    (
+        "sweep",
+        "Render a scene from many poses into one netCDF file; resumes when interrupted.",
+        "scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19",
+    ),
+    (
+        "plan",
+        "Rank the poses of a sweep by the combined metric and print the best one.",
+        "sweep.nc --statistic median --region lateral",
+    ),
+):
+    app.command(
+        f"iriftrace.cli.sweep_commands:{_name}",
+        name=_name,
+        help=f"{_help}\n\nExample: ``iriftrace {_name} {_example}``",
+    )

@@ -1,0 +1,163 @@
+"""The commands ``iriftrace shells`` and ``iriftrace scene``: from field and part to a scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from iriftrace.cli.camera_options import CameraOptions
+from iriftrace.cli.checks import check_folder, check_input, check_output
+from iriftrace.cli.console import out, show_warning, working
+from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
+from iriftrace.errors import InputError
+
+if TYPE_CHECKING:
+    from iriftrace.field import IndexField
+    from iriftrace.part import Part
+    from iriftrace.shell_stack import ShellStack
+
+
+def shells(
+    field: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    part: Path | None = None,
+    air: AirOptions = AirOptions(),  # noqa: B008
+    field_options: FieldOptions = FieldOptions(),  # noqa: B008
+    shell_options: ShellOptions = ShellOptions(),  # noqa: B008
+    part_options: PartOptions = PartOptions(),  # noqa: B008
+) -> None:
+    """Turn a temperature field into shells of equal refractive index.
+
+    Writes PLY files, ``shells.vtm`` for ParaView and the table ``shells.json``.
+
+    Example: ``iriftrace shells field.vtu -o shells/ --part part.ply --layers 13``
+
+    Parameters
+    ----------
+    field
+        Volume mesh with temperature, density or index (.vtu .vtk .vti .vtr .vts .pvd).
+    output
+        Folder for the shells.
+    part
+        The part's mesh; adds gaps and cuts to the table.
+    """
+    from iriftrace.cli.output import print_fit, print_shells
+    from iriftrace.shell_io import save_shells
+    from iriftrace.shell_report import report_shells
+
+    check_input(field, part)
+    check_folder(output)
+    measured = None if part is None else part_options.read(part)
+    stack, volume = _stack(field, air, field_options, shell_options)
+    fit = None
+    if measured is not None and volume is not None:
+        fit = _fit(volume, measured, part_options)
+    with working("Measuring the shells"):
+        reports = report_shells(stack, volume, measured)
+    files = save_shells(stack, output, report=reports, notes=field_options.notes())
+    print_shells(out, stack, reports, field_options.field_length_unit)
+    if fit is not None:
+        print_fit(out, fit)
+    out.print(f"{len(files)} files in {output}", soft_wrap=True)
+
+
+def scene(
+    field: Path,
+    part: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    normals: Literal["gradient", "facet"] = "gradient",
+    air: AirOptions = AirOptions(),  # noqa: B008
+    field_options: FieldOptions = FieldOptions(),  # noqa: B008
+    shell_options: ShellOptions = ShellOptions(),  # noqa: B008
+    part_options: PartOptions = PartOptions(),  # noqa: B008
+    camera_options: CameraOptions = CameraOptions(),  # noqa: B008
+) -> None:
+    """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
+
+    Example: ``iriftrace scene field.vtu part.ply -o scene/scene.xml --origin 150,-100,160``
+
+    Parameters
+    ----------
+    field
+        Volume mesh with temperature, density or index.
+    part
+        The part's surface mesh (.ply .stl .obj .glb ...).
+    output
+        The scene's XML file; meshes go beside it.
+    normals
+        Where the shells' normals come from: the field's gradient, or their own triangles.
+    """
+    from iriftrace.cli.output import print_camera, print_fit, print_shells
+    from iriftrace.scene import PART_FILE, write_scene
+    from iriftrace.shell_report import report_shells
+    from iriftrace.viewpoint import refuse_camera_inside
+
+    check_input(field, part)
+    check_output(output, ".xml", "scene.xml")
+    if part.resolve() == (output.parent / PART_FILE).resolve():
+        raise InputError(
+            f"The scene's own {PART_FILE} would replace the part's file {part}; give the scene a "
+            f"folder of its own, such as -o {output.with_suffix('') / output.name}."
+        )
+    measured = part_options.read(part)
+    stack, volume = _stack(field, air, field_options, shell_options)
+    fit = None if volume is None else _fit(volume, measured, part_options)
+    camera = camera_options.camera(measured, volume, stack)
+    refuse_camera_inside(camera.origin, measured, stack, volume)
+    with working("Measuring the shells"):
+        reports = report_shells(stack, volume, measured)
+    path = write_scene(
+        output.parent,
+        measured,
+        stack,
+        camera,
+        name=output.name,
+        scale=camera_options.scale,
+        normals=normals,
+        report=reports,
+        notes=field_options.notes(),
+    )
+    print_shells(out, stack, reports, field_options.field_length_unit)
+    if fit is not None:
+        print_fit(out, fit)
+    print_camera(out, camera, camera_options.scale)
+    out.print(f"Scene written; now run:  iriftrace render {path}", markup=False, soft_wrap=True)
+
+
+def _stack(
+    path: Path, air: AirOptions, field_options: FieldOptions, shell_options: ShellOptions
+) -> tuple[ShellStack, IndexField | None]:
+    """Shells of a volume field, or ready-made ones."""
+    if field_options.isosurfaces:
+        from iriftrace.shell_import import import_shells
+
+        with working("Reading iso-surfaces"):
+            stack = import_shells(
+                path,
+                array=field_options.array,
+                quantity=field_options.quantity,
+                temperature_unit=field_options.temperature_unit,
+                air=air.air(),
+                length_unit=field_options.field_length_unit,
+                transform=field_options.transform(),
+                min_size_mm=shell_options.min_size_mm(),
+            )
+        return shell_options.edited(stack), None
+    with working("Reading the field"):
+        volume = field_options.read(path, air.air())
+    with working("Contouring the shells"):
+        return shell_options.build(volume), volume
+
+
+def _fit(volume: IndexField, part: Part, options: PartOptions) -> Any:
+    from iriftrace.fit import fit_part_to_field
+
+    with working("Comparing part and field"):
+        fit = fit_part_to_field(volume, part, wall_temperature_k=options.hot_temperature_k())
+    for message in fit.warnings:
+        show_warning(message, UserWarning)
+    return fit

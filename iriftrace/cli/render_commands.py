@@ -1,0 +1,209 @@
+"""The commands ``iriftrace render``, ``metrics`` and ``demo``: from a scene to results."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from iriftrace.cli.checks import check_folder, check_input, check_output, removed_on_failure
+from iriftrace.cli.console import out, show_warning, working
+from iriftrace.cli.options import Statuses, Variables, statuses, variables_of
+from iriftrace.errors import InputError
+
+if TYPE_CHECKING:
+    from iriftrace.part import Part
+    from iriftrace.render import Rendering
+
+DEMO = "cylinder"
+
+
+def render(
+    scene: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    define: Variables = None,
+    variant: str | None = None,
+    figures: bool = True,
+    include: Statuses = None,
+) -> None:
+    """Trace a scene: AOV EXR, metrics JSON and displacement picture.
+
+    Example: ``iriftrace render scenes/cylinder/scene.xml -o out.exr -D scale=0.25``
+
+    Parameters
+    ----------
+    scene
+        The scene's XML file.
+    output
+        The EXR file; by default the scene's name with .exr. JSON and PNG go beside it.
+    define
+        Scene parameter, name=value; repeatable.
+    variant
+        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
+    figures
+        Draw the displacement picture.
+    include
+        Further status codes whose rays the metrics use, such as 5.
+    """
+    from iriftrace.cli.output import print_summary
+
+    check_input(scene)
+    exr = scene.with_suffix(".exr") if output is None else output
+    check_output(exr, ".exr", "out.exr", make=False)
+    used = statuses(include)
+    rendering, _ = _render(scene, exr, variables_of(define), variant, used, figures)
+    print_summary(out, rendering.metrics)
+    _list_files(exr, figures)
+
+
+def metrics(
+    image: Path,
+    *,
+    part: Path | None = None,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    include: Statuses = None,
+) -> None:
+    """Reduce an AOV EXR to metrics again.
+
+    Example: ``iriftrace metrics out.exr --part part.ply``
+
+    Parameters
+    ----------
+    image
+        An EXR that ``iriftrace render`` wrote.
+    part
+        The part's mesh, where it no longer lies where the EXR says.
+    output
+        The JSON file; by default beside the EXR.
+    include
+        Further status codes whose rays the metrics use, such as 5.
+    """
+    from iriftrace.cli.output import print_summary
+    from iriftrace.exr import read_exr
+    from iriftrace.metrics import pose_metrics, write_metrics
+    from iriftrace.rendered_part import part_of_image
+
+    check_input(image, part)
+    target = image.with_suffix(".json") if output is None else output
+    check_output(target, ".json", "out.json", make=False)
+    pixels = read_exr(image)
+    shown = part_of_image(pixels, part)
+    started = time.perf_counter()
+    with working("Reducing"):
+        result = pose_metrics(pixels, shown, include=statuses(include))
+    result["time_s"]["metrics"] = time.perf_counter() - started
+    write_metrics(target, result)
+    print_summary(out, result)
+    out.print(f"Metrics in {target}", markup=False, soft_wrap=True)
+
+
+def demo(
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("out"),
+    define: Variables = None,
+    variant: str | None = None,
+) -> None:
+    """Run the bundled scene of a hot cylinder, from scene to pictures and metrics.
+
+    Example: ``iriftrace demo -o out``
+
+    Parameters
+    ----------
+    output
+        Folder for the results; the scene is copied there, ready to be changed.
+    define
+        Scene parameter, name=value; repeatable.
+    variant
+        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
+    """
+    from iriftrace.cli.output import print_summary
+    from iriftrace.scenes import folder_of
+
+    check_folder(output)
+    values = variables_of(define)
+    copy = output / "scene"
+    _keep_edited_scene(copy / "scene.xml", folder_of(DEMO) / "scene.xml")
+    exr = output / f"{DEMO}.exr"
+    with removed_on_failure(copy):
+        shutil.copytree(folder_of(DEMO), copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
+        rendering, part = _render(copy / "scene.xml", exr, values, variant, (0,), True)
+    pictures = _scene_picture(rendering, part, copy / "shells", output / f"{DEMO}_scene.png")
+    print_summary(out, rendering.metrics)
+    _list_files(exr, True, *pictures)
+    out.print(
+        f"Change {copy / 'scene.xml'} and run:  iriftrace render {copy / 'scene.xml'}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _keep_edited_scene(mine: Path, bundled: Path) -> None:
+    """Refuse to replace a scene that somebody has changed, as the demo itself proposes."""
+    if mine.is_file() and mine.read_bytes() != bundled.read_bytes():
+        raise InputError(
+            f"{mine} has been changed since the last demo, which would be lost; run "
+            f"`iriftrace render {mine}` instead, or give another folder with -o."
+        )
+
+
+def _render(
+    scene: Path,
+    exr: Path,
+    variables: dict[str, str],
+    variant: str | None,
+    include: tuple[int, ...],
+    figures: bool,
+) -> tuple[Rendering, Part]:
+    """Render a scene and write all its files."""
+    from iriftrace.render import render_scene
+    from iriftrace.scene import load_scene
+
+    with working("Loading the scene"):
+        loaded = load_scene(scene, variables, variant=variant)
+    with working("Tracing"):
+        rendering = render_scene(loaded, include=include)
+    if figures:
+        from iriftrace.figures import displacement_figure
+
+        with working("Drawing"):
+            started = time.perf_counter()
+            displacement_figure(rendering.image, exr.with_suffix(".png"), include)
+            seconds = time.perf_counter() - started
+            rendering.metrics["time_s"]["figures"] = seconds
+            rendering.metrics["time_s"]["total"] += seconds
+    with working("Writing"):
+        rendering.save(exr)
+    return rendering, loaded.part
+
+
+def _scene_picture(
+    rendering: Rendering, part: Part, shells_folder: Path, picture: Path
+) -> list[Path]:
+    """Draw part, shells and camera, where this machine can draw."""
+    from iriftrace.doctor import drawing_trouble
+
+    with working("Drawing the scene"):
+        trouble = drawing_trouble()
+        if trouble:
+            show_warning(
+                f"The 3-D picture is left out, because VTK cannot draw here ({trouble}); "
+                "`iriftrace doctor` says how to mend it.",
+                UserWarning,
+            )
+            return []
+        from iriftrace.camera import Camera
+        from iriftrace.figure_scene import scene_figure
+        from iriftrace.shell_io import load_shells
+
+        camera = Camera.from_dict(rendering.image.header["camera"])
+        scene_figure(part, load_shells(shells_folder), camera, picture)
+    return [picture]
+
+
+def _list_files(exr: Path, figures: bool, *more: Path) -> None:
+    files = [exr, exr.with_suffix(".json"), *([exr.with_suffix(".png")] if figures else []), *more]
+    out.print("Files: " + ", ".join(str(file) for file in files), markup=False, soft_wrap=True)
