@@ -194,6 +194,17 @@ class Camera:
         point = x * resolution[0] / width, y * resolution[1] / height
         return evolve(self, resolution=resolution, principal_point_px=point)
 
+    def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
+        """The camera that sees a window of the picture, given by its first pixel and its size."""
+        pitch_x, pitch_y = self.pixel_pitch_mm
+        x, y = self.principal_point_px
+        return evolve(
+            self,
+            sensor_mm=(width * pitch_x, height * pitch_y),
+            resolution=(width, height),
+            principal_point_px=(x - left, y - top),
+        )
+
     def rays(self, pixels: ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
         """Rays through image positions.
 

@@ -255,8 +255,10 @@ class SceneTables:
                 total += abs(pair[1] - pair[0])
         return total
 
-    def triangles_in_view(self, project: Any, size: tuple[int, int]) -> int:
-        """Number of shell triangles whose centre appears in the picture."""
+    def triangles_in_view(
+        self, project: Any, lowest: tuple[int, int], highest: tuple[int, int]
+    ) -> int:
+        """Number of shell triangles whose centre appears in a window of the picture."""
         import drjit as dr
         import mitsuba as mi
 
@@ -265,7 +267,9 @@ class SceneTables:
         active = mi.Bool(True)
         corners = self.triangle(face, active)
         x, y, in_front = project((corners.a + corners.b + corners.c) / 3)
-        seen = in_front & (x >= 0) & (x < size[0]) & (y >= 0) & (y < size[1])
+        seen = in_front
+        for position, low, high in zip((x, y), lowest, highest, strict=True):
+            seen &= (position >= low) & (position < high)
         part = (face >= self.part_first_face) & (
             face < self.part_first_face + self.part.face_count()
         )

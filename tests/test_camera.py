@@ -216,3 +216,23 @@ def test_wrong_values_are_refused(changes: dict[str, Any], message: str) -> None
 def test_wrong_scale_is_refused(scale: float) -> None:
     with pytest.raises(InputError, match=f"scale is {scale}"):
         paper().scaled(scale)
+
+
+def test_a_cropped_camera_sees_the_same_points_in_its_window() -> None:
+    camera = Camera(
+        focal_length_mm=10.0,
+        sensor_mm=(6.7, 5.6),
+        resolution=(1224, 1024),
+        principal_point_px=(600.0, 500.0),
+        matrix=look_at((150.0, -100.0, 120.0), (0.0, 0.0, 0.0)),
+    )
+    window = camera.cropped(300, 200, 64, 48)
+    points = [(1.0, 2.0, 3.0), (-20.0, 5.0, 0.0)]
+    np.testing.assert_allclose(
+        window.project(points), camera.project(points) - (300, 200), rtol=0, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        window.pixel_solid_angle(),
+        camera.pixel_solid_angle()[200:248, 300:364],
+        rtol=1e-9,
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from iriftrace.exr import read_exr
 from iriftrace.part import part_of_mesh
 from iriftrace.render import render_scene, trace_rays
 from iriftrace.scene import LoadedScene, load_scene, write_scene
+from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
 from iriftrace.shell_stack import Shell, ShellStack
 from iriftrace.status import Status
@@ -278,3 +280,24 @@ def test_include_takes_only_codes_with_a_displacement(scene: LoadedScene) -> Non
     assert render_scene(scene, include=(0, 5)).metrics["rays"]["good"] > 1000
     with pytest.raises(InputError, match="status 3"):
         render_scene(scene, include=(0, 3))
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_crop_window_is_a_piece_of_the_whole_picture(tmp_path: Path) -> None:
+    """Its pixels are the whole picture's, and metrics and files come out of it too."""
+    shutil.copytree(folder_of("cylinder"), tmp_path / "scene")
+    xml = tmp_path / "scene" / "scene.xml"
+    whole = render_scene(load_scene(xml, {"scale": 1})).image.channels["displacement.norm"]
+    window = "".join(
+        f'<integer name="crop_{name}" value="{value}"/>'
+        for name, value in (("offset_x", 1100), ("offset_y", 900), ("width", 200), ("height", 150))
+    )
+    xml.write_text(
+        xml.read_text().replace('<film type="hdrfilm">', f'<film type="hdrfilm">{window}')
+    )
+    rendering = render_scene(load_scene(xml, {"scale": 1}))
+    piece = rendering.image.channels["displacement.norm"]
+    np.testing.assert_allclose(piece, whole[900:1050, 1100:1300], rtol=0, atol=1e-9)
+    assert rendering.metrics["camera"]["resolution"] == [200, 150]
+    assert 0 < rendering.metrics["coverage_area"] < 0.1
+    rendering.save(tmp_path / "piece.exr")

@@ -24,10 +24,10 @@ def shells(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     part: Path | None = None,
-    air: AirOptions = AirOptions(),  # noqa: B008
-    field_options: FieldOptions = FieldOptions(),  # noqa: B008
-    shell_options: ShellOptions = ShellOptions(),  # noqa: B008
-    part_options: PartOptions = PartOptions(),  # noqa: B008
+    air: AirOptions = AirOptions(),
+    field_options: FieldOptions = FieldOptions(),
+    shell_options: ShellOptions = ShellOptions(),
+    part_options: PartOptions = PartOptions(),
 ) -> None:
     """Turn a temperature field into shells of equal refractive index.
 
@@ -70,11 +70,11 @@ def scene(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     normals: Literal["gradient", "facet"] = "gradient",
-    air: AirOptions = AirOptions(),  # noqa: B008
-    field_options: FieldOptions = FieldOptions(),  # noqa: B008
-    shell_options: ShellOptions = ShellOptions(),  # noqa: B008
-    part_options: PartOptions = PartOptions(),  # noqa: B008
-    camera_options: CameraOptions = CameraOptions(),  # noqa: B008
+    air: AirOptions = AirOptions(),
+    field_options: FieldOptions = FieldOptions(),
+    shell_options: ShellOptions = ShellOptions(),
+    part_options: PartOptions = PartOptions(),
+    camera_options: CameraOptions = CameraOptions(),
 ) -> None:
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
 
