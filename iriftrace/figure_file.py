@@ -1,10 +1,11 @@
-"""Write a Matplotlib figure as PNG, without the global state of pyplot."""
+"""Write a Matplotlib figure as PNG or PDF, without the global state of pyplot."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.figure import Figure
 
 from iriftrace.errors import InputError
@@ -34,3 +35,17 @@ def write_png(figure: Figure, path: str | Path) -> None:
     check_png_name(path)
     with whole_file(path) as temporary:
         FigureCanvasAgg(figure).print_figure(temporary, format="png", dpi=figure.dpi)
+
+
+def write_pdf(figure: Figure, path: str | Path) -> None:
+    """Write a figure as PDF, whole or not at all; the same figure gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist, or the file cannot be written.
+    """
+    with whole_file(path) as temporary:
+        FigureCanvasPdf(figure).print_figure(
+            temporary, format="pdf", dpi=figure.dpi, metadata={"CreationDate": None}
+        )

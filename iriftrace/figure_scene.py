@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -14,13 +13,12 @@ from matplotlib.colors import FuncNorm
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
-from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 
 from iriftrace.camera import Camera
-from iriftrace.errors import SetupError
 from iriftrace.figure_camera import camera_body, sight_lines
 from iriftrace.figure_colours import celsius_of, temperature_norm, temperature_ticks
 from iriftrace.figure_file import check_png_name, write_png
+from iriftrace.figure_surfaces import add_part, off_screen, surface_of, thinned
 from iriftrace.figure_view import (
     Box,
     View,
@@ -40,12 +38,6 @@ _SIZE_PX = (1600, 1200)
 _PICTURE_PX = (1390, 1080)
 
 _MOST_SHELLS = 20
-# Of one surface. The time for thinning out grows with the third power of the bins along each side;
-# these are about as fine as the picture's pixels and cost 0.07 s.
-_MOST_TRIANGLES = 100_000
-_BINS = 400
-
-_PART_COLOUR = "#ff8c1a"
 _CAMERA_COLOUR = "#3a3f47"
 _SIGHT_COLOUR = "#0f6b8f"
 _COLOUR_MAP = "plasma"
@@ -97,31 +89,21 @@ def _scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
     )
     view = fitting_view(towards, box, _PICTURE_PX)
     drawn = _some(shells.shells)
-    # Where VTK tries several kinds of windows, it reports each one that fails.
-    with pv.vtk_verbosity("off"):
-        plotter = pv.Plotter(
-            off_screen=True, window_size=list(_PICTURE_PX), theme=pv.themes.DocumentTheme()
-        )
-        try:
-            _require_opengl(plotter)
-            plotter.enable_anti_aliasing("msaa", multi_samples=8)
-            # Plain blending in the order of drawing; see _add_shell.
-            plotter.renderer.SetUseOIT(False)
-            add_box(plotter, view, box)
-            _add_part(plotter, part)
-            plotter.add_mesh(body, color=_CAMERA_COLOUR, ambient=0.3)
-            for _, points in sight:
-                lines = pv.lines_from_points(points)
-                plotter.add_mesh(lines, color=_SIGHT_COLOUR, line_width=3, lighting=False)
-            colours = colormaps[_COLOUR_MAP](norm(celsius_of(shells)))
-            opacity = 1.0 - _TRANSMITTANCE ** (1.0 / len(drawn))
-            for number in drawn:
-                shell = shells.shells[number]
-                _add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
-            view.apply_to(plotter, box)
-            picture = np.asarray(plotter.screenshot(return_img=True))
-        finally:
-            plotter.close()
+    # Plain blending in the order of drawing; see _add_shell.
+    with off_screen(_PICTURE_PX) as plotter:
+        add_box(plotter, view, box)
+        add_part(plotter, part)
+        plotter.add_mesh(body, color=_CAMERA_COLOUR, ambient=0.3)
+        for _, points in sight:
+            lines = pv.lines_from_points(points)
+            plotter.add_mesh(lines, color=_SIGHT_COLOUR, line_width=3, lighting=False)
+        colours = colormaps[_COLOUR_MAP](norm(celsius_of(shells)))
+        opacity = 1.0 - _TRANSMITTANCE ** (1.0 / len(drawn))
+        for number in drawn:
+            shell = shells.shells[number]
+            _add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
+        view.apply_to(plotter, box)
+        picture = np.asarray(plotter.screenshot(return_img=True))
     names = _names(camera, view, sight, body.points)
     return _composed(picture, view, box, names, norm, _titles(shells, len(drawn), camera))
 
@@ -130,50 +112,6 @@ def _some(shells: tuple[Shell, ...]) -> list[int]:
     """Numbers of the shells to draw: all, or as many as the eye can tell apart."""
     count = min(len(shells), _MOST_SHELLS)
     return [int(number) for number in np.rint(np.linspace(0, len(shells) - 1, count))]
-
-
-def _require_opengl(plotter: pv.Plotter) -> None:
-    # Without a working OpenGL the window stays as it is, and drawing would end the process.
-    if not _opens(plotter.render_window):
-        raise SetupError(
-            "the 3-D figure needs an OpenGL library that draws without a display, and none was "
-            "found; install Mesa's EGL (on Debian and Ubuntu: apt-get install libegl1) or leave "
-            "the figure out."
-        )
-
-
-def _opens(window: Any) -> bool:
-    window.Initialize()
-    return bool(window.GetInitialized())
-
-
-def _add_part(plotter: pv.Plotter, part: Part) -> None:
-    surface = _thinned(_surface(part.vertices, part.faces))
-    surface = surface.clean().compute_normals(
-        split_vertices=True, feature_angle=30.0, auto_orient_normals=False
-    )
-    plotter.add_mesh(surface, color=_PART_COLOUR, smooth_shading=True, ambient=0.35, specular=0.2)
-
-
-def _surface(vertices: NDArray[Any], faces: NDArray[Any]) -> pv.PolyData:
-    surface: pv.PolyData = pv.PolyData.from_regular_faces(vertices, faces)
-    return surface
-
-
-def _thinned(surface: pv.PolyData) -> pv.PolyData:
-    """The surface itself, or with vertices merged that lie in one bin, when it is huge."""
-    if surface.n_cells <= _MOST_TRIANGLES:
-        return surface
-    thinning = vtkBinnedDecimation()
-    thinning.SetInputData(surface)
-    thinning.AutoAdjustNumberOfDivisionsOff()
-    size = np.ptp(np.asarray(surface.bounds).reshape(3, 2), axis=1)
-    divisions = np.maximum(1, np.ceil(_BINS * size / size.max())).astype(int)
-    thinning.SetNumberOfDivisions(*divisions.tolist())
-    thinning.SetProducePointData(True)
-    thinning.Update()
-    thin: pv.PolyData = pv.wrap(thinning.GetOutput())
-    return thin
 
 
 def _add_shell(
@@ -189,10 +127,10 @@ def _add_shell(
     Shells must be added outermost first: with the near half cut away the outermost is the farthest,
     so that blending in the order of drawing is right and no sorting (depth peeling) is needed.
     """
-    surface = _surface(shell.vertices, shell.faces)
+    surface = surface_of(shell.vertices, shell.faces)
     if shell.normals is not None:
         surface.point_data.active_normals = shell.normals.astype(np.float64)
-    surface = _thinned(surface)
+    surface = thinned(surface)
     rest = surface.clip(normal=side, origin=centre)
     if rest.n_cells:
         smooth = shell.normals is not None

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import ListedColormap, LogNorm, Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -22,11 +22,11 @@ from iriftrace.displacement import good_mask
 from iriftrace.errors import InputError
 from iriftrace.exr import AovImage
 from iriftrace.figure_file import check_png_name, write_png
+from iriftrace.figure_scale import Limits, colour_norm, round_ticks
 from iriftrace.status import Status
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-Limits = tuple[float, float]
 
 COLOUR_PERCENTILES = (1.0, 99.0)
 """A few silhouette rays jump by millimetres; these percentiles keep them out of the colours."""
@@ -97,7 +97,11 @@ def _displacement_figure(image: AovImage, include: Collection[int] = (Status.GOO
     extent = (0, image.resolution[0], image.resolution[1], 0)
     greys = _draw_others(axes, image.status, seen & ~good, extent)
     picture = axes.imshow(
-        displacement, norm=_norm(limits), cmap="viridis", extent=extent, interpolation="nearest"
+        displacement,
+        norm=colour_norm(limits),
+        cmap="viridis",
+        extent=extent,
+        interpolation="nearest",
     )
     _draw_silhouettes(axes, image, seen)
     axes.set(xlim=columns, ylim=rows[::-1], xlabel="Column (px)", ylabel="Row (px)")
@@ -132,26 +136,6 @@ def _colour_limits(values: FloatArray) -> Limits:
         return 0.0, 1.0
     low = max(low, 1e-4 * high)
     return (low, high) if high > 1.05 * low else (low / 1.05, high * 1.05)
-
-
-def _norm(limits: Limits) -> Normalize:
-    # Clipped, because a ray that crosses no shell has a displacement of 0, which has no logarithm:
-    # it would leave a hole in the part.
-    return LogNorm(*limits, clip=True) if limits[0] > 0.0 else Normalize(*limits)
-
-
-def _ticks(limits: Limits) -> FloatArray:
-    """Round numbers between two limits that label a colour bar without crowding it."""
-    low, high = limits
-    if low > 0.0:
-        decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-        for steps in ((1,), (1, 3), (1, 2, 5), (1, 1.5, 2, 3, 5, 7)):
-            ticks = np.outer(decades, steps).ravel()
-            ticks = ticks[(ticks >= low) & (ticks <= high)]
-            if len(ticks) >= 5:
-                return np.asarray(ticks, dtype=np.float64)
-    linear = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
-    return linear[(linear >= low) & (linear <= high)]
 
 
 def _crop(seen: BoolArray) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -264,7 +248,7 @@ def _add_colour_bar(
         aspect=28,
         pad=0.02,
     )
-    ticks = _ticks(limits).tolist()
+    ticks = round_ticks(limits).tolist()
     bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
     bar.set_ticks([], minor=True)
 

@@ -20,6 +20,9 @@ from .tracing import (
     straight_hits,
 )
 
+WITNESSES = 9
+"""Lines by which the layer at a hit is counted where a ray did not end in the usual one."""
+
 
 class Trace(NamedTuple):
     """What became of a bundle of rays; one entry per traced ray (see :func:`trace_bundle`)."""
@@ -190,6 +193,9 @@ def _index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any
     import mitsuba as mi
 
     tables = prepared.tables
+    if tables.stock_shells:
+        # Mitsuba's dielectric knows ratios only, so its steps have no common scale.
+        return mi.Bool(True), mi.Bool(True)
     hit = refracted.outcome == HIT_PART
     face = refracted.face - tables.part_first_face
     ambient, slack, open_steps = (
@@ -198,19 +204,16 @@ def _index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any
     )
     entry = dr.select(refracted.entry_index != 0, refracted.entry_index, ambient)
     layer = entry + refracted.index_sum
-    lowest = dr.gather(mi.Float64, prepared.lowest_wall_index, face, hit) - slack
-    highest = dr.gather(mi.Float64, prepared.highest_wall_index, face, hit) + slack
+    usual = dr.gather(mi.Float64, prepared.usual_wall_index, face, hit)
     missing = dr.abs(entry - ambient)
-    fits = (layer > lowest) & (layer < highest)
-    # A ray without a crossing does not tell in which air it runs, unless the part's wall
-    # has one kind only.
-    silent = hit & (refracted.entry_index == 0) & dr.isfinite(lowest)
-    silent &= (lowest < ambient - 2 * slack) | (highest > ambient + 2 * slack)
+    fits = dr.abs(layer - usual) < slack
+    # A ray without a crossing does not tell in which air it runs, unless that at the wall is cold.
+    silent = hit & (refracted.entry_index == 0) & (dr.abs(usual - ambient) > slack)
     dr.eval(layer, missing, fits, silent)
     doubtful = dr.compress(hit & (~fits | silent))
     if dr.width(doubtful) > 0:
         number = np.array(doubtful)
-        near = prepared.layers_near(*_hits(prepared, refracted, number))
+        near = prepared.layers_near(*_hits(prepared, refracted, number), lines=WITNESSES)
         right = (np.abs(np.array(layer)[number] - near) < tables.half_step).any(axis=0)
         # It has come all its way in the air before the wall then, through an open end.
         astray = np.array(silent)[number] & ~right

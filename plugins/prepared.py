@@ -11,11 +11,14 @@ from .aligned import aligned
 from .geometry import PART, SceneTables, shell_indices
 from .tracing import crossed_steps, query_step
 
-SAMPLES_PER_DIAGONAL = 100
+SAMPLES_PER_DIAGONAL = 50
 """Wall samples along the part's diagonal, by which the layer at the wall is found."""
 
 WALL_STEPS = 80
 """Steps of a ray query before and behind a point between which its layer is uncertain."""
+
+TILT = np.radians(50.0)
+"""Angle between a wall's normal and the other lines by which its layer is counted."""
 
 
 class PreparedScene:
@@ -49,9 +52,7 @@ class PreparedScene:
             )
         else:
             self.opaque = scene
-        low, high = self._wall_layers()
-        self.lowest_wall_index = mi.Float64(low)
-        self.highest_wall_index = mi.Float64(high)
+        self.usual_wall_index = mi.Float64(aligned(self._wall_layers()))
 
     def surroundings(self, point: NDArray[np.float64]) -> str | None:
         """What a point (3,), mm, world, lies in: ``"part"``, ``"hot air"`` or None for outside.
@@ -76,30 +77,33 @@ class PreparedScene:
             return "part"
         return "hot air" if np.mean(np.array(enclosed)) > 0.5 else None
 
-    def _wall_layers(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Smallest and largest index of the layers that touch each face of the part.
+    def _wall_layers(self) -> NDArray[np.float64]:
+        """Index of the layer that usually touches each face of the part, (m,) array.
 
-        Straight lines from many points on the part count the steps to the outside; so no field is
-        needed, and shells that cut the part or end on it are taken as they are. The samples can
-        miss a small patch, so rays that do not fit are looked at one by one.
+        Straight lines from a few points on each face count the steps to the outside; so no field is
+        needed, and shells that cut the part or end on it are taken as they are. Rays that end in
+        another layer are looked at one by one.
         """
         vertices, faces = self.tables.part_arrays()
         if not self.tables.shell_shapes or self.tables.stock_shells:
-            return np.full(len(faces), -np.inf), np.full(len(faces), np.inf)
+            return np.full(len(faces), self.tables.ambient)
         points, directions, face = _wall_samples(vertices, faces)
         index = self.layers_near(points, directions).ravel()
-        return _spread(index, np.concatenate((face, face)), faces, len(vertices))
+        return _median_of_each(index, np.concatenate((face, face)), len(faces))
 
     def layers_near(
-        self, points: NDArray[np.float64], directions: NDArray[np.float64]
+        self, points: NDArray[np.float64], normals: NDArray[np.float64], *, lines: int = 1
     ) -> NDArray[np.float64]:
         """Index of the layer just before and just behind points, counted from outside.
 
         Parameters
         ----------
         points : (n, 3) array, mm, world
-        directions : (n, 3) array
+        normals : (n, 3) array
             Unit vectors towards the outside.
+        lines : int
+            Straight lines from each point by which the steps are counted. With several, the
+            majority decides, so that a hole in a shell does not.
 
         Returns
         -------
@@ -107,21 +111,38 @@ class PreparedScene:
         """
         import mitsuba as mi
 
-        direction = mi.Vector3d(*(aligned(x) for x in directions.T))
-        index = np.array(
-            [
-                crossed_steps(
-                    self.scene,
-                    self.tables,
-                    mi.Point3d(*(aligned(x) for x in (points + shift * directions).T)),
-                    direction,
-                    self.step,
-                )[0]
-                for shift in (WALL_STEPS * self.step, -WALL_STEPS * self.step)
-            ]
-        )
-        index[index == 0] = self.tables.ambient
-        return index
+        directions = _around(normals, lines)
+        direction = mi.Vector3d(*(aligned(x) for x in directions.reshape(-1, 3).T))
+        counted = []
+        for shift in (WALL_STEPS * self.step, -WALL_STEPS * self.step):
+            start = np.broadcast_to(points + shift * normals, directions.shape).reshape(-1, 3)
+            origin = mi.Point3d(*(aligned(x) for x in start.T))
+            index = crossed_steps(self.scene, self.tables, origin, direction, self.step)[0]
+            counted.append(np.array(index).reshape(lines, -1))
+        return np.array([self._majority(index) for index in counted])
+
+    def _majority(self, index: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Most frequent index of each column; ambient where no line met a shell."""
+        known = index != 0
+        same = np.abs(index[:, None] - index[None]) < self.tables.half_step
+        votes = (same & known[None]).sum(axis=1) * known
+        chosen = np.take_along_axis(index, votes.argmax(axis=0)[None], axis=0)[0]
+        return np.where(known.any(axis=0), chosen, self.tables.ambient)
+
+
+def _around(normals: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Unit vectors (count, n, 3): the normals first, then others evenly about them."""
+    helper = np.where(np.abs(normals[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    right = np.cross(normals, helper)
+    length = np.linalg.norm(right, axis=1, keepdims=True)
+    right = np.divide(right, length, out=np.zeros_like(right), where=length > 0)
+    forward = np.cross(normals, right)
+    turns = 2 * np.pi * np.arange(count - 1) / max(1, count - 1)
+    tilted = [
+        np.cos(TILT) * normals + np.sin(TILT) * (np.cos(turn) * right + np.sin(turn) * forward)
+        for turn in turns
+    ]
+    return np.stack([normals, *tilted])
 
 
 def _directions(count: int) -> NDArray[np.float64]:
@@ -142,8 +163,8 @@ def _wall_samples(
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
     spacing = np.linalg.norm(np.ptp(vertices, axis=0)) / SAMPLES_PER_DIAGONAL
-    # As many as the area asks for, and at least two, so that slivers are met too.
-    counts = np.where(length[:, 0] > 0, 2 + length[:, 0] / spacing**2, 0).astype(np.int64)
+    # As many as the area asks for, and at least three, so that one odd one does not decide.
+    counts = np.where(length[:, 0] > 0, 3 + length[:, 0] / spacing**2, 0).astype(np.int64)
     face = np.repeat(np.arange(len(faces)), counts)
     # A plane lattice of even spread (Roberts 2018, R2), folded into the triangle.
     u, v = (np.arange(len(face)) * step % 1 for step in (0.7548776662466927, 0.5698402909980532))
@@ -153,18 +174,14 @@ def _wall_samples(
     return a + u * (b - a) + v * (c - a), normals[face], face
 
 
-def _spread(
-    index: NDArray[np.float64],
-    face: NDArray[np.int64],
-    faces: NDArray[np.int64],
-    vertex_count: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Extremes over each face and the faces around it: a shell may end between two samples."""
-    bounds = []
-    for extreme, start in ((np.minimum, np.inf), (np.maximum, -np.inf)):
-        of_face = np.full(len(faces), start)
-        extreme.at(of_face, face, index)
-        of_vertex = np.full(vertex_count, start)
-        extreme.at(of_vertex, faces.ravel(), np.repeat(of_face, 3))
-        bounds.append(extreme.reduce(of_vertex[faces], axis=1))
-    return bounds[0], bounds[1]
+def _median_of_each(
+    values: NDArray[np.float64], group: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
+    """Median of the values of each group, (count,) array; NaN for a group without any."""
+    order = np.lexsort((values, group))
+    sizes = np.bincount(group, minlength=count)
+    some = sizes > 0
+    middle = (np.cumsum(sizes) - sizes + sizes // 2)[some]
+    result = np.full(count, np.nan)
+    result[some] = values[order][middle]
+    return result

@@ -24,8 +24,11 @@ LEAST_COMPONENT = 1e-9
 QUERY_ERROR_STEPS = 40
 """Steps by which a single precision query can be wrong across the ray, generously."""
 
+LEAST_STEP = 0.02
+"""Smallest step, as a share of the step at the scene's largest coordinate."""
+
 RELATIVE_STEP = 1.5e-7
-"""Step beyond a crossing, as a share of the scene's largest coordinate.
+"""Step beyond a crossing, as a share of the largest coordinate there.
 
 Hardly more than a float32 spacing, because sliver cells fold a shell over by as little as 1e-4 mm,
 and a fold that is stepped over leaves index steps that do not add up (6 of 266,000 rays with a step
@@ -150,6 +153,10 @@ def refracted_hits(
     limit = dr.opaque(mi.UInt32, max_crossings)
     nothing = mi.UInt32(0xFFFFFFFF)
 
+    def step_at(point: Any) -> Any:
+        # Single precision is finer near the origin, and so may be the step.
+        return dr.maximum(RELATIVE_STEP * dr.max(dr.abs(point)), LEAST_STEP * smallest_step)
+
     class State(NamedTuple):
         point: Any
         direction: Any
@@ -220,7 +227,7 @@ def refracted_hits(
             s.index_sum + dr.select(crossed & ~reflected, far - near, 0),
             dr.select(crossed, shape, s.shape),
             dr.select(crossed, outward, s.outward),
-            dr.select(again, 4 * s.step, smallest_step),
+            dr.select(again, 4 * s.step, step_at(point)),
             on_shell & ~gave_up,
         )
 

@@ -11,6 +11,7 @@ from iriftrace.cli.camera_options import CameraOptions
 from iriftrace.cli.checks import check_folder, check_input, check_output
 from iriftrace.cli.console import out, show_warning, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
+from iriftrace.cli.options import quantity
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ def scene(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     normals: Literal["gradient", "facet"] = "gradient",
+    trim: str | None = None,
     air: AirOptions = AirOptions(),
     field_options: FieldOptions = FieldOptions(),
     shell_options: ShellOptions = ShellOptions(),
@@ -90,6 +92,9 @@ def scene(
         The scene's XML file; meshes go beside it.
     normals
         Where the shells' normals come from: the field's gradient, or their own triangles.
+    trim
+        Leave out what lies farther than this beside the camera's view, such as "10 mm"; the scene
+        then serves this camera only.
     """
     from iriftrace.cli.output import print_camera, print_fit, print_shells
     from iriftrace.scene import PART_FILE, write_scene
@@ -108,6 +113,10 @@ def scene(
     fit = None if volume is None else _fit(volume, measured, part_options)
     camera = camera_options.camera(measured, volume, stack)
     refuse_camera_inside(camera.origin, measured, stack, volume)
+    if trim is not None:
+        from iriftrace.shell_edit import trim_to_frustum
+
+        stack = trim_to_frustum(stack, camera, quantity(trim, "mm", "--trim"))
     with working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
     path = write_scene(

@@ -1,0 +1,104 @@
+"""Maps of a sweep: one metric over azimuth and elevation."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+from numpy.typing import NDArray
+
+from iriftrace.sweep_quantities import Quantity, SweepSummary
+from iriftrace.sweep_style import (
+    BEST,
+    COLOUR_MAP,
+    UNKNOWN,
+    add_colour_bar,
+    marks,
+    new_figure,
+    number,
+    quantity_norm,
+)
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_TICK_STEPS_DEG = (5.0, 10.0, 15.0, 30.0, 45.0, 60.0, 90.0)
+_MOST_TICKS = 9
+
+
+def map_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
+    """A metric over azimuth and elevation: cells for a grid of poses, dots for others."""
+    figure, body = new_figure(
+        7.0, 5.6, f"{quantity.name} over the camera's direction", summary.subtitle
+    )
+    axes = body.add_subplot()
+    grid = summary.grid
+    if grid is None:
+        _draw_dots(axes, summary, quantity)
+    else:
+        _draw_cells(axes, summary, quantity, grid)
+    best = summary.plan.best
+    axes.plot(summary.azimuth[best], summary.elevation[best], zorder=4, clip_on=False, **BEST)
+    axes.set(xlabel=f"Azimuth {summary.angles_of} (°)", ylabel=f"Elevation {summary.angles_of} (°)")
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        step = next((s for s in _TICK_STEPS_DEG if (high - low) / s <= _MOST_TICKS), None)
+        small = high - low < 2 * _TICK_STEPS_DEG[0]
+        axis.set_major_locator(MaxNLocator(6) if step is None or small else MultipleLocator(step))
+        axis.set_major_formatter(lambda value, _position: number(round(value, 6)))
+    add_colour_bar(body, quantity, axes=axes)
+    body.legend(
+        handles=marks(summary, ~quantity.known),
+        loc="outside lower center",
+        ncols=2,
+        fontsize=9,
+        frameon=False,
+    )
+    return figure
+
+
+def _draw_cells(axes: Axes, summary: SweepSummary, quantity: Quantity, grid: IntArray) -> None:
+    azimuths, elevations = np.unique(summary.azimuth), np.unique(summary.elevation)
+    rows = np.clip(_edges(elevations), -90.0, 90.0)
+    values = np.ma.masked_invalid(quantity.values[grid])
+    axes.set_facecolor("0.93")
+    axes.pcolormesh(
+        _edges(azimuths),
+        rows,
+        values,
+        norm=quantity_norm(quantity),
+        cmap=COLOUR_MAP,
+        # Vector figures would show white seams between cells.
+        rasterized=True,
+    )
+    row, column = np.nonzero(values.mask & np.ones(grid.shape, dtype=np.bool_))
+    # The middle of the cell as it is drawn: that of a pole is cut in half.
+    middle = 0.5 * (rows[1:] + rows[:-1])
+    axes.plot(azimuths[column], middle[row], zorder=3, **UNKNOWN)
+
+
+def _edges(centres: FloatArray) -> FloatArray:
+    """Ends of the cells around ascending centres."""
+    between = 0.5 * (centres[1:] + centres[:-1])
+    return np.concatenate(([2 * centres[0] - between[0]], between, [2 * centres[-1] - between[-1]]))
+
+
+def _draw_dots(axes: Axes, summary: SweepSummary, quantity: Quantity) -> None:
+    known = quantity.known
+    count = len(known)
+    axes.scatter(
+        summary.azimuth[known],
+        summary.elevation[known],
+        c=quantity.values[known],
+        norm=quantity_norm(quantity),
+        cmap=COLOUR_MAP,
+        s=float(np.clip(2.0e4 / count, 6.0, 60.0)),
+        edgecolors="0.3",
+        linewidths=0.4,
+        zorder=2,
+    )
+    axes.plot(summary.azimuth[~known], summary.elevation[~known], zorder=3, **UNKNOWN)
+    axes.grid(color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.margins(0.05)
