@@ -19,7 +19,7 @@ from iriftrace.part import Part
 _MOST_TRIANGLES = 100_000
 _BINS = 400
 
-_PART_COLOUR = "#ff8c1a"
+PART_COLOUR = "#ff8c1a"
 
 
 @contextmanager
@@ -67,7 +67,7 @@ def add_part(plotter: pv.Plotter, part: Part) -> None:
     surface = surface.clean().compute_normals(
         split_vertices=True, feature_angle=30.0, auto_orient_normals=False
     )
-    plotter.add_mesh(surface, color=_PART_COLOUR, smooth_shading=True, ambient=0.35, specular=0.2)
+    plotter.add_mesh(surface, color=PART_COLOUR, smooth_shading=True, ambient=0.35, specular=0.2)
 
 
 def surface_of(vertices: NDArray[Any], faces: NDArray[Any]) -> pv.PolyData:

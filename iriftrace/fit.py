@@ -22,6 +22,9 @@ LARGEST_GAP_MM = 0.2
 LARGEST_DIFFERENCE_K = 5.0
 """A larger difference between expected and found wall temperature is worth a warning."""
 
+LARGEST_BARE_SHARE = 0.05
+"""A larger share of the part's area without the field's wall near it is worth a warning."""
+
 # Boxes match when none of their faces is off by more than this share of their diagonal.
 _MATCH = 0.03
 
@@ -118,8 +121,23 @@ def fit_part_to_field(
             f"and {p95:.3g} mm (95th percentile), so rays cross air that the field does not know; "
             + _advice(part.bounds, target)
         )
+    # A part beside its cavity is bare too, but that has been said.
+    bare = 0.0 if messages else _bare_share(wall, part)
+    if bare > LARGEST_BARE_SHARE:
+        messages.append(
+            f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
+            "wall, so no hot air is known there and rays through it stay straight; mirror a field "
+            "that was solved on a half or quarter, or check unit and axes."
+        )
     messages += _temperature_message(temperature, wall_temperature_k)
     return Fit(median, p95, temperature, tuple(messages))
+
+
+def _bare_share(wall: pv.PolyData, part: Part) -> float:
+    """Share of the part's area whose faces' centres are not near the wall."""
+    centres = pv.PolyData(part.vertices[part.faces].mean(axis=1))
+    distance = np.abs(centres.compute_implicit_distance(wall)["implicit_distance"])
+    return float(part.face_areas[distance > LARGEST_GAP_MM].sum() / part.area)
 
 
 def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -> Fit:

@@ -21,14 +21,17 @@ def provenance(scene: LoadedScene, projection: str) -> dict[str, Any]:
     """
     table = scene.shells_table
     part = scene.part
-    rule = table.get("rule", "unknown: taken from the scene file")
     notes = table.get("notes") or {}
     source = table.get("source")
     return {
         "version": version("iriftrace"),
-        "scene": {"path": str(scene.path), "sha256": sha256_of(scene.path)},
+        "scene": {
+            "path": str(scene.path.resolve()),
+            "sha256": sha256_of(scene.path),
+            "variables": scene.variables,
+        },
         "engine": "shells",
-        "index_rule": rule,
+        "index_rule": scene.index_rule,
         "normals": scene.normals,
         "wavelength_nm": (table.get("air") or {}).get("wavelength_nm"),
         "field": source,
@@ -42,7 +45,7 @@ def provenance(scene: LoadedScene, projection: str) -> dict[str, Any]:
         "length_unit": "mm",
         "assumptions": {
             "engine": "nested iso-index shells, Snell's law at each",
-            "index_rule": rule,
+            "index_rule": scene.index_rule,
             "normals": scene.normals,
             "field_source": f"{source['quantity']} from {source['path']}"
             if source

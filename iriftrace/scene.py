@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from iriftrace import runtime
 from iriftrace.camera import Camera
-from iriftrace.errors import InputError
+from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.part import Part, read_part, save_part
 from iriftrace.scene_file import SceneFile, read_scene_file, readable
 from iriftrace.shell_io import save_shells
@@ -43,8 +44,12 @@ class LoadedScene:
         What the XML does to the part's file.
     camera : Camera
         The scene's own (first) sensor.
+    variables : dict of str
+        Values that were given for the file's ``<default>`` parameters.
     normals : str
-        ``"gradient"`` or ``"facet"``.
+        ``"gradient"`` or ``"facet"``, and for how many shells if not for all.
+    index_rule : str
+        How surfaces and layers were chosen, and whether the scene still has all of them.
     shells_table : dict
         The shells' JSON table (air, source, index rule); empty when the scene has none.
     load_s, build_s : float
@@ -55,7 +60,9 @@ class LoadedScene:
     part: Part
     part_to_world: NDArray[np.float64]
     camera: Camera
+    variables: dict[str, str]
     normals: str
+    index_rule: str
     shells_table: dict[str, Any]
     load_s: float
     build_s: float
@@ -249,19 +256,50 @@ def load_scene(
     part = read_part(file.part_path).transformed(file.part_to_world)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
+    table = _shells_table(file)
     return LoadedScene(
         path=Path(path),
         part=part,
         part_to_world=file.part_to_world,
         camera=Camera.from_dict(camera_of(scene.sensors()[0]).description()),
-        normals=integrator.normals if prepared.tables.has_normals else "facet",
-        shells_table=_shells_table(file),
+        variables=values,
+        normals=_normals(integrator.normals, prepared.tables),
+        index_rule=_index_rule(Path(path), table, prepared.tables),
+        shells_table=table,
         load_s=loaded - started,
         build_s=built - loaded,
         variant=chosen,
         mitsuba_scene=scene,
         integrator=integrator,
     )
+
+
+def _normals(wanted: str, tables: Any) -> str:
+    if wanted == "facet" or not tables.has_normals:
+        return "facet"
+    without = len(tables.facet_shells)
+    return f"gradient, but facet for {without} of the shells" if without else wanted
+
+
+def _index_rule(path: Path, table: dict[str, Any], tables: Any) -> str:
+    """The table's rule, as long as the scene has the table's shells."""
+    rule: str | None = table.get("rule")
+    if rule is None:
+        return "not stated"
+    if tables.stock_shells:
+        return f"edited: {rule} shells as Mitsuba's dielectric"
+    pairs = tables.index_pairs
+    listed = [(1 + row["ext"], 1 + row["int"]) for row in table.get("shells", [])]
+    kept = sum(any(np.allclose(pair, own, rtol=0, atol=1e-12) for own in pairs) for pair in listed)
+    if kept == len(listed) == len(pairs):
+        return rule
+    warnings.warn(
+        f"{path} has {len(pairs)} shells, {kept} of the {len(listed)} that were made for it, so "
+        "the air is cut into other layers than the field asks for; results say that it was edited.",
+        IriftraceWarning,
+        stacklevel=3,
+    )
+    return f"edited: {kept} of {len(listed)} {rule} shells, {len(pairs) - kept} others"
 
 
 def _text(value: Any) -> str:

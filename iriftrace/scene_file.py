@@ -183,7 +183,10 @@ def _placement(props: Any, what: str) -> NDArray[np.float64]:
 
 
 def _has_normals(mesh: Path) -> bool:
-    if mesh.suffix.lower() != ".ply" or not mesh.is_file():
+    if not mesh.is_file():
+        # Mitsuba says so itself.
         return True
-    header = mesh.read_bytes()[:4096].partition(b"end_header")[0]
-    return b" nx" in header
+    kind = mesh.suffix.lower()
+    if kind == ".ply":
+        return b" nx" in mesh.read_bytes()[:4096].partition(b"end_header")[0]
+    return kind == ".obj" and b"\nvn " in mesh.read_bytes()

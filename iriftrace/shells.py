@@ -106,6 +106,7 @@ def contour_shells(
         raise InputError(
             f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
             "check the index range, the levels and the ambient air."
+            + _size_advice(field, min_size_mm)
         )
     _warn_of_missing(field, surfaces, found.keys())
     shells = []
@@ -115,6 +116,17 @@ def contour_shells(
         inside = float(e[layer])
         shells.append(Shell(layer, float(surfaces[layer - 1]), float(ext), inside, *mesh))
     return ShellStack(shells, field.air, rule, field.source, crumbs)
+
+
+def _size_advice(field: IndexField, min_size_mm: float) -> str:
+    """A field hardly larger than a crumb was probably read in another unit."""
+    size = float(np.linalg.norm(np.ptp(field.grid.points, axis=0)))
+    if size > 20 * min_size_mm:
+        return ""
+    return (
+        f" The whole field is {size:.3g} mm across and pieces below {min_size_mm:g} mm are "
+        "dropped: if it is in metres, give --field-length-unit m."
+    )
 
 
 def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:

@@ -17,6 +17,7 @@ from iriftrace.sweep_quantities import Quantity, SweepSummary
 from iriftrace.sweep_style import (
     BEST,
     BEST_COLOUR,
+    BEST_RING,
     COLOUR_MAP,
     TEXT_COLOUR,
     UNKNOWN,
@@ -80,12 +81,14 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         axes.hist(values, bins=bins, color=_BAR_COLOUR, edgecolor="white", lw=0.4)
         if score:
             axes.axvline(values.min(), color=BEST_COLOUR, linewidth=1.2)
-        name = quantity.name.partition(",")[0]
-        _finish_histogram(axes, f"{name}{'' if score else ', normalised'} (dimensionless)")
+        _finish_histogram(
+            axes,
+            "Combined score (dimensionless)" if score else f"{quantity.title} (normalised, 0 to 1)",
+        )
     for axes in panels:
         axes.tick_params(labelleft=True, labelbottom=True)
     spare.set_axis_off()
-    terms = [f"{weights['displacement']:g} displacement", f"{weights['coverage']:g} (1 − coverage)"]
+    terms = [f"{weights['displacement']:g} displacement", f"{weights['coverage']:g} (1 - coverage)"]
     terms += [f"{weights[key]:g} {key} resolution" for key in ("axial", "lateral")]
     spare.text(
         0.02,
@@ -114,15 +117,15 @@ def _bins(quantity: Quantity, values: FloatArray) -> FloatArray:
 
 def _finish_histogram(axes: Axes, label: str) -> None:
     axes.set(xlabel=label, ylabel="Number of poses")
-    axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
+    axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, steps=[1, 2, 5, 10]))
     if axes.get_xscale() == "linear":
-        axes.xaxis.set_major_locator(MaxNLocator(6))
+        axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def _unknown(quantities: tuple[Quantity, ...]) -> list[Line2D]:
     """Legend entry for the poses that no histogram holds."""
-    count = int(sum(~quantity.known for quantity in quantities).astype(bool).sum())
+    count = len(set().union(*(np.flatnonzero(~q.known).tolist() for q in quantities)))
     return [Line2D([], [], label=f"{unknown_label(count)}, not shown", **UNKNOWN)] if count else []
 
 
@@ -160,22 +163,23 @@ def rays_figure(summary: SweepSummary) -> Figure:
             continue
         top = base + np.maximum(summary.rays[status], 0)
         upper.stairs(top, edges, baseline=base, fill=True, color=colour)
-        entries.append(Patch(facecolor=colour, label=text))
+        most = int(summary.rays[status].max())
+        entries.append(Patch(facecolor=colour, label=f"{text}: up to {most:,}"))
         base = top
     lower.stairs(np.maximum(summary.polygons, 0), edges, fill=True, color="0.45")
     best = summary.plan.best
     for axes in (upper, lower):
-        axes.axvline(best, color=BEST_COLOUR, linewidth=1.0)
         axes.yaxis.set_major_formatter(EngFormatter(sep=""))
+        axes.yaxis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
         axes.set_xlim(-0.5, count - 0.5)
         axes.set_ylim(bottom=0)
         axes.spines[["top", "right"]].set_visible(False)
-    entries.append(Line2D([], [], color=BEST_COLOUR, label=f"Best pose by score: {best}"))
+    upper.plot(best, base[best] + 0.04 * base.max(), clip_on=False, zorder=4, **BEST)
+    entries += marks(summary, summary.polygons < 0)
     unknown = np.flatnonzero(summary.polygons < 0)
     if len(unknown):
         for axes in (upper, lower):
             axes.plot(unknown, np.zeros(len(unknown)), clip_on=False, zorder=3, **UNKNOWN)
-        entries.append(Line2D([], [], label=unknown_label(len(unknown)), **UNKNOWN))
     upper.set_ylabel("Rays that hit the part")
     lower.set(ylabel="Shell triangles in view", xlabel="Pose (number in the sweep)")
     lower.xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
@@ -209,7 +213,7 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     grey = known & ~colour.known
     axes.plot(across.values[grey], up.values[grey], zorder=2, **UNKNOWN)
     best = summary.plan.best
-    axes.plot(across.values[best], up.values[best], zorder=4, **BEST)
+    axes.plot(across.values[best], up.values[best], zorder=4, **BEST_RING)
     if across.logarithmic:
         _logarithmic(axes, "x")
     axes.set(xlabel=across.label, ylabel=up.label)
@@ -218,6 +222,13 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     add_colour_bar(body, colour, axes=axes)
+    entries = marks(summary, np.zeros(len(known), dtype=np.bool_), BEST_RING)
+    for count, text in (
+        (int(grey.sum()), "Without lateral resolution: {}"),
+        (int((~known).sum()), "Without a number, not shown: {}"),
+    ):
+        if count:
+            entries.append(Line2D([], [], label=text.format(count), **UNKNOWN))
     ring = Line2D(
         [],
         [],
@@ -230,5 +241,5 @@ def pareto_figure(summary: SweepSummary) -> Figure:
         label=f"Pareto front in displacement, coverage, axial and lateral resolution: "
         f"{len(summary.front)} poses",
     )
-    _add_legend(body, [ring, *marks(summary, ~(known & colour.known))], columns=1)
+    _add_legend(body, [ring, *entries], columns=1)
     return figure

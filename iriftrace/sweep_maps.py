@@ -30,7 +30,7 @@ _MOST_TICKS = 9
 def map_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
     """A metric over azimuth and elevation: cells for a grid of poses, dots for others."""
     figure, body = new_figure(
-        7.0, 5.6, f"{quantity.name} over the camera's direction", summary.subtitle
+        7.0, 5.6, f"{quantity.title} over the camera's direction", summary.subtitle
     )
     axes = body.add_subplot()
     grid = summary.grid

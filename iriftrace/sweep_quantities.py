@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +13,7 @@ from iriftrace.errors import InputError
 from iriftrace.figure_scale import Limits
 from iriftrace.planning import Plan, Resolution, Statistic, Weights, pareto_front, rank_poses
 from iriftrace.status import Status
+from iriftrace.sweep_origin import scene_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,8 +40,10 @@ class Quantity:
     ----------
     key : str
         Short name, for files.
+    title : str
+        What it is.
     name : str
-        For titles.
+        The same with the reading, for axes.
     unit : str
         For axes.
     values : (n,) array
@@ -56,6 +57,7 @@ class Quantity:
     """
 
     key: str
+    title: str
     name: str
     unit: str
     values: FloatArray
@@ -82,6 +84,8 @@ class SweepSummary:
     ----------
     displacement, coverage, axial, lateral, score : Quantity
     matrices : (n, 4, 4) array, mm, world
+    distance : (n,) array, mm
+        From the camera to what it looks at.
     azimuth, elevation : (n,) array, degree
     angles_of : str
         What azimuth and elevation belong to.
@@ -102,6 +106,7 @@ class SweepSummary:
     lateral: Quantity
     score: Quantity
     matrices: FloatArray
+    distance: FloatArray
     azimuth: FloatArray
     elevation: FloatArray
     angles_of: str
@@ -125,6 +130,11 @@ class SweepSummary:
     def origins(self) -> FloatArray:
         """(n, 3) array, mm, world: where the cameras stand."""
         return self.matrices[:, :3, 3]
+
+    @property
+    def targets(self) -> FloatArray:
+        """(n, 3) array, mm, world: where the optical axes point."""
+        return self.origins + self.distance[:, None] * self.matrices[:, :3, 2]
 
     @cached_property
     def grid(self) -> IntArray | None:
@@ -196,6 +206,7 @@ def summarise(
         lateral=_quantity(plan, "lateral", f"Lateral resolution, {reading}", enough),
         score=_score(plan),
         matrices=np.asarray(_variable(dataset, "matrix"), dtype=np.float64),
+        distance=_variable(dataset, "distance"),
         azimuth=azimuth,
         elevation=elevation,
         angles_of=angles_of,
@@ -228,6 +239,7 @@ def _quantity(plan: Plan, key: str, name: str, enough: BoolArray) -> Quantity:
     wide = key == "displacement" and bool(np.nanmin(values) > 0.0)
     return Quantity(
         key=key,
+        title=name.partition(",")[0],
         name=name,
         unit=unit,
         values=factor * values,
@@ -240,7 +252,9 @@ def _quantity(plan: Plan, key: str, name: str, enough: BoolArray) -> Quantity:
 def _score(plan: Plan) -> Quantity:
     limits = float(np.nanmin(plan.score)), float(np.nanmax(plan.score))
     unit = "dimensionless, the smaller the better"
-    return Quantity("score", "Combined score", unit, plan.score, limits, plan.score, False)
+    return Quantity(
+        "score", "Combined score", "Combined score", unit, plan.score, limits, plan.score, False
+    )
 
 
 def _angles(dataset: xr.Dataset) -> tuple[FloatArray, FloatArray, str]:
@@ -248,8 +262,9 @@ def _angles(dataset: xr.Dataset) -> tuple[FloatArray, FloatArray, str]:
     azimuth, elevation = (_variable(dataset, name) for name in ("azimuth", "elevation"))
     if np.isfinite(azimuth).all() and np.isfinite(elevation).all():
         return azimuth, elevation, "on the orbit"
-    x, y, z = -np.moveaxis(_variable(dataset, "matrix")[:, :3, 2], 1, 0)
-    across = np.degrees(np.arctan2(y, x)) + 0.0
+    # Rounded, so that straight down is azimuth 0 and not the angle of two rounding errors.
+    x, y, z = 0.0 - np.round(_variable(dataset, "matrix")[:, :3, 2], 12).T
+    across = np.degrees(np.arctan2(y, x))
     return across, np.degrees(np.arctan2(z, np.hypot(x, y))), "of the line of sight"
 
 
@@ -270,18 +285,3 @@ def _subtitle(dataset: xr.Dataset, region: str, poses: int, unranked: int) -> st
         f"{unranked} without a rank" if unranked else None,
     ]
     return "  ·  ".join(part for part in parts if part)
-
-
-def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
-    """File of the scene that was swept and its SHA-256, as the attributes say."""
-    scene = attribute(dataset, "scene")
-    return (Path(scene["path"]), str(scene.get("sha256"))) if "path" in scene else (None, "")
-
-
-def attribute(dataset: xr.Dataset, name: str) -> dict[str, Any]:
-    """A compound attribute of a sweep; empty if it is missing or something else."""
-    try:
-        value = json.loads(dataset.attrs.get(name, ""))
-    except (TypeError, ValueError):
-        return {}
-    return value if isinstance(value, dict) else {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.gridspec import GridSpec
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 
 from iriftrace.figure_scale import Limits, colour_norm, even_ticks, round_ticks
 from iriftrace.sweep_quantities import BoolArray, Quantity, SweepSummary
@@ -30,6 +31,14 @@ BEST: dict[str, Any] = {
     "markeredgewidth": 0.9,
     "linestyle": "none",
 }
+BEST_RING: dict[str, Any] = {
+    "marker": "o",
+    "markersize": 12,
+    "markerfacecolor": "none",
+    "markeredgecolor": BEST_COLOUR,
+    "markeredgewidth": 2.0,
+    "linestyle": "none",
+}
 UNKNOWN: dict[str, Any] = {
     "marker": "o",
     "markersize": 6,
@@ -40,16 +49,17 @@ UNKNOWN: dict[str, Any] = {
 }
 
 _DPI = 200
+_BAR_SHAPE: dict[str, Any] = {"aspect": 30, "pad": 0.02}
 
 
 def new_figure(
     width_in: float, height_in: float, title: str, subtitle: str
 ) -> tuple[Figure, SubFigure]:
     """A titled figure whose parts make room for each other, and the room below the titles."""
-    layout = ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.08, hspace=0.04, wspace=0.04)
+    layout = ConstrainedLayoutEngine(h_pad=0.06, w_pad=0.08, hspace=0.04, wspace=0.04)
     figure = Figure(figsize=(width_in, height_in), dpi=_DPI, layout=layout)
     figure.suptitle(title, fontsize=12)
-    body: SubFigure = figure.subfigures()
+    body = figure.add_subfigure(GridSpec(1, 1, figure=figure)[0])
     body.suptitle(subtitle, fontsize=9, color=TEXT_COLOUR)
     return figure, body
 
@@ -87,7 +97,7 @@ def add_colour_bar(
         cax=cax,
         extend="max" if above else "neither",
         label=quantity.label,
-        **({"aspect": 30, "pad": 0.02} if cax is None else {}),
+        **_BAR_SHAPE if cax is None else {},
     )
     ticks = (round_ticks if quantity.logarithmic else even_ticks)(limits).tolist()
     bar.set_ticks(ticks, labels=[number(tick) for tick in ticks])
@@ -100,10 +110,12 @@ def number(value: float) -> str:
     return f"{value + 0.0:g}".replace("-", "\N{MINUS SIGN}")
 
 
-def marks(summary: SweepSummary, without: BoolArray) -> list[Line2D]:
+def marks(
+    summary: SweepSummary, without: BoolArray, mark: Mapping[str, Any] = BEST
+) -> list[Line2D]:
     """Legend entries: the best pose, and the poses without a number if there are any."""
     best = summary.plan.best
-    entries = [Line2D([], [], label=f"Best pose by score: {best}", **BEST)]
+    entries = [Line2D([], [], label=f"Best pose by score: {best}", **mark)]
     count = int(without.sum())
     if count:
         entries.append(Line2D([], [], label=unknown_label(count), **UNKNOWN))
@@ -113,8 +125,3 @@ def marks(summary: SweepSummary, without: BoolArray) -> list[Line2D]:
 def unknown_label(count: int) -> str:
     """What an open grey mark means."""
     return f"Without a number: {count} {'pose' if count == 1 else 'poses'}"
-
-
-def halo() -> withStroke:
-    """White around letters that lie on a picture."""
-    return withStroke(linewidth=2.5, foreground="white")

@@ -145,6 +145,7 @@ class SceneTables:
                 face_count += shape.face_count()
             smooth.append(has_normals)
 
+        self.index_pairs = [pair for pair in indices if pair]
         self.has_normals = any(s for s, k in zip(smooth, kinds, strict=True) if k == SHELL)
         self.facet_shells = [
             shape.id()

@@ -63,6 +63,26 @@ def query_step(scene: Any) -> float:
     return RELATIVE_STEP * max(abs(x) for corner in (box.min, box.max) for x in corner)
 
 
+def _query_error(origin: Any, smallest_step: Any) -> Any:
+    """What a query from a point can be wrong by across the ray, mm; more from far away."""
+    import drjit as dr
+
+    spacing = RELATIVE_STEP * dr.max(dr.abs(origin))
+    return QUERY_ERROR_STEPS * dr.maximum(spacing, smallest_step)
+
+
+def _same_crossing(
+    shape: Any, outward: Any, last_shape: Any, last_outward: Any, gap: Any, smallest_step: Any
+) -> Any:
+    """Whether a crossing is the last one met again.
+
+    A shell cannot be crossed twice in a row in one direction. When it seems so, the query has found
+    its own start, or the neighbour of a triangle whose plane was met just beyond the edge.
+    """
+    repeated = (shape == last_shape) & (outward == last_outward)
+    return repeated & (gap < SAME_CROSSING_STEPS * smallest_step)
+
+
 def _query(scene: Any, origin: Any, direction: Any, coherent: bool, active: Any) -> Any:
     import drjit as dr
     import mitsuba as mi
@@ -103,7 +123,7 @@ def straight_hits(
     face = tables.face(shape, preliminary.prim_index, on_part)
     triangle, normal = tables.plane(face, on_part)
     rough = mi.Float64(preliminary.t)
-    tolerance = QUERY_ERROR_STEPS * dr.opaque(mi.Float64, step)
+    tolerance = _query_error(origin, dr.opaque(mi.Float64, step))
     exact = distance_to_plane(origin, direction, triangle, normal, rough, tolerance)
     outcome = dr.select(on_part, mi.UInt32(HIT_PART), dr.select(found, HIT_BLOCKER, ESCAPED))
     return StraightHits(
@@ -149,7 +169,6 @@ def refracted_hits(
     import mitsuba as mi
 
     smallest_step = dr.opaque(mi.Float64, step)
-    tolerance = QUERY_ERROR_STEPS * smallest_step
     limit = dr.opaque(mi.UInt32, max_crossings)
     nothing = mi.UInt32(0xFFFFFFFF)
 
@@ -166,6 +185,7 @@ def refracted_hits(
         crossings: Any
         entry_index: Any
         index_sum: Any
+        segment: Any
         shape: Any
         outward: Any
         step: Any
@@ -184,15 +204,13 @@ def refracted_hits(
         face = tables.face(shape, preliminary.prim_index, flat)
         triangle, normal = tables.plane(face, flat)
         outward = dr.dot(s.direction, normal) > 0
-        # A shell cannot be crossed twice in a row in one direction. When it seems so, the query has
-        # found its own start, or the neighbour of a triangle whose plane was met just beyond the
-        # edge; look again from further along.
-        repeated = (shape == s.shape) & (outward == s.outward)
         rough = mi.Float64(preliminary.t) + s.step
-        close = rough < SAME_CROSSING_STEPS * smallest_step
-        again = on_shell & ((face == s.face) | (repeated & close))
+        same = _same_crossing(shape, outward, s.shape, s.outward, rough, smallest_step)
+        # Then look again from further along.
+        again = on_shell & ((face == s.face) | same)
         crossed = on_shell & ~again
 
+        tolerance = _query_error(s.point, smallest_step)
         distance = dr.select(
             flat,
             distance_to_plane(s.point, s.direction, triangle, normal, rough, tolerance),
@@ -225,6 +243,7 @@ def refracted_hits(
             crossings,
             dr.select(crossed & (s.crossings == 0), near, s.entry_index),
             s.index_sum + dr.select(crossed & ~reflected, far - near, 0),
+            dr.select(moves, distance, s.segment),
             dr.select(crossed, shape, s.shape),
             dr.select(crossed, outward, s.outward),
             dr.select(again, 4 * s.step, step_at(point)),
@@ -241,6 +260,7 @@ def refracted_hits(
         dr.zeros(mi.UInt32, width),
         dr.zeros(mi.Float64, width),
         dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float64, width),
         mi.UInt32(nothing),
         dr.full(mi.Bool, False, width),
         dr.zeros(mi.Float64, width),
@@ -251,16 +271,23 @@ def refracted_hits(
             state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="march"
         )
     )
-    return _back_on_front(opaque, tables, RefractedHits(*end[:8]), coherent, step)
+    hits = RefractedHits(*end[:8])
+    return _back_on_front(opaque, tables, hits, end.segment, coherent, step)
 
 
 def _back_on_front(
-    opaque: Any, tables: SceneTables, hits: RefractedHits, coherent: bool, step: float
+    opaque: Any,
+    tables: SceneTables,
+    hits: RefractedHits,
+    segment: Any,
+    coherent: bool,
+    step: float,
 ) -> RefractedHits:
     """Bring rays that slipped through the part's front back to it.
 
     Where a shell lies closer to the wall than the step, the query after the crossing starts behind
-    the wall and finds the part's back from inside. Going back along the ray finds the front.
+    the wall and finds the part's back from inside. Going back along the ray finds the front, just
+    behind the last crossing; a back that is seen through an opening of the part has none there.
     """
     import drjit as dr
     import mitsuba as mi
@@ -278,8 +305,12 @@ def _back_on_front(
     triangle, normal = tables.plane(face, found)
     found &= dr.dot(hits.direction, normal) < 0
     rough = mi.Float64(preliminary.t) + smallest_step
-    tolerance = QUERY_ERROR_STEPS * smallest_step
+    tolerance = _query_error(hits.point, smallest_step)
     distance = distance_to_plane(hits.point, back, triangle, normal, rough, tolerance)
+    # Where the front lies, counted from the last crossing (the length of the last segment).
+    depth = segment - distance
+    reach = SAME_CROSSING_STEPS * smallest_step
+    found &= (hits.crossings > 0) & (dr.abs(depth) < reach)
     distance = dr.select(found, distance, 0)
     return hits._replace(
         point=hits.point + back * distance,
@@ -306,26 +337,43 @@ def crossed_steps(
 
     smallest_step = dr.opaque(mi.Float64, step)
 
-    def advance(
-        travelled: Any, index_sum: Any, last_index: Any, enclosed: Any, count: Any, active: Any
-    ) -> tuple[Any, ...]:
-        preliminary = _query(scene, origin + direction * travelled, direction, False, active)
-        found = active & preliminary.is_valid()
+    class State(NamedTuple):
+        travelled: Any
+        gap: Any  # since the last crossing
+        index_sum: Any
+        last_index: Any
+        enclosed: Any
+        shape: Any
+        outward: Any
+        count: Any
+        active: Any
+
+    def advance(*values: Any) -> tuple[Any, ...]:
+        s = State(*values)
+        start = origin + direction * s.travelled
+        preliminary = _query(scene, start, direction, False, s.active)
+        found = s.active & preliminary.is_valid()
         shape = tables.shape_number(preliminary, found)
-        crossed = found & (tables.kind(shape, found) == SHELL)
-        face = tables.face(shape, preliminary.prim_index, crossed)
-        _, normal = tables.plane(face, crossed)
-        outside, inside = tables.sides(shape, crossed)
+        on_shell = found & (tables.kind(shape, found) == SHELL)
+        face = tables.face(shape, preliminary.prim_index, on_shell)
+        _, normal = tables.plane(face, on_shell)
+        outside, inside = tables.sides(shape, on_shell)
         outward = dr.dot(direction, normal) > 0
+        move = dr.select(found, mi.Float64(preliminary.t) + smallest_step, 0)
+        gap = s.gap + move
+        crossed = on_shell & ~_same_crossing(shape, outward, s.shape, s.outward, gap, smallest_step)
         near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
-        first = crossed & (last_index == 0)
+        first = crossed & (s.last_index == 0)
         return (
-            travelled + dr.select(found, mi.Float64(preliminary.t) + smallest_step, 0),
-            index_sum + dr.select(crossed, far - near, 0),
-            dr.select(crossed, far, last_index),
-            (first & outward) | (enclosed & ~first),
-            count + 1,
-            found & (count < 10_000),
+            s.travelled + move,
+            dr.select(crossed, 0, gap),
+            s.index_sum + dr.select(crossed, far - near, 0),
+            dr.select(crossed, far, s.last_index),
+            (first & outward) | (s.enclosed & ~first),
+            dr.select(crossed, shape, s.shape),
+            dr.select(crossed, outward, s.outward),
+            s.count + 1,
+            found & (s.count < 10_000),
         )
 
     width = dr.width(origin, direction)
@@ -333,11 +381,16 @@ def crossed_steps(
         dr.zeros(mi.Float64, width),
         dr.zeros(mi.Float64, width),
         dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float64, width),
+        dr.full(mi.Bool, False, width),
+        dr.full(mi.UInt32, 0xFFFFFFFF, width),
         dr.full(mi.Bool, False, width),
         dr.zeros(mi.UInt32, width),
         dr.full(mi.Bool, True, width),
     )
-    _, index_sum, last_index, enclosed, _, _ = dr.while_loop(
-        state, lambda *s: s[-1], advance, compress=False, label="crossed_steps"
+    end = State(
+        *dr.while_loop(
+            state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
+        )
     )
-    return last_index - index_sum, enclosed
+    return end.last_index - end.index_sum, end.enclosed

@@ -14,7 +14,7 @@ import pyvista as pv
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm
 
-from iriftrace import figure_scene, figures
+from iriftrace import figure_scene, figure_surfaces, figures
 from iriftrace.air import Air
 from iriftrace.camera import Camera, look_at
 from iriftrace.channels import CHANNELS
@@ -399,7 +399,7 @@ def test_no_opengl_is_a_setup_error(
     cube: Part, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """VTK would end the process; the user gets one sentence with the remedy instead."""
-    monkeypatch.setattr(figure_scene, "_opens", lambda window: False)
+    monkeypatch.setattr(figure_surfaces, "opens", lambda window: False)
     with pytest.raises(SetupError, match="libegl1"):
         figure_scene.scene_figure(cube, spheres(2), a_camera(), tmp_path / "scene.png")
     assert list(tmp_path.iterdir()) == []
@@ -409,10 +409,10 @@ def test_a_window_that_cannot_open_is_noticed_before_vtk_crashes() -> None:
     """VTK's last resort, OSMesa, is absent on most machines: drawing with it would be a crash."""
     script = (
         "import pyvista as pv\n"
-        "from iriftrace import figure_scene\n"
+        "from iriftrace import figure_surfaces\n"
         "with pv.vtk_verbosity('off'):\n"
         "    plotter = pv.Plotter(off_screen=True)\n"
-        "    print(figure_scene._opens(plotter.render_window))\n"
+        "    print(figure_surfaces.opens(plotter.render_window))\n"
     )
     environment = {**os.environ, "VTK_DEFAULT_OPENGL_WINDOW": "vtkOSOpenGLRenderWindow"}
     done = subprocess.run(

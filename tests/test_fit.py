@@ -10,10 +10,11 @@ from aov_by_hand import make_part
 
 from iriftrace.air import Air
 from iriftrace.errors import InputError
-from iriftrace.field import FieldSource, IndexField
+from iriftrace.field import FieldSource, IndexField, read_field
 from iriftrace.field_io import linear_volume
 from iriftrace.fit import Fit, fit_part_to_field
-from iriftrace.part import Part
+from iriftrace.part import Part, read_part
+from iriftrace.scenes import folder_of
 from iriftrace.transform import parse_transform
 
 HALF = np.array([5.0, 10.0, 20.0])
@@ -152,3 +153,16 @@ def test_field_without_cavity_is_usable_but_unchecked() -> None:
     assert "no cavity" in message
     with pytest.raises(InputError, match="does not reach"):
         fit_part_to_field(field, box_part(centre=(500, 0, 0)))
+
+
+def test_field_of_half_a_part_is_noticed() -> None:
+    """A field solved on one side of a plane: the wall fits, but half of the part is bare."""
+    field = read_field(folder_of("cylinder") / "field.vtu")
+    part = read_part(folder_of("cylinder") / "part.ply")
+    assert fit_part_to_field(field, part).warnings == ()
+    half = field.grid.extract_cells(np.flatnonzero(field.grid.cell_centers().points[:, 0] > 0))
+    points = half.point_data["vtkOriginalPointIds"]
+    halved = IndexField(half, field.refractivity[points], field.air, field.source)
+    (message,) = fit_part_to_field(halved, part).warnings
+    assert "mirror a field" in message
+    assert 0.4 < float(message.split("%")[0]) / 100 < 0.6

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iriftrace.camera import Camera, look_at
-from iriftrace.errors import InputError
+from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.part import Part, part_of_mesh
 from iriftrace.render import render_scene
 from iriftrace.scene import LoadedScene, load_scene, write_scene
@@ -174,7 +174,10 @@ def test_shells_can_be_dropped_by_hand(xml: Path) -> None:
     shorter, count = re.subn(r'<shape type="ply" id="shell_02">.*?</shape>', "", text, flags=re.S)
     assert count == 1
     xml.write_text(shorter)
-    fewer = render_scene(load_scene(xml, {"scale": 0.25})).image
+    with pytest.warns(IriftraceWarning, match="that were made for it"):
+        edited = load_scene(xml, {"scale": 0.25})
+    assert edited.index_rule.startswith("edited")
+    fewer = render_scene(edited).image
     good = (whole.status == 0) & (fewer.status == 0) & (whole.channels["path.crossings"] == 4)
     assert good.sum() > 50
     np.testing.assert_array_equal(fewer.channels["path.crossings"][good], 3)

@@ -66,20 +66,28 @@ for _command in (shells, scene, render, metrics, demo):
     app.command(_command)
 
 # By name, so that they are imported when they are called.
-for _name, _help, _example in (
+for _module, _name, _help, _example in (
     (
+        "sweep_commands",
         "sweep",
         "Render a scene from many poses into one netCDF file; resumes when interrupted.",
         "scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19",
     ),
     (
+        "sweep_commands",
         "plan",
         "Rank the poses of a sweep by the combined metric and print the best one.",
         "sweep.nc --statistic median --region lateral",
     ),
+    (
+        "plot_commands",
+        "plot",
+        "Draw a sweep (.nc) or one pose (.exr): maps, poses in space, histograms, Pareto front.",
+        "sweep.nc -o figures",
+    ),
 ):
     app.command(
-        f"iriftrace.cli.sweep_commands:{_name}",
+        f"iriftrace.cli.{_module}:{_name}",
         name=_name,
         help=f"{_help}\n\nExample: ``iriftrace {_name} {_example}``",
     )

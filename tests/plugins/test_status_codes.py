@@ -10,8 +10,12 @@ import pytest
 import trimesh
 
 from iriftrace.channels import CHANNELS
-from iriftrace.scenes.analytic import concentric_cylinders
+from iriftrace.errors import IriftraceWarning
+from iriftrace.part import part_of_mesh
+from iriftrace.render import trace_rays
+from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.status import Status
+from tests.scene_rays import loaded
 from tests.small_scenes import (
     AMBIENT,
     HOT,
@@ -325,3 +329,26 @@ def test_status_keys_are_those_of_the_metrics() -> None:
         "gave_up": 6,
         "blocked": 7,
     }
+
+
+def test_back_of_an_open_part_is_not_taken_for_a_slip(tmp_path: Path) -> None:
+    """Two sheets, the lower one seen from its back: the hit stays on it.
+
+    A ray that slipped through the part's front is brought back; here nothing has slipped, and going
+    back along the ray would lead past the camera to the upper sheet.
+    """
+    corners = np.array([[-40.0, -40.0], [40.0, -40.0], [40.0, 40.0], [-40.0, 40.0]])
+    lower, upper = (np.column_stack((corners, np.full(4, z))) for z in (0.0, 300.0))
+    with pytest.warns(IriftraceWarning, match="not closed"):
+        sheets = part_of_mesh(
+            np.concatenate((lower, upper)),
+            [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]],
+            name="two sheets",
+        )
+    _, shells = slab(13, size_mm=60.0)
+    with pytest.warns(IriftraceWarning, match="not closed"):
+        scene = loaded(tmp_path, sheets, shells)
+    hits = trace_rays(scene, [(0.0, 0.0, 120.0)], [(0.05, 0.0, -1.0)])
+    assert hits.refracted_face[0] == hits.face[0]
+    assert hits.refracted[0] == pytest.approx(hits.straight[0], abs=0.1)
+    assert hits.path_length[0] > 0

@@ -28,7 +28,7 @@ from iriftrace.scenes import folder_of
 from iriftrace.shell_io import load_shells
 from iriftrace.status import Status
 
-COMMANDS = ("doctor", "shells", "scene", "render", "metrics", "demo")
+COMMANDS = ("doctor", "shells", "scene", "render", "metrics", "demo", "plot")
 AIR = iriftrace.Air()
 
 Run = Callable[..., str]
@@ -489,7 +489,9 @@ def test_a_moved_camera(run: Run, hot: HotBlock, tmp_path: Path) -> None:
 def test_a_dropped_shell(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     """Every ray that met all four shells meets three, and is bent less."""
     scene = edited(hot, tmp_path / "s", r'<shape type="ply" id="shell_02">.*?</shape>', "")
-    run("render", scene, "--no-figures")
+    run("render", scene, "--no-figures", warns="3 of the 4")
+    rule = metrics_of(scene.with_suffix(".json"))["assumptions"]["index_rule"]
+    assert rule.startswith("edited: 3 of 4")
     four, three = channels_of(hot.image), channels_of(scene.with_suffix(".exr"))
     good = (four["status.code"] == 0) & (three["status.code"] == 0)
     assert good.sum() > 3500

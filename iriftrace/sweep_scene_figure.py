@@ -1,0 +1,199 @@
+"""Figures of a sweep in space: one metric as the colour of the poses around the part."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from iriftrace.figure_file import check_png_name, write_png
+from iriftrace.figure_surfaces import PART_COLOUR, add_part, off_screen, surface_of, thinned
+from iriftrace.figure_view import Box, View, add_box, box_around, fitting_view, label_box
+from iriftrace.sweep_quantities import Quantity, SweepSummary
+from iriftrace.sweep_style import (
+    BEST_RING,
+    COLOUR_MAP,
+    TEXT_COLOUR,
+    add_colour_bar,
+    marks,
+    quantity_norm,
+)
+from iriftrace.sweep_surroundings import Surroundings
+
+FloatArray = NDArray[np.float64]
+
+_DPI = 200
+_SIZE_PX = (1600, 1200)
+_PICTURE_PX = (1370, 1020)
+_PICTURE_FOOT_PX = 70
+
+_SHELL_COLOUR = "#7aa6c9"
+_SHELL_OPACITY = 0.25
+_UNKNOWN_COLOUR = "#7f7f7f"
+
+# Radius of a pose's mark, as a share of the distance to its neighbour in the picture.
+_MARK_SHARE = 0.5
+_MARK_PX = (6.0, 16.0)
+_FAR_SIZE = 0.65
+
+
+def sweep_scene_figure(
+    summary: SweepSummary, quantity: Quantity, surroundings: Surroundings, path: str | Path
+) -> None:
+    """Draw the poses of a sweep in space, coloured by a metric, as PNG, 1600 x 1200 pixels.
+
+    Spheres stand where the cameras stand, larger the nearer they are to the viewer; a pose without
+    a number is an open grey ring.
+
+    Parameters
+    ----------
+    summary
+        What is known of the sweep.
+    quantity
+        The metric, one of the summary's.
+    surroundings
+        What is drawn besides.
+    path
+        Name of the PNG file; an existing one is replaced.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    SetupError
+        This machine has no OpenGL that draws without a display.
+    """
+    check_png_name(path)
+    write_png(_figure(summary, quantity, surroundings), path)
+
+
+def _figure(summary: SweepSummary, quantity: Quantity, surroundings: Surroundings) -> Figure:
+    part, shell = surroundings.part, surroundings.shell
+    solid = [part.bounds] if part else []
+    air = [shell[0].astype(np.float64)] if shell else []
+    box = box_around(np.concatenate((summary.origins, summary.targets, *solid, *air)))
+    centre = part.centre if part else box.centre
+    view = fitting_view(_towards(summary.origins - centre), box, _PICTURE_PX)
+    radius = _mark_px(view.pixels(summary.origins)) / view.px_per_mm
+    depth = summary.origins @ view.towards
+    near = (depth - depth.min()) / max(float(np.ptp(depth)), 1e-9)
+    radii = radius * (_FAR_SIZE + (1.0 - _FAR_SIZE) * near)
+    known = quantity.known
+    with off_screen(_PICTURE_PX) as plotter:
+        add_box(plotter, view, box)
+        if part:
+            add_part(plotter, part)
+        _add_spheres(plotter, summary.origins[known], quantity, radii[known])
+        _add_rings(plotter, summary.origins[~known], view, radii[~known])
+        if shell:
+            # Last, because it is blended with what lies behind it; only its front.
+            plotter.add_mesh(
+                thinned(surface_of(*shell)),
+                color=_SHELL_COLOUR,
+                opacity=_SHELL_OPACITY,
+                culling="back",
+                smooth_shading=True,
+                ambient=0.5,
+            )
+        view.apply_to(plotter, box)
+        picture = np.asarray(plotter.screenshot(return_img=True))
+    return _composed(picture, view, box, summary, quantity, surroundings)
+
+
+def _towards(offsets: FloatArray) -> FloatArray:
+    """Unit vector to the viewer: the side on which the cameras stand, never along x or y."""
+    directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
+    mean = directions.mean(axis=0)
+    # Cameras all around leave the side open.
+    azimuth = np.arctan2(mean[1], mean[0]) if np.hypot(*mean[:2]) > 0.1 else np.radians(-60.0)
+    turns = azimuth + np.radians((0.0, 15.0, -15.0, 30.0, -30.0))
+    level = min(turns, key=lambda turn: round(abs(abs(np.cos(turn)) - abs(np.sin(turn))), 6))
+    elevation = np.radians(20.0)
+    return np.array(
+        (
+            np.cos(elevation) * np.cos(level),
+            np.cos(elevation) * np.sin(level),
+            np.sin(elevation),
+        )
+    )
+
+
+def _mark_px(positions: FloatArray) -> float:
+    """Radius at which most marks do not touch, px."""
+    if len(positions) < 2:
+        return _MARK_PX[1]
+    distance, _ = KDTree(positions).query(positions, k=2)
+    return float(np.clip(_MARK_SHARE * np.median(distance[:, 1]), *_MARK_PX))
+
+
+def _add_spheres(
+    plotter: pv.Plotter, origins: FloatArray, quantity: Quantity, radii: FloatArray
+) -> None:
+    if len(origins) == 0:
+        return
+    values = quantity.values[quantity.known]
+    colours = colormaps[COLOUR_MAP](quantity_norm(quantity)(values))[:, :3]
+    points = pv.PolyData(origins)
+    points["colour"] = np.rint(255 * colours).astype(np.uint8)
+    points["radius"] = radii
+    sphere = pv.Sphere(radius=1.0, theta_resolution=24, phi_resolution=24)
+    spheres = points.glyph(geom=sphere, orient=False, scale="radius", factor=1.0)
+    # Mostly ambient: shading must not change what the colour bar says.
+    plotter.add_mesh(spheres, scalars="colour", rgb=True, ambient=0.75, diffuse=0.3, specular=0.0)
+
+
+def _add_rings(plotter: pv.Plotter, origins: FloatArray, view: View, radii: FloatArray) -> None:
+    if len(origins) == 0:
+        return
+    points = pv.PolyData(origins)
+    points["radius"] = radii
+    ring = pv.Disc(inner=0.72, outer=1.0, normal=view.towards, c_res=32)
+    rings = points.glyph(geom=ring, orient=False, scale="radius", factor=1.0)
+    plotter.add_mesh(rings, color=_UNKNOWN_COLOUR, lighting=False)
+
+
+def _composed(
+    picture: NDArray[np.uint8],
+    view: View,
+    box: Box,
+    summary: SweepSummary,
+    quantity: Quantity,
+    surroundings: Surroundings,
+) -> Figure:
+    """Put the rendered picture, pixel for pixel, under labels, titles, colour bar and legend."""
+    width, height = _SIZE_PX
+    columns, rows = _PICTURE_PX
+    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
+    axes = figure.add_axes((0.0, _PICTURE_FOOT_PX / height, columns / width, rows / height))
+    axes.imshow(picture, extent=(0, columns, 0, rows), interpolation="nearest")
+    axes.set_axis_off()
+    label_box(axes, view, box)
+    best = view.pixels(summary.origins[summary.plan.best])[0]
+    axes.plot(*best, **BEST_RING)
+    add_colour_bar(figure, quantity, cax=figure.add_axes((0.872, 0.2, 0.02, 0.62)))
+    for text, y, size, colour in (
+        (f"{quantity.title} of each camera pose", 0.962, 12, "0"),
+        (summary.subtitle, 0.922, 9, TEXT_COLOUR),
+    ):
+        figure.text(0.5, y, text, ha="center", va="center", fontsize=size, color=colour)
+    entries: list[Line2D | Patch] = [*marks(summary, ~quantity.known, BEST_RING)]
+    if surroundings.part:
+        entries.append(Patch(facecolor=PART_COLOUR, label="Part"))
+    if surroundings.shell:
+        entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell of air"))
+    figure.legend(
+        handles=entries,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 0.005),
+        ncols=len(entries),
+        fontsize=9,
+        frameon=False,
+    )
+    return figure

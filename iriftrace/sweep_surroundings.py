@@ -1,0 +1,94 @@
+"""The part and the outermost shell of a sweep, found again by what its file says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.errors import InputError
+from iriftrace.part import Part, read_part
+from iriftrace.part_file import sha256_of
+from iriftrace.shell_io import read_ply
+from iriftrace.shell_mesh import AnyIntArray
+from iriftrace.sweep_origin import attribute, scene_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@frozen(eq=False)
+class Surroundings:
+    """What the cameras of a sweep look at.
+
+    Attributes
+    ----------
+    part : Part or None
+    shell : (vertices, faces) or None
+        The outermost shell; vertices in mm, world.
+    missing : tuple of str
+        Why something is None, half a sentence each.
+    """
+
+    part: Part | None = None
+    shell: tuple[NDArray[np.float32], AnyIntArray] | None = None
+    missing: tuple[str, ...] = ()
+
+
+def surroundings_of(dataset: xr.Dataset) -> Surroundings:
+    """Read part and outermost shell, as far as their files are still what was swept."""
+    missing = []
+    part, shell = None, None
+    try:
+        part = _part(dataset)
+    except InputError as error:
+        missing.append(f"the part ({_reason(error)})")
+    try:
+        shell = _shell(dataset)
+    except InputError as error:
+        missing.append(f"the outermost shell ({_reason(error)})")
+    return Surroundings(part, shell, tuple(missing))
+
+
+def _reason(error: InputError) -> str:
+    return str(error).rstrip(".")
+
+
+def _part(dataset: xr.Dataset) -> Part:
+    named = attribute(dataset, "part")
+    if not {"path", "sha256", "length_unit", "to_world"} <= set(named):
+        raise InputError("the sweep does not name its file")
+    _check(Path(named["path"]), named["sha256"])
+    part = read_part(named["path"], length_unit=named["length_unit"])
+    return part.transformed(named["to_world"])
+
+
+def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
+    scene, sha256 = scene_of(dataset)
+    if scene is None:
+        raise InputError("the sweep does not name its scene")
+    _check(scene, sha256)
+    layers = {}
+    for shape in ElementTree.parse(scene).getroot().iter("shape"):
+        file = shape.find("string[@name='filename']")
+        layer = shape.find("bsdf[@type='iso_shell']/string[@name='layer']")
+        # What is placed by the scene lies elsewhere than its file says.
+        if file is None or layer is None or shape.find("transform") is not None:
+            continue
+        if layer.get("value", "").isdecimal():
+            layers[int(layer.get("value", ""))] = scene.parent / file.get("value", "")
+    if not layers:
+        raise InputError(f"{scene} names none")
+    vertices, faces, _ = read_ply(layers[min(layers)])
+    return vertices, faces
+
+
+def _check(path: Path, sha256: str) -> None:
+    if not path.is_file():
+        raise InputError(f"{path} is gone")
+    if sha256_of(path) != sha256:
+        raise InputError(f"{path} has changed since the sweep")

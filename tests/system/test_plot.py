@@ -1,0 +1,139 @@
+"""`iriftrace plot` as a user runs it: pictures of a sweep and of a pose, and what it refuses."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from hot_block import HotBlock
+
+from iriftrace import doctor
+from iriftrace.cli import main
+
+METRICS = ("displacement", "coverage", "axial", "lateral", "score")
+VECTOR = {*(f"map_{key}" for key in METRICS), "histograms", "histograms_normalised"}
+VECTOR |= {"rays", "pareto"}
+IN_SPACE = {f"scene_{key}" for key in METRICS}
+VIEWS = {"view_smallest_displacement", "view_largest_displacement"}
+
+
+@pytest.fixture(scope="module")
+def sweep(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small sweep that keeps its images."""
+    file = tmp_path_factory.mktemp("sweep") / "sweep.nc"
+    angles = ["--azimuth", "0:90:3", "--elevation", "0:60:3"]
+    assert main(["sweep", str(hot.scene), "-o", str(file), *angles, "--exr"]) == 0
+    return file
+
+
+def names(folder: Path, suffix: str) -> set[str]:
+    return {path.stem for path in folder.iterdir() if path.suffix == suffix}
+
+
+def test_a_sweep_becomes_pictures(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    assert main(["plot", str(sweep), "-o", str(tmp_path / "figures")]) == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    assert names(tmp_path / "figures", ".png") == VECTOR | IN_SPACE | VIEWS
+    assert names(tmp_path / "figures", ".pdf") == VECTOR
+    for path in (tmp_path / "figures").iterdir():
+        assert path.name in said.out
+    assert main(["plot", str(sweep), "-o", str(tmp_path / "figures"), "--statistic=p95"]) == 0
+
+
+def test_without_opengl_the_rest_is_drawn(
+    sweep: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(doctor, "drawing_trouble", lambda: "no driver")
+    capsys.readouterr()
+    assert main(["plot", str(sweep), "-o", str(tmp_path / "figures")]) == 0
+    said = capsys.readouterr()
+    assert said.err.startswith("warning: The 3-D pictures are left out")
+    assert names(tmp_path / "figures", ".png") == VECTOR | VIEWS
+
+
+def test_a_sweep_whose_scene_is_gone_is_drawn_without_it(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    moved = tmp_path / "moved.nc"
+    with xr.open_dataset(sweep, engine="h5netcdf") as data:
+        data.load().assign_attrs(scene='{"path": "gone.xml"}').to_netcdf(moved, engine="h5netcdf")
+    capsys.readouterr()
+    assert main(["plot", str(moved), "-o", str(tmp_path / "figures")]) == 0
+    said = capsys.readouterr().err
+    assert said == "note: the 3-D pictures lack the outermost shell (gone.xml is gone).\n"
+    # The EXRs lie beside the sweep, which has moved away from them.
+    assert names(tmp_path / "figures", ".png") == VECTOR | IN_SPACE
+
+
+def test_a_pose_becomes_its_displacement_picture(hot: HotBlock, tmp_path: Path) -> None:
+    assert main(["plot", str(hot.image), "-o", str(tmp_path / "figures")]) == 0
+    assert [path.name for path in (tmp_path / "figures").iterdir()] == [f"{hot.image.stem}.png"]
+
+
+# Wrong input -------------------------------------------------------------------------------------
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+    """The one sentence that the program says instead of working."""
+    capsys.readouterr()
+    assert main(["plot", *map(str, arguments)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: ")
+    assert line.endswith(".")
+    return line
+
+
+def test_files_that_cannot_be_drawn(
+    sweep: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("text.nc").write_text("no netCDF")
+    Path("text.exr").write_text("no EXR")
+    Path("folder.nc").mkdir()
+    xr.Dataset({"t": ("x", [1.0])}).to_netcdf("other.nc", engine="h5netcdf")
+    with xr.open_dataset(sweep, engine="h5netcdf") as data:
+        data.isel(pose=[]).to_netcdf("empty.nc", engine="h5netcdf")
+    before = sorted(tmp_path.iterdir())
+    for name, words in {
+        "gone.nc": "no sweep gone.nc",
+        "gone.exr": "gone.exr",
+        "text.nc": "no netCDF",
+        "text.exr": "not an OpenEXR",
+        "folder.nc": "folder",
+        "other.nc": "no sweep",
+        "empty.nc": "no pose",
+        "sweep.csv": "neither .nc nor .exr",
+    }.items():
+        assert words in refusal(capsys, name, "-o", "figures")
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_options_that_make_no_sense(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figures = tmp_path / "figures"
+    for options, words in (
+        (("--region=hat",), "no region 'hat'"),
+        (("--displacement=-1",), "weight of displacement"),
+        (("--percentile=0",), "percentile"),
+        (("--min-hits=100000000",), "None of the 9 poses"),
+        (("--resolution=nn3d",), "no value of"),
+        (("--statistic=mode",), "mode"),
+    ):
+        assert words in refusal(capsys, sweep, "-o", figures, *options)
+    assert "does not exist" in refusal(capsys, sweep, "-o", tmp_path / "no" / "figures")
+    shutil.copy(sweep, figures)
+    assert "is a file" in refusal(capsys, sweep, "-o", figures)
+    assert list(tmp_path.iterdir()) == [figures]

@@ -1,0 +1,371 @@
+"""The figures of a sweep: what they plot, and that no pose gets lost on the way."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyvista as pv
+import xarray as xr
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from sweep_tables import sweep_table
+
+from iriftrace.errors import InputError
+from iriftrace.orbit import Orbit, PoseSet, fibonacci_poses, orbit_poses
+from iriftrace.part import read_part
+from iriftrace.part_file import sha256_of
+from iriftrace.scenes import folder_of
+from iriftrace.status import Status
+from iriftrace.sweep_charts import histogram_figure, normalised_figure, pareto_figure, rays_figure
+from iriftrace.sweep_figures import sweep_figures
+from iriftrace.sweep_maps import map_figure
+from iriftrace.sweep_quantities import SweepSummary, summarise
+from iriftrace.sweep_scene_figure import sweep_scene_figure
+from iriftrace.sweep_surroundings import Surroundings, surroundings_of
+
+ORBIT = Orbit((0.0, 0.0, 0.0), (200.0, 150.0, 150.0))
+# 4 azimuths at 3 elevations, and one pose at each pole.
+AZIMUTHS, ELEVATIONS = np.linspace(0, 90, 4), np.linspace(-90, 90, 5)
+GRID = orbit_poses(ORBIT, AZIMUTHS, ELEVATIONS)
+EMPTY = (0, 6)
+"""Poses without numbers: the lower pole and one in the middle."""
+
+
+def sweep(poses: PoseSet = GRID, empty: tuple[int, ...] = EMPTY, **attributes: Any) -> xr.Dataset:
+    """A sweep with known numbers: pose i has a displacement of 1.5**i um."""
+    count = len(poses)
+    number = np.arange(count)
+    table = sweep_table(
+        1e-3 * 1.5**number,
+        0.1 + 0.3 * number / count,
+        0.2 + 0.01 * np.cos(number),
+        0.3 + 0.01 * np.sin(number),
+    )
+    counts = {status: 10 * (status + 1) * (number + 1) for status in Status}
+    counts[Status.GOOD] = 1000 + number
+    counts[Status.GAVE_UP] = 0 * number
+    for status, rays in counts.items():
+        rays[list(empty)] = -1
+        table[f"rays_{status.key}"] = (("pose", "region"), rays[:, None])
+    table["shell_triangles_in_view"] = ("pose", np.where(counts[Status.GOOD] < 0, -1, 500 + number))
+    for name, variable in table.items():
+        if variable.dtype == np.float64:
+            table[name][list(empty)] = np.nan
+    table["matrix"] = (("pose", "row", "column"), poses.matrices)
+    table["azimuth"] = ("pose", poses.azimuth_deg)
+    table["elevation"] = ("pose", poses.elevation_deg)
+    table["distance"] = ("pose", np.linalg.norm(poses.origins, axis=1))
+    table["exr"] = ("pose", np.array([""] * count, dtype=object))
+    table.attrs.update({key: json.dumps(value) for key, value in attributes.items()})
+    return table
+
+
+@pytest.fixture(scope="module")
+def summary() -> SweepSummary:
+    return summarise(sweep())
+
+
+def legend_of(figure: Figure) -> list[str]:
+    return [t.get_text() for body in figure.subfigs for t in body.legends[0].get_texts()]
+
+
+def all_axes(figure: Figure) -> list[Any]:
+    return [axes for body in figure.subfigs for axes in body.axes]
+
+
+# What is summarised ------------------------------------------------------------------------------
+
+
+def test_values_come_in_readable_units(summary: SweepSummary) -> None:
+    """mm become um and shares become per cent; what is unknown stays unknown."""
+    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
+    assert summary.displacement.unit == "µm"
+    assert summary.displacement.values[known] == pytest.approx(1.5**known)
+    assert summary.coverage.label == "Coverage (%)"
+    assert summary.coverage.values[known] == pytest.approx(10 + 30 * known / len(GRID))
+    for quantity in summary.quantities:
+        assert np.flatnonzero(~quantity.known).tolist() == list(EMPTY)
+
+
+def test_lengths_of_centimetres_are_read_in_mm() -> None:
+    data = sweep()
+    data["lateral_resolution"] *= 100.0
+    assert summarise(data).lateral.unit == "mm"
+
+
+def test_limits_are_those_of_the_plan(summary: SweepSummary) -> None:
+    low, high = summary.displacement.limits
+    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
+    assert low == pytest.approx(1.5)
+    assert high == pytest.approx(np.percentile(1.5**known, 95))
+
+
+def test_only_rays_that_occur_are_counted(summary: SweepSummary) -> None:
+    assert set(summary.rays) == set(Status) - {Status.MISSED, Status.GAVE_UP}
+
+
+def test_poses_with_few_hits_have_no_number() -> None:
+    few = summarise(sweep(), min_hits=1005)
+    assert np.flatnonzero(~few.displacement.known).tolist() == [0, 1, 2, 3, 4, 6]
+    assert "6 without a rank" in few.subtitle
+
+
+def test_the_pole_stands_for_all_azimuths(summary: SweepSummary) -> None:
+    grid = summary.grid
+    assert grid is not None
+    assert grid.tolist() == [
+        [0] * 4,
+        [1, 2, 3, 4],
+        [5, 6, 7, 8],
+        [9, 10, 11, 12],
+        [13] * 4,
+    ]
+
+
+@pytest.mark.parametrize(
+    "poses",
+    [
+        GRID.take(np.delete(np.arange(14), 7)),
+        fibonacci_poses(ORBIT, 12),
+        orbit_poses(ORBIT, [0.0], ELEVATIONS),
+        orbit_poses(ORBIT, AZIMUTHS, [10.0]),
+    ],
+    ids=["a hole", "all around", "one azimuth", "one elevation"],
+)
+def test_other_poses_are_no_grid(poses: PoseSet) -> None:
+    assert summarise(sweep(poses, empty=())).grid is None
+
+
+def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
+    """A camera on +y that looks at the origin has azimuth 90 degrees; straight above, 0 and 90."""
+    poses = orbit_poses(ORBIT, [0.0, 90.0], [0.0, 90.0])
+    found = summarise(sweep(PoseSet(poses.matrices), empty=()))
+    assert found.azimuth == pytest.approx([0.0, 90.0, 0.0])
+    assert found.elevation == pytest.approx([0.0, 0.0, 90.0])
+    assert found.angles_of == "of the line of sight"
+
+
+def test_a_table_of_something_else_is_refused() -> None:
+    with pytest.raises(InputError, match="matrix is missing"):
+        summarise(sweep().drop_vars("matrix"))
+    with pytest.raises(InputError, match="None of the 14 poses"):
+        summarise(sweep(empty=tuple(range(14))))
+
+
+# What is drawn -----------------------------------------------------------------------------------
+
+
+def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
+    axes, bar = all_axes(map_figure(summary, summary.displacement))
+    (mesh,) = [item for item in axes.collections if isinstance(item, QuadMesh)]
+    values = np.ma.filled(mesh.get_array(), np.nan)
+    np.testing.assert_array_equal(values, summary.displacement.values[summary.grid])
+    corners = mesh.get_coordinates()
+    # Elevations are 45 degrees apart; the cells of the poles end at the poles.
+    assert corners[:, 0, 1].tolist() == [-90, -67.5, -22.5, 22.5, 67.5, 90]
+    assert corners[0, :, 0].tolist() == [-15, 15, 45, 75, 105]
+    assert bar.get_ylabel() == "Mean displacement (µm)"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (
+        "Azimuth on the orbit (°)",
+        "Elevation on the orbit (°)",
+    )
+
+
+def test_a_map_marks_poses_without_a_number(summary: SweepSummary) -> None:
+    """Four cells of the pole, one in the middle, and a legend that counts poses and not cells."""
+    figure = map_figure(summary, summary.score)
+    (open_marks,) = [
+        line for line in all_axes(figure)[0].lines if line.get_markerfacecolor() == "none"
+    ]
+    assert sorted(open_marks.get_xdata()) == [0, 30, 30, 60, 90]
+    assert "Without a number: 2 poses" in legend_of(figure)
+
+
+def test_scattered_poses_are_all_there() -> None:
+    found = summarise(sweep(fibonacci_poses(ORBIT, 30)))
+    axes = all_axes(map_figure(found, found.coverage))[0]
+    dots = axes.collections[0].get_offsets()
+    marks = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
+    assert len(dots) + len(marks[0].get_xdata()) == 30
+
+
+def test_colours_end_at_the_limits_and_say_so(summary: SweepSummary) -> None:
+    axes = all_axes(map_figure(summary, summary.displacement))[0]
+    mesh = axes.collections[0]
+    assert isinstance(mesh.norm, LogNorm)
+    assert mesh.get_clim() == pytest.approx(summary.displacement.limits)
+
+
+def test_a_constant_metric_can_be_drawn() -> None:
+    data = sweep()
+    data["coverage"][:] = 0.25
+    with pytest.warns(UserWarning, match="coverage"):
+        found = summarise(data)
+    low, high = all_axes(map_figure(found, found.coverage))[0].collections[0].get_clim()
+    assert low < 25 < high
+
+
+def test_histograms_count_every_pose_and_mark_the_limits(summary: SweepSummary) -> None:
+    figure = histogram_figure(summary)
+    for axes, quantity in zip(all_axes(figure), summary.metrics, strict=True):
+        assert sum(bar.get_height() for bar in axes.patches) == len(GRID) - len(EMPTY)
+        marked = [line.get_xdata()[0] for line in axes.lines]
+        assert marked == pytest.approx(quantity.limits)
+        assert axes.get_xlabel() == quantity.label
+    assert "Without a number: 2 poses, not shown" in legend_of(figure)
+
+
+def test_normalised_histograms_fill_0_to_1(summary: SweepSummary) -> None:
+    figure = normalised_figure(summary)
+    *panels, words = all_axes(figure)
+    for axes in panels:
+        assert sum(bar.get_height() for bar in axes.patches) == len(GRID) - len(EMPTY)
+        assert axes.patches[0].get_x() == pytest.approx(0.0)
+    assert "0.2 (1 - coverage)" in words.texts[0].get_text()
+
+
+def test_rays_are_stacked_to_all_that_hit(summary: SweepSummary) -> None:
+    figure = rays_figure(summary)
+    upper, lower = all_axes(figure)
+    top = upper.patches[-1].get_data().values
+    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
+    assert top[known].tolist() == sum(summary.rays.values())[known].tolist()
+    assert top[list(EMPTY)].tolist() == [0, 0]
+    assert lower.patches[0].get_data().values[known].tolist() == (500 + known).tolist()
+    assert "Without a number: 2 poses" in legend_of(figure)
+
+
+def test_the_pareto_front_is_ringed(summary: SweepSummary) -> None:
+    figure = pareto_figure(summary)
+    others, front = all_axes(figure)[0].collections
+    assert len(front.get_offsets()) == len(summary.front)
+    assert len(others.get_offsets()) + len(front.get_offsets()) == len(GRID) - len(EMPTY)
+    both = np.stack((summary.displacement.values, summary.coverage.values), axis=1)
+    np.testing.assert_allclose(front.get_offsets(), both[summary.front])
+    assert "Without a number, not shown: 2" in legend_of(figure)
+
+
+def test_no_text_is_cut_off_or_overlaps(summary: SweepSummary) -> None:
+    """Labels, titles and tick labels of each figure lie inside it and apart from each other."""
+    figures = [map_figure(summary, quantity) for quantity in summary.quantities]
+    figures += [histogram_figure(summary), normalised_figure(summary)]
+    figures += [rays_figure(summary), pareto_figure(summary)]
+    for figure in figures:
+        figure.draw_without_rendering()
+        texts = [figure.texts[0], *(body.texts[0] for body in figure.subfigs)]
+        texts += [t for body in figure.subfigs for t in body.legends[0].get_texts()]
+        for axes in (axes for axes in all_axes(figure) if axes.axison):
+            texts += [axes.xaxis.label, axes.yaxis.label]
+            for axis in (axes.xaxis, axes.yaxis):
+                low, high = sorted(axis.get_view_interval())
+                ticks = axis.get_major_ticks()
+                texts += [
+                    label
+                    for tick in ticks
+                    if low <= tick.get_loc() <= high
+                    for label in (tick.label1, tick.label2)
+                    if label.get_visible()
+                ]
+        boxes = [t.get_window_extent() for t in texts if t.get_text()]
+        width, height = figure.bbox.size
+        for i, box in enumerate(boxes):
+            assert box.x0 >= 0
+            assert box.y0 >= 0
+            assert box.x1 <= width
+            assert box.y1 <= height
+            assert not any(box.overlaps(other) for other in boxes[:i])
+
+
+def test_all_figures_are_written_as_png_and_pdf(summary: SweepSummary, tmp_path: Path) -> None:
+    written = sweep_figures(summary, tmp_path)
+    assert sorted(written) == sorted(tmp_path.iterdir())
+    assert {path.suffix for path in written} == {".png", ".pdf"}
+    assert len({path.stem for path in written}) == 9
+    for path in written:
+        start = b"\x89PNG" if path.suffix == ".png" else b"%PDF"
+        assert path.read_bytes().startswith(start)
+
+
+# In space ----------------------------------------------------------------------------------------
+
+
+def colours_of(path: Path) -> np.ndarray:
+    return np.asarray(pv.read(path).point_data.active_scalars)[:, :3].astype(int)
+
+
+def orange(pixels: np.ndarray) -> int:
+    """Pixels in the colour of the part."""
+    red, green, blue = pixels.T
+    return int(((red > 150) & (red - blue > 90) & (red - green > 40) & (green > 70)).sum())
+
+
+def test_the_part_stands_among_the_poses(summary: SweepSummary, tmp_path: Path) -> None:
+    part = read_part(folder_of("cylinder") / "part.ply")
+    for name, around in (("with", Surroundings(part)), ("without", Surroundings())):
+        sweep_scene_figure(summary, summary.score, around, tmp_path / f"{name}.png")
+    pictures = {path.stem: colours_of(path) for path in tmp_path.iterdir()}
+    assert len(pictures["with"]) == 1600 * 1200
+    # The edge of the red ring around the best pose is a little orange too.
+    assert orange(pictures["with"]) > 1000 + orange(pictures["without"])
+
+
+def test_a_single_pose_can_be_drawn(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match="do not differ"):
+        one = summarise(sweep(GRID.take([5]), empty=()))
+    assert len(sweep_figures(one, tmp_path)) == 18
+    sweep_scene_figure(one, one.displacement, Surroundings(), tmp_path / "scene.png")
+
+
+def test_files_of_the_sweep_are_found_again() -> None:
+    folder = folder_of("cylinder")
+    scene, mesh = folder / "scene.xml", folder / "part.ply"
+    named = {
+        "scene": {"path": str(scene), "sha256": sha256_of(scene)},
+        "part": {
+            "path": str(mesh),
+            "sha256": sha256_of(mesh),
+            "length_unit": "mm",
+            "to_world": np.eye(4).tolist(),
+        },
+    }
+    found = surroundings_of(sweep(**named))
+    assert found.missing == ()
+    assert found.part is not None
+    assert found.shell is not None
+    # The outermost shell encloses the part.
+    vertices, _ = found.shell
+    assert np.all(vertices.min(axis=0) < found.part.bounds[0])
+    assert np.all(vertices.max(axis=0) > found.part.bounds[1])
+
+    named["scene"]["sha256"] = "another"
+    named["part"]["path"] = "gone.ply"
+    found = surroundings_of(sweep(**named))
+    assert (found.part, found.shell) == (None, None)
+    assert [("gone" in text, "has changed" in text) for text in found.missing] == [
+        (True, False),
+        (False, True),
+    ]
+
+
+def test_a_sweep_that_names_no_files_is_drawn_without_them() -> None:
+    assert len(surroundings_of(sweep()).missing) == 2
+
+
+def test_drawing_leaves_pyplot_alone() -> None:
+    """No global state, and the Matplotlib figures need no VTK."""
+    script = (
+        "import sys\n"
+        "from iriftrace import sweep_figures\n"
+        "print([m for m in ('matplotlib.pyplot', 'pyvista', 'mitsuba') if m in sys.modules])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
