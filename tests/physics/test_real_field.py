@@ -78,6 +78,8 @@ def test_no_ray_is_lost_with_gradient_normals(
 def test_displacement_does_not_depend_on_the_number_of_shells(
     images: dict[tuple[int, str], AovImage], coarse: int, fine: int, statistic: np.ufunc
 ) -> None:
+    """On this view. Where silhouettes run along the plume, 13 shells are not enough for the mean:
+    1.5 % in the bundled scene's pose, 4 % from 45 degrees above."""
     values = [statistic(good_um(images[layers, "gradient"])) for layers in (coarse, fine)]
     assert values[0] == pytest.approx(values[1], rel=0.01)
 
