@@ -71,7 +71,7 @@ def oriented(
         warnings.warn(
             f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
             "surface that is there, rays may pass through the holes, and what lies inside the part "
-            "cannot be told; all other numbers are unaffected.",
+            "cannot be told; rays through a hole count what they find behind it.",
             IriftraceWarning,
             stacklevel=3,
         )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -96,9 +97,23 @@ def metrics(
     with working("Reducing"):
         result = pose_metrics(pixels, shown, include=statuses(include))
     result["time_s"]["metrics"] = time.perf_counter() - started
+    _keep_times(result, target)
     write_metrics(target, result)
     print_summary(out, result)
     out.print(f"Metrics in {target}", markup=False, soft_wrap=True)
+
+
+def _keep_times(result: dict[str, Any], report: Path) -> None:
+    """Fill in the times that only the rendering knew, from the report that is to be replaced."""
+    try:
+        earlier = json.loads(report.read_text(encoding="utf-8"))
+        known = earlier["time_s"] if earlier["pose"] == result["pose"] else {}
+    except (OSError, ValueError, KeyError, TypeError):
+        # There is no report of this image yet.
+        return
+    for key, value in result["time_s"].items():
+        if value is None:
+            result["time_s"][key] = known.get(key)
 
 
 def demo(

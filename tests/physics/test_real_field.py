@@ -13,7 +13,7 @@ from iriftrace.exr import AovImage
 from iriftrace.field import IndexField, read_field
 from iriftrace.part import Part, read_part
 from iriftrace.render import render_scene
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.scene import LoadedScene, load_scene, write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells import contour_shells
 from iriftrace.status import Status
@@ -39,18 +39,23 @@ def part() -> Part:
 
 
 @pytest.fixture(scope="module")
-def images(
+def scenes(
     variant: str, tmp_path_factory: pytest.TempPathFactory, field: IndexField, part: Part
-) -> dict[tuple[int, str], AovImage]:
-    """The same pose with 13, 40 and 80 shells in both normal modes."""
+) -> dict[tuple[int, str], LoadedScene]:
+    """The same scene with 13, 40 and 80 shells in both normal modes."""
     result = {}
     for layers in (13, 40, 80):
         folder = tmp_path_factory.mktemp(f"shells_{layers}")
         xml = write_scene(folder, part, contour_shells(field, layers), OBLIQUE, paraview=False)
         for normals in ("gradient", "facet"):
-            scene = load_scene(xml, {"normals": normals, "scale": 0.5})
-            result[layers, normals] = render_scene(scene).image
+            result[layers, normals] = load_scene(xml, {"normals": normals, "scale": 0.5})
     return result
+
+
+@pytest.fixture(scope="module")
+def images(scenes: dict[tuple[int, str], LoadedScene]) -> dict[tuple[int, str], AovImage]:
+    """The oblique view of each scene."""
+    return {key: render_scene(scene).image for key, scene in scenes.items()}
 
 
 def good_um(image: AovImage) -> np.ndarray:
@@ -78,10 +83,32 @@ def test_no_ray_is_lost_with_gradient_normals(
 def test_displacement_does_not_depend_on_the_number_of_shells(
     images: dict[tuple[int, str], AovImage], coarse: int, fine: int, statistic: np.ufunc
 ) -> None:
-    """On this view. Where silhouettes run along the plume, 13 shells are not enough for the mean:
-    1.5 % in the bundled scene's pose, 4 % from 45 degrees above."""
+    """On this view; see the next test for one on which 13 shells are not enough for the mean."""
     values = [statistic(good_um(images[layers, "gradient"])) for layers in (coarse, fine)]
     assert values[0] == pytest.approx(values[1], rel=0.01)
+
+
+def test_mean_of_the_bundled_pose_needs_more_than_13_shells(
+    scenes: dict[tuple[int, str], LoadedScene],
+) -> None:
+    """Known shortfall: from 13 to 40 shells the mean changes by 1.5 %, where 1 % is wanted.
+
+    Seven tenths of it come from rays that meet the part at more than 75 degrees. The median, and
+    the mean from 40 shells on, stay within 1 %.
+    """
+    pose = look_at((150.0, -100.0, 120.0), (0.0, 0.0, 0.0))
+    values = {}
+    for layers in (13, 40, 80):
+        scene = scenes[layers, "gradient"]
+        values[layers] = good_um(
+            render_scene(scene, camera=scene.camera.at(pose), nearest=False).image
+        )
+    mean = {layers: float(np.mean(v)) for layers, v in values.items()}
+    median = {layers: float(np.median(v)) for layers, v in values.items()}
+    assert 0.01 < abs(mean[13] / mean[40] - 1) < 0.02
+    assert mean[40] == pytest.approx(mean[80], rel=0.01)
+    assert median[13] == pytest.approx(median[40], rel=0.01)
+    assert median[13] == pytest.approx(median[80], rel=0.01)
 
 
 @pytest.mark.parametrize("layers", [13, 40, 80])

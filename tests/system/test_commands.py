@@ -544,6 +544,18 @@ def test_metrics_again(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     assert without_times(metrics_of("b.json")) == without_times(written)
 
 
+def test_metrics_again_keep_the_times_of_the_rendering(
+    run: Run, hot: HotBlock, tmp_path: Path
+) -> None:
+    """The report that is replaced alone knew how long files and figures took."""
+    shutil.copy(hot.image, tmp_path / "a.exr")
+    shutil.copy(hot.image.with_suffix(".json"), tmp_path / "a.json")
+    before = metrics_of(tmp_path / "a.json")["time_s"]
+    run("metrics", "a.exr")
+    after = metrics_of(tmp_path / "a.json")["time_s"]
+    assert {**after, "metrics": None} == {**before, "metrics": None}
+
+
 def test_metrics_need_no_mitsuba(hot: HotBlock, tmp_path: Path) -> None:
     code = (
         "import sys; from iriftrace.cli import main; assert main(sys.argv[1:]) == 0;"
