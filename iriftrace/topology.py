@@ -22,6 +22,8 @@ class Neighbours:
     ----------
     pairs
         (k, 2) face numbers; one row for each edge that exactly two triangles share.
+    edges
+        (k, 2) which edge of each of the two that is: edge i runs from corner i to the next.
     opposed
         (k,) bool; True where the two triangles run along the edge in opposite directions, as
         neighbours of one orientation do.
@@ -30,6 +32,7 @@ class Neighbours:
     """
 
     pairs: IntArray
+    edges: IntArray
     opposed: NDArray[np.bool_]
     open_edges: int
 
@@ -85,6 +88,7 @@ def find_neighbours(faces: IntArray) -> Neighbours:
     owner = np.repeat(proper, 3)
     return Neighbours(
         pairs=np.stack((owner[one_side], owner[other_side]), axis=1),
+        edges=np.stack((one_side, other_side), axis=1) % 3,
         opposed=upward[one_side] != upward[other_side],
         open_edges=int(np.count_nonzero(count % 2)),
     )

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
 
+from .aligned import aligned
+from .edges import NONE, edge_neighbours
 from .refraction import Triangle, facet_normal
 
 SHELL, PART, BLOCKER = 0, 1, 2
@@ -164,6 +166,8 @@ class SceneTables:
         self._number = self._numbers(shapes)
         dr.eval(self._positions, self._normals, self._faces, self._number)
         self.part_first_face = first_face[parts[0]]
+        beyond = edge_neighbours(*self.part_arrays())
+        self._neighbours = mi.UInt32(aligned(beyond.ravel()))
         steps = [abs(i - e) for e, i, k in zip(ext, interior, kinds, strict=True) if k == SHELL]
         self.half_step = min((s for s in steps if s > 0), default=1e-9) / 2
 
@@ -226,6 +230,15 @@ class SceneTables:
         return Triangle(
             *(mi.Point3d(dr.gather(mi.Point3f, table, vertex, active)) for vertex in vertices)
         )
+
+    def neighbour(self, face: Any, edge: Any, active: Any) -> Any:
+        """Row of the part's face beyond an edge of another (UInt32); ``NONE`` without one."""
+        import drjit as dr
+        import mitsuba as mi
+
+        place = 3 * (face - self.part_first_face) + edge
+        number = dr.gather(mi.UInt32, self._neighbours, place, active)
+        return dr.select(active & (number != NONE), number + self.part_first_face, NONE)
 
     def part_arrays(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Vertices (n, 3), mm, world, and faces (m, 3) of the part."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from .edges import settle
 from .geometry import BLOCKER, PART, SHELL, SceneTables
 from .refraction import cross_surface, distance_to_plane, interpolated_normal
 
@@ -23,6 +24,16 @@ LEAST_COMPONENT = 1e-9
 
 QUERY_ERROR_STEPS = 40
 """Steps by which a single precision query can be wrong across the ray, generously."""
+
+GRAZING_COSINE = 1e-3
+"""A ray that leaves a triangle at a smaller cosine is queried from a little beyond its plane."""
+
+CLEARANCE_STEPS = 2
+"""How far beyond; without, single precision would guess on which side of the next triangle it is.
+
+Rays turned into a triangle's plane are such: of those that look down along a plume, 0.3 % crossed
+the next triangle of the shell once more, or not at all.
+"""
 
 LEAST_STEP = 0.02
 """Smallest step, as a share of the step at the scene's largest coordinate."""
@@ -125,6 +136,7 @@ def straight_hits(
     rough = mi.Float64(preliminary.t)
     tolerance = _query_error(origin, dr.opaque(mi.Float64, step))
     exact = distance_to_plane(origin, direction, triangle, normal, rough, tolerance)
+    face, exact = settle(tables, origin, direction, face, exact, on_part)
     outcome = dr.select(on_part, mi.UInt32(HIT_PART), dr.select(found, HIT_BLOCKER, ESCAPED))
     return StraightHits(
         distance=dr.select(on_part, exact, rough),
@@ -188,13 +200,12 @@ def refracted_hits(
         segment: Any
         shape: Any
         outward: Any
-        step: Any
+        start: Any  # of the next query
         active: Any
 
     def advance(*values: Any) -> tuple[Any, ...]:
         s = State(*values)
-        start = s.point + s.direction * s.step
-        preliminary = _query(scene, start, s.direction, coherent, s.active)
+        preliminary = _query(scene, s.start, s.direction, coherent, s.active)
         found = s.active & preliminary.is_valid()
         shape = tables.shape_number(preliminary, found)
         kind = tables.kind(shape, found)
@@ -204,7 +215,8 @@ def refracted_hits(
         face = tables.face(shape, preliminary.prim_index, flat)
         triangle, normal = tables.plane(face, flat)
         outward = dr.dot(s.direction, normal) > 0
-        rough = mi.Float64(preliminary.t) + s.step
+        step = dr.dot(s.start - s.point, s.direction)
+        rough = mi.Float64(preliminary.t) + step
         same = _same_crossing(shape, outward, s.shape, s.outward, rough, smallest_step)
         # Then look again from further along.
         again = on_shell & ((face == s.face) | same)
@@ -229,6 +241,14 @@ def refracted_hits(
             )
         bent, reflected = cross_surface(s.direction, normal, shading, near / far, outward)
 
+        leaving = dr.dot(bent, normal)
+        beyond = dr.select(outward ^ reflected, normal, -normal)
+        clear = crossed & (dr.abs(leaving) < GRAZING_COSINE)
+        ahead = dr.select(crossed, bent, s.direction)
+        small = step_at(point)
+        start = point + ahead * small + beyond * dr.select(clear, CLEARANCE_STEPS * small, 0)
+        start = dr.select(again, s.start + s.direction * (3 * step), start)
+
         crossings = s.crossings + dr.select(crossed, mi.UInt32(1), 0)
         gave_up = crossed & (crossings >= limit)
         outcome = dr.select(on_part, mi.UInt32(HIT_PART), s.outcome)
@@ -236,7 +256,7 @@ def refracted_hits(
         outcome = dr.select(gave_up, mi.UInt32(GAVE_UP), outcome)
         return (
             point,
-            dr.select(crossed, bent, s.direction),
+            ahead,
             s.path_length + dr.select(moves, distance, 0),
             outcome,
             dr.select(flat, face, s.face),
@@ -246,7 +266,7 @@ def refracted_hits(
             dr.select(moves, distance, s.segment),
             dr.select(crossed, shape, s.shape),
             dr.select(crossed, outward, s.outward),
-            dr.select(again, 4 * s.step, step_at(point)),
+            start,
             on_shell & ~gave_up,
         )
 
@@ -263,7 +283,7 @@ def refracted_hits(
         dr.zeros(mi.Float64, width),
         mi.UInt32(nothing),
         dr.full(mi.Bool, False, width),
-        dr.zeros(mi.Float64, width),
+        mi.Point3d(origin),
         dr.full(mi.Bool, True, width),
     )
     end = State(
@@ -272,7 +292,22 @@ def refracted_hits(
         )
     )
     hits = RefractedHits(*end[:8])
-    return _back_on_front(opaque, tables, hits, end.segment, coherent, step)
+    return _settled(tables, _back_on_front(opaque, tables, hits, end.segment, coherent, step))
+
+
+def _settled(tables: SceneTables, hits: RefractedHits) -> RefractedHits:
+    """Hits near an edge on the face that is really met."""
+    import drjit as dr
+    import mitsuba as mi
+
+    on_part = hits.outcome == HIT_PART
+    face, ahead = settle(tables, hits.point, hits.direction, hits.face, mi.Float64(0), on_part)
+    ahead = dr.select(on_part, ahead, 0)
+    return hits._replace(
+        point=hits.point + hits.direction * ahead,
+        path_length=hits.path_length + ahead,
+        face=face,
+    )
 
 
 def _back_on_front(

@@ -11,30 +11,17 @@ import pytest
 
 from iriftrace.errors import IriftraceWarning
 from iriftrace.render import render_scene
-from iriftrace.scene import LoadedScene, load_scene
+from iriftrace.scene import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.status import Status
-
-EDGE_MM = 1e-4
-
-
-def edge_distance(scene: LoadedScene, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Distance of points on faces of the part to the nearest edge of their face, mm."""
-    corners = scene.part.vertices[scene.part.faces[faces]]
-    distances = []
-    for k in range(3):
-        start, along = corners[:, k], corners[:, (k + 1) % 3] - corners[:, k]
-        offset = np.cross(points - start, along)
-        distances.append(np.linalg.norm(offset, axis=1) / np.linalg.norm(along, axis=1))
-    return np.min(distances, axis=0)
 
 
 @pytest.mark.usefixtures("variant")
 def test_index_matched_shells_of_the_real_scene_displace_nothing(tmp_path: Path) -> None:
-    """Displacement <= 1e-9 mm, no ray lost, none miscounted.
+    """Displacement <= 1e-9 mm at every pixel, no ray lost, none miscounted.
 
-    Except where a hit lies so close to an edge that the other ray takes the neighbouring triangle;
-    there the angle between the two faces limits it.
+    Beside an edge the two rays' queries may name different faces; both hits are then moved to the
+    face that is really met, so that not even the edges of the facets are an exception.
     """
     shutil.copytree(folder_of("cylinder"), tmp_path / "scene")
     xml = tmp_path / "scene" / "scene.xml"
@@ -48,19 +35,11 @@ def test_index_matched_shells_of_the_real_scene_displace_nothing(tmp_path: Path)
     status = image.status
     assert set(np.unique(status)) == {Status.GOOD, Status.MISSED, Status.OUT_OF_FOCUS}
     hit = status != Status.MISSED
-    moved = image.channels["displacement.norm"] > 1e-9
-    assert not moved[~hit].any()
-    edges = edge_distance(
-        scene, image.vector("straight")[moved], image.channels["part.face"][moved].astype(int) - 1
-    )
-    assert (edges < EDGE_MM).all()
-    assert moved.sum() < 1e-4 * hit.sum()
-    # 6 degrees between neighbouring facets: 1e-4 mm beyond the edge is 1e-5 mm off the plane.
-    assert image.channels["displacement.norm"].max() <= EDGE_MM * np.sin(np.radians(6.1))
+    assert image.channels["displacement.norm"].max() <= 1e-9
     # Crossings: the real shells bend rays by micrometres, so nearly all meet the same triangles,
     # and there the index steps must add up.
     real = render_scene(load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.5})).image
     assert not (real.status == Status.INDEX_MISMATCH).any()
     crossings = (image.channels["path.crossings"], real.channels["path.crossings"])
     assert (crossings[0] != crossings[1])[hit].mean() < 1e-3
-    assert np.abs(image.channels["shift.px.X"][hit & ~moved]).max() < 1e-6
+    assert np.abs(image.channels["shift.px.X"][hit]).max() < 1e-6

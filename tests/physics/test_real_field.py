@@ -75,7 +75,25 @@ def test_no_ray_is_lost_with_gradient_normals(
     ]
     assert abs(hits[0] - hits[1]) <= 2e-4 * hits[1]
     # Folds smaller than a float32 spacing remain, and two shells closer than that.
-    assert (gradient == Status.INDEX_MISMATCH).sum() <= 2e-5 * hits[0]
+    assert (gradient == Status.INDEX_MISMATCH).sum() <= 1e-5 * hits[0]
+
+
+@pytest.mark.parametrize("elevation_deg", [60.0, 80.0, 90.0])
+def test_rays_that_run_down_along_the_plume_are_counted_right(
+    variant: str, elevation_deg: float
+) -> None:
+    """They graze its steep flanks; those turned into a triangle's plane must not lose their side.
+
+    One query in a few thousand found the neighbouring triangle from the wrong side (94 of 33,616
+    hits at 80 degrees had index steps that do not add up).
+    """
+    scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.2})
+    elevation = np.radians(elevation_deg)
+    origin = (310 * np.cos(elevation), 0.0, 238.5 * np.sin(elevation))
+    camera = scene.camera.at(look_at(origin, (0.0, 0.0, 0.0)))
+    rays = render_scene(scene, camera=camera, nearest=False, empty=True).metrics["rays"]
+    assert rays["hit"] > 20_000
+    assert rays["index_mismatch"] == 0
 
 
 @pytest.mark.parametrize(("coarse", "fine"), [(13, 40), (40, 80), (13, 80)])
