@@ -217,6 +217,9 @@ def _import_mitsuba() -> Any:
         cause: BaseException = error
         while cause.__context__ is not None:
             cause = cause.__context__
+        if isinstance(cause, KeyboardInterrupt):
+            # Ctrl-C within the import arrives wrapped; it says nothing about the installation.
+            raise KeyboardInterrupt from error
         if isinstance(cause, ModuleNotFoundError):
             remedy = 'pip install "mitsuba>=3.9,<3.10"'
         else:

@@ -35,6 +35,9 @@ Rays turned into a triangle's plane are such: of those that look down along a pl
 the next triangle of the shell once more, or not at all.
 """
 
+MOST_STEPS = 30_000
+"""Crossings of a straight line after which it is not followed any farther."""
+
 LEAST_STEP = 0.02
 """Smallest step, as a share of the step at the scene's largest coordinate."""
 
@@ -363,7 +366,7 @@ def crossed_steps(
     -------
     start_index : Float64
         Index of the layer at the start: what remains outside less the steps on the way there;
-        0 for a line without crossing.
+        0 for a line without crossing, or with too many (``MOST_STEPS``) to be believed.
     enclosed : Bool
         The first shell on the way is crossed from inside.
     """
@@ -408,7 +411,7 @@ def crossed_steps(
             dr.select(crossed, shape, s.shape),
             dr.select(crossed, outward, s.outward),
             s.count + 1,
-            found & (s.count < 10_000),
+            found & (s.count < MOST_STEPS),
         )
 
     width = dr.width(origin, direction)
@@ -428,4 +431,5 @@ def crossed_steps(
             state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
         )
     )
-    return end.last_index - end.index_sum, end.enclosed
+    known = end.count <= MOST_STEPS
+    return dr.select(known, end.last_index - end.index_sum, 0), end.enclosed & known

@@ -335,6 +335,20 @@ def test_a_library_that_mitsuba_lacks_is_named(monkeypatch: pytest.MonkeyPatch) 
         runtime.ensure()
 
 
+def test_ctrl_c_within_the_import_is_no_fault_of_mitsuba(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It arrives as the ImportError of the extension that was being loaded."""
+
+    def interrupted() -> Any:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise ImportError("initialization failed") from error
+
+    monkeypatch.setattr(runtime, "_mitsuba", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        runtime._import_mitsuba()
+
+
 def test_mitsuba_that_is_not_installed_is_to_be_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent() -> None:
         raise ModuleNotFoundError("No module named 'mitsuba'")
