@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Mapping
@@ -27,11 +28,14 @@ class SceneFile:
         Mesh file of the shape with id ``part``.
     part_to_world : (4, 4) array
     shell_paths : tuple of Path
+    file_paths : tuple of Path
+        All files that the scene names: meshes of the part, shells and other objects, fields.
     """
 
     part_path: Path
     part_to_world: NDArray[np.float64]
     shell_paths: tuple[Path, ...]
+    file_paths: tuple[Path, ...]
 
 
 def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
@@ -109,6 +113,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         part_path=part_path,
         part_to_world=_placement(parts[0], "The part"),
         shell_paths=tuple(shell_paths),
+        file_paths=_files(nodes, path),
     )
 
 
@@ -168,6 +173,20 @@ def _mesh_file(props: Any, scene: Path) -> Path | None:
         return None
     named = Path(str(props["filename"]))
     return named if named.is_absolute() else scene.parent / named
+
+
+def _files(nodes: list[Any], scene: Path) -> tuple[Path, ...]:
+    """Every file that a property names, once."""
+    words = [
+        str(node.props[key])
+        for node in nodes
+        for key in list(node.props.keys())
+        if isinstance(node.props[key], str)
+    ]
+    # A name that is none, such as a long text, is no file either.
+    return tuple(
+        file for word in dict.fromkeys(words) if os.path.isfile(file := scene.parent / word)
+    )
 
 
 def _placement(props: Any, what: str) -> NDArray[np.float64]:

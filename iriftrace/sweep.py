@@ -1,31 +1,44 @@
-"""Many poses of one scene: rendered one after the other, never lost, resumed where they stopped."""
+"""Many poses in one result: rendered here or by workers, never lost, resumed where they stopped."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from iriftrace.camera import Camera
-from iriftrace.errors import InputError, IriftraceWarning
-from iriftrace.orbit import PoseSet
-from iriftrace.part_file import sha256_of
+from iriftrace.empty_poses import warn_of_empty_poses
+from iriftrace.errors import InputError
+from iriftrace.face_maps import face_maps
+from iriftrace.pose_set import PoseSet, joined
 from iriftrace.provenance import provenance
-from iriftrace.render import render_scene
 from iriftrace.scene import LoadedScene
-from iriftrace.sweep_store import Journal, fingerprint, read_sweep, to_dataset, write_sweep
+from iriftrace.sweep_journal import Journal, remove_leftovers, sole_writer
+from iriftrace.sweep_pose import PoseTask, SceneSource, fingerprint
+from iriftrace.sweep_series import (
+    RenderPoses,
+    Series,
+    check_comparable,
+    render_here,
+    scenes_attribute,
+    series_variables,
+    sources_of,
+)
+from iriftrace.sweep_store import (
+    metric_variables,
+    pose_variables,
+    read_sweep,
+    to_dataset,
+    write_sweep,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
-
-FEWEST_RAYS = 100
-"""A pose with fewer good rays counts as empty."""
 
 
 @frozen
@@ -56,19 +69,42 @@ def run_sweep(
     target: ArrayLike | None = None,
     options: SweepOptions | None = None,
     progress: Callable[[int, int], None] | None = None,
+    render: RenderPoses | None = None,
 ) -> xr.Dataset:
-    """Render every pose and keep the metrics in one netCDF file.
+    """Render one scene from many poses; see `run_series`."""
+    return run_series(
+        [Series(scene, camera, poses)],
+        path,
+        target=target,
+        options=options,
+        progress=progress,
+        render=render,
+    )
+
+
+def run_series(
+    series: Sequence[Series],
+    path: str | Path,
+    *,
+    target: ArrayLike | None = None,
+    options: SweepOptions | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    render: RenderPoses | None = None,
+) -> xr.Dataset:
+    """Render every pose of every series and keep the metrics in one netCDF file.
 
     Every finished pose goes into a journal beside the file, so that a sweep that was interrupted
-    or killed loses the pose in flight at most: the same call goes on where it stopped, and its
-    result is the same but for the times. The journal is removed when the file is complete.
+    or killed loses the poses in flight at most: the same call goes on where it stopped, and its
+    result is the same but for the times. The journal is removed when the file is complete. Memory
+    does not grow with the number of poses but for the metrics, some kilobytes a pose.
+
+    All poses of all series are equals: one `iriftrace.planning.rank_poses` normalises and ranks
+    them together, so that fields, focal lengths and distances compete.
 
     Parameters
     ----------
-    scene : LoadedScene
-    poses : PoseSet
-    camera : Camera
-        Intrinsics and focus interval; its pose is not used.
+    series : sequence of Series
+        Scenes of the same part, and cameras that differ in nothing but focal length and pose.
     path : path
         The netCDF file.
     target : (3,) array, mm, world, optional
@@ -76,16 +112,20 @@ def run_sweep(
     options : SweepOptions, optional
     progress : callable, optional
         Called with the number of finished poses and of all poses.
+    render : callable, optional
+        Who renders; this process by default, else what `iriftrace.sweep_workers.workers` gives.
 
     Returns
     -------
     xarray.Dataset
-        Dimensions ``pose`` and ``region``; see :mod:`iriftrace.sweep_store`.
+        Dimensions ``pose``, ``region``, ``face`` and ``sighting``; see
+        :mod:`iriftrace.sweep_store` and :mod:`iriftrace.face_sightings`.
 
     Raises
     ------
     InputError
-        If there is no pose, the file cannot be written, or it belongs to another sweep.
+        If there is no pose, the scenes cannot be compared, the file cannot be written, or it
+        belongs to another sweep.
 
     Warns
     -----
@@ -94,105 +134,123 @@ def run_sweep(
     """
     chosen = options or SweepOptions()
     out = Path(path)
-    if len(poses) == 0:
-        raise InputError("The sweep has no pose; give angles or a list of poses.")
+    check_comparable(series)
     if not out.parent.is_dir():
         raise InputError(f"The folder {out.parent} does not exist; create it first.")
-    request = fingerprint(
-        version("iriftrace"),
-        sha256_of(scene.path),
-        scene.part.sha256,
-        scene.normals,
-        scene.variant,
-        camera.as_dict(),
-        poses.matrices,
-        [chosen.nearest, list(chosen.include), chosen.exr],
-    )
+    sources = sources_of(series)
+    request = _request(series, sources, chosen)
+    folder = out.with_name(out.name + ".journal")
     if out.is_file():
-        finished = read_sweep(out)
-        if finished.attrs.get("request") != request:
-            raise InputError(
-                f"{out} holds a sweep of other poses, another scene or other options; delete it, "
-                "or give another name with -o."
-            )
+        finished = _finished(out, request)
+        remove_leftovers(folder, request)
         return finished
-    journal = Journal(out.with_name(out.name + ".journal"), request)
-    for number, matrix in enumerate(poses.matrices):
+    total = sum(len(one.poses) for one in series)
+    with sole_writer(folder):
+        journal = Journal(folder, request)
         if progress is not None:
-            progress(len(journal.done), len(poses))
-        if number not in journal.done:
-            journal.add(number, _pose(scene, camera.at(matrix), number, out, chosen))
-    if progress is not None:
-        progress(len(poses), len(poses))
-    dataset = to_dataset(
-        poses,
-        [journal.done[number] for number in range(len(poses))],
-        scene.part.region_names,
-        np.asarray(scene.part.centre if target is None else target, dtype=np.float64),
-        {
-            **provenance(scene, camera.projection),
-            "camera": camera.as_dict(),
-            "include": list(chosen.include),
-            "request": request,
-        },
-    )
-    write_sweep(out, dataset)
-    journal.path.unlink()
-    _warn_if_empty(dataset)
+            progress(len(journal), total)
+        tasks = _tasks(series, sources, chosen, out, journal)
+        for result in (render or render_here(series, sources))(tasks):
+            journal.add(result)
+            if progress is not None:
+                progress(len(journal), total)
+        dataset = _dataset(series, journal, chosen, out, target)
+        dataset.attrs["request"] = request
+        write_sweep(out, dataset, (journal.sightings(pose) for pose in range(total)))
+        journal.close()
+    finished = read_sweep(out)
+    warn_of_empty_poses(finished)
+    return finished
+
+
+def _finished(out: Path, request: str) -> xr.Dataset:
+    """The result of an earlier run, which is never replaced."""
+    advice = "delete it, or give another name with -o"
+    try:
+        dataset = read_sweep(out)
+    except InputError as error:
+        raise InputError(f"{out} is there already and is no sweep; {advice}.") from error
+    if dataset.attrs.get("request") != request:
+        dataset.close()
+        raise InputError(
+            f"{out} holds a sweep of other poses, another scene or other options; {advice}."
+        )
     return dataset
 
 
-def _pose(
-    scene: LoadedScene, camera: Camera, number: int, out: Path, options: SweepOptions
-) -> dict[str, Any]:
-    """What the journal records of one pose."""
-    try:
-        with warnings.catch_warnings():
-            # Said once for the sweep, and not for every pose.
-            warnings.simplefilter("ignore", IriftraceWarning)
-            rendering = render_scene(
-                scene, camera=camera, include=options.include, nearest=options.nearest, empty=True
-            )
-        exr = ""
-        if options.exr:
-            folder = out.with_suffix("")
-            folder.mkdir(exist_ok=True)
-            file, _ = rendering.save(folder / f"pose_{number:05d}.exr")
-            exr = f"{folder.name}/{file.name}"
-    except InputError as error:
-        return {"metrics": None, "failure": str(error), "exr": ""}
-    metrics = rendering.metrics
-    kept = ("rays", "time_s", "shell_triangles_in_view", "regions")
-    measured = {key: value for key, value in metrics.items() if key in kept or _is_measure(key)}
-    return {"metrics": measured, "failure": "", "exr": exr}
+def _request(
+    series: Sequence[Series], sources: Sequence[SceneSource], options: SweepOptions
+) -> str:
+    """What tells one sweep from another."""
+    content = [
+        [source.fingerprint, one.camera.as_dict(), one.stand_off_mm, one.poses.matrices.tolist()]
+        for source, one in zip(sources, series, strict=True)
+    ]
+    wanted = [options.nearest, list(options.include), options.exr]
+    return fingerprint(version("iriftrace"), content, wanted)
 
 
-def _is_measure(key: str) -> bool:
-    return key.endswith(("_mm", "_px", "_deg", "_nn3d", "_nnxy")) or key.startswith("coverage")
+def _tasks(
+    series: Sequence[Series],
+    sources: Sequence[SceneSource],
+    options: SweepOptions,
+    out: Path,
+    done: Collection[int],
+) -> Iterator[PoseTask]:
+    """What is left to do, scene by scene, so that a worker needs one scene at a time."""
+    folder = out.with_suffix("").absolute()
+    if options.exr:
+        folder.mkdir(exist_ok=True)
+    number = 0
+    for source, one in zip(sources, series, strict=True):
+        for matrix in one.poses.matrices:
+            if number not in done:
+                yield PoseTask(
+                    number=number,
+                    source=source,
+                    camera=one.camera.at(matrix),
+                    include=options.include,
+                    nearest=options.nearest,
+                    exr=str(folder / _exr_name(number)) if options.exr else "",
+                )
+            number += 1
 
 
-def _warn_if_empty(dataset: xr.Dataset) -> None:
-    good = dataset["rays_good"].sel(region="part").values
-    empty: NDArray[np.bool_] = good < FEWEST_RAYS
-    if 2 * empty.sum() <= len(empty):
-        return
-    reasons = {
-        "the camera stands in the hot air or the part, or failed": (good < 0).sum(),
-        "the part is out of focus": _most(dataset, "rays_out_of_focus", empty),
-        "the part is hidden by another object": _most(dataset, "rays_blocked", empty),
-        "the part is out of the picture": (
-            empty & (dataset["rays_hit"].sel(region="part").values == 0)
-        ).sum(),
-    }
-    reason = max(reasons, key=lambda text: reasons[text])
-    warnings.warn(
-        f"{empty.sum()} of {len(empty)} poses see fewer than {FEWEST_RAYS} good rays, mostly "
-        f"because {reason}; change the orbit, the focus interval or the focal length.",
-        IriftraceWarning,
-        stacklevel=3,
+def _exr_name(number: int) -> str:
+    return f"pose_{number:05d}.exr"
+
+
+def _dataset(
+    series: Sequence[Series],
+    journal: Journal,
+    options: SweepOptions,
+    out: Path,
+    target: ArrayLike | None,
+) -> xr.Dataset:
+    """All that the journal holds, but for what each pose sees of each face."""
+    first = series[0]
+    part = first.scene.part
+    poses = joined(one.poses for one in series)
+    numbers = range(len(poses))
+    measured = metric_variables(map(journal.entry, numbers), len(poses), part.region_names)
+    failures = measured["failure"][1]
+    images = [
+        f"{out.with_suffix('').name}/{_exr_name(number)}" if options.exr and not failure else ""
+        for number, failure in enumerate(failures)
+    ]
+    return to_dataset(
+        {
+            **measured,
+            **pose_variables(poses, part.centre if target is None else target),
+            **series_variables(series),
+            "exr": (("pose",), np.array(images, dtype=object)),
+            **face_maps(map(journal.sightings, numbers), part),
+        },
+        part.region_names,
+        {
+            **provenance(first.scene, first.camera.projection),
+            "camera": first.camera.as_dict(),
+            "scenes": scenes_attribute(series),
+            "include": list(options.include),
+        },
     )
-
-
-def _most(dataset: xr.Dataset, name: str, empty: NDArray[np.bool_]) -> int:
-    counts = dataset[name].sel(region="part").values
-    return int((empty & (counts >= FEWEST_RAYS)).sum())

@@ -1,24 +1,26 @@
-"""The results of a sweep on disk: a journal while it runs, one netCDF file when it is done."""
+"""The result of a sweep: one labelled dataset, in memory and as a netCDF file."""
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from iriftrace.errors import InputError
+from iriftrace.face_sightings import COUNTS as COUNTS_OF_FACES
+from iriftrace.face_sightings import FaceSightings
+from iriftrace.sighting_file import SIGHTING, append_sightings
 from iriftrace.status import Status
 from iriftrace.whole_file import whole_file
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.orbit import PoseSet
+    from iriftrace.pose_set import PoseSet
 
 SCHEMA = "iriftrace.sweep/1"
 WHOLE_PART = "part"
@@ -65,146 +67,111 @@ POSE_COUNTS = {
     "rays_open_boundary": ("rays", "open_boundary"),
     "shell_triangles_in_view": ("shell_triangles_in_view",),
 }
+STAGES = ("straight", "refracted", "metrics", "total")
 
 
-class Journal:
-    """One line of JSON per finished pose, after a line that says which sweep it is.
+def metric_variables(
+    entries: Iterable[dict[str, Any]], count: int, region_names: Sequence[str]
+) -> dict[str, Any]:
+    """What was measured in each pose, as variables of a dataset.
 
     Parameters
     ----------
-    path : Path
-        The file; it is made with the first pose.
-    request : str
-        Fingerprint of scene, poses and options; a journal of another sweep is refused.
+    entries : iterable of dict
+        For each pose ``metrics`` (as :func:`iriftrace.metrics.pose_metrics` gives them, or None)
+        and ``failure``; only one is in memory at a time.
+    count : int
+        Number of poses.
+    region_names : sequence of str
+        Of the part; the whole part comes first as region ``"part"``.
     """
-
-    def __init__(self, path: Path, request: str) -> None:
-        self.path = path
-        self._request = request
-        self.done = self._read()
-
-    def _read(self) -> dict[int, dict[str, Any]]:
-        if not self.path.is_file():
-            return {}
-        lines = self.path.read_bytes().splitlines(keepends=True)
-        # A line without its end was being written when the program was killed.
-        whole = [line for line in lines if line.endswith(b"\n")]
-        if not whole:
-            return {}
-        try:
-            head = json.loads(whole[0])
-            entries = [json.loads(line) for line in whole[1:]]
-        except ValueError as error:
-            raise InputError(
-                f"{self.path} is damaged ({error}); delete it to start the sweep again."
-            ) from error
-        if head.get("request") != self._request:
-            raise InputError(
-                f"{self.path} belongs to a sweep of other poses, another scene or other options; "
-                "delete it, or give another name with -o."
-            )
-        return {entry["pose"]: entry for entry in entries}
-
-    def add(self, pose: int, entry: dict[str, Any]) -> None:
-        """Record a pose so that it survives whatever happens next."""
-        fresh = not self.done
-        content = json.dumps({"pose": pose, **entry}) + "\n"
-        if fresh:
-            content = json.dumps({"schema": SCHEMA, "request": self._request}) + "\n" + content
-        self._cut_unfinished()
-        with self.path.open("wb" if fresh else "ab") as file:
-            file.write(content.encode())
-            file.flush()
-            os.fsync(file.fileno())
-        self.done[pose] = json.loads(content.splitlines()[-1])
-
-    def _cut_unfinished(self) -> None:
-        if not self.path.is_file():
-            return
-        with self.path.open("rb+") as file:
-            content = file.read()
-            whole = content.rfind(b"\n") + 1
-            if whole < len(content):
-                file.truncate(whole)
+    shape = (count, 1 + len(region_names))
+    measures = {name: np.empty(shape) for name in MEASURES}
+    counts = {f"rays_{key}": np.empty(shape, dtype=np.int64) for key in COUNTS}
+    pose_counts = {name: np.empty(count, dtype=np.int64) for name in POSE_COUNTS}
+    times = {stage: np.empty(count) for stage in STAGES}
+    failures = []
+    for pose, entry in enumerate(entries):
+        failures.append(entry["failure"])
+        for region, view in enumerate(_views(entry["metrics"], region_names)):
+            for name, (keys, _, _) in MEASURES.items():
+                measures[name][pose, region] = _number(_at(view, keys))
+            for key in COUNTS:
+                counts[f"rays_{key}"][pose, region] = _count(_at(view, ("rays", key)))
+        for name, keys in POSE_COUNTS.items():
+            pose_counts[name][pose] = _count(_at(entry["metrics"], keys))
+        for stage in STAGES:
+            times[stage][pose] = _number(_at(entry["metrics"], ("time_s", stage)))
+    both = ("pose", "region")
+    return {
+        **{
+            name: (both, measures[name], {"units": unit, "long_name": text})
+            for name, (_, unit, text) in MEASURES.items()
+        },
+        **{name: (both, values, {"units": "1"}) for name, values in counts.items()},
+        **{name: (("pose",), values, {"units": "1"}) for name, values in pose_counts.items()},
+        **{f"time_{stage}": (("pose",), times[stage], {"units": "s"}) for stage in STAGES},
+        "failure": (("pose",), np.array(failures, dtype=object)),
+    }
 
 
-def fingerprint(*pieces: Any) -> str:
-    """SHA-256 of values that tell one sweep from another."""
-    text = json.dumps(pieces, sort_keys=True, default=lambda array: np.asarray(array).tolist())
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def to_dataset(
-    poses: PoseSet,
-    entries: Sequence[dict[str, Any]],
-    region_names: Sequence[str],
-    target: np.ndarray[Any, Any],
-    attributes: dict[str, Any],
-) -> xr.Dataset:
-    """All poses as one labelled dataset.
+def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
+    """Where the camera stood, as variables of a dataset.
 
     Parameters
     ----------
     poses : PoseSet
-    entries : sequence of dict
-        For each pose ``metrics`` (as :func:`iriftrace.metrics.pose_metrics` gives them, or None),
-        ``failure`` and ``exr``.
-    region_names : sequence of str
-        Of the part; the whole part comes first as region ``"part"``.
     target : (3,) array, mm, world
-    attributes : dict
-        Provenance; values that are no numbers or strings are stored as JSON.
+        Point from which ``distance`` is measured.
     """
+    distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
+    return {
+        "matrix": (
+            ("pose", "row", "column"),
+            poses.matrices,
+            {"long_name": "camera to world; x right, y down, z forward", "units": "mm"},
+        ),
+        "azimuth": (("pose",), poses.azimuth_deg, {"units": "degree"}),
+        "elevation": (("pose",), poses.elevation_deg, {"units": "degree"}),
+        "distance": (("pose",), distance, {"units": "mm", "long_name": "camera to target"}),
+    }
+
+
+def to_dataset(
+    variables: dict[str, Any], region_names: Sequence[str], attributes: dict[str, Any]
+) -> xr.Dataset:
+    """All variables as one dataset; attributes that are no numbers or strings become JSON."""
     import xarray as xr
 
-    regions = [WHOLE_PART, *region_names]
-    views = [list(_views(entry["metrics"], region_names)) for entry in entries]
-    data: dict[str, Any] = {}
-    for name, (keys, unit, text) in MEASURES.items():
-        values = [[_number(_at(view, keys)) for view in row] for row in views]
-        data[name] = (("pose", "region"), np.array(values), {"units": unit, "long_name": text})
-    for key in COUNTS:
-        counts = [[_count(_at(view, ("rays", key))) for view in row] for row in views]
-        data[f"rays_{key}"] = (("pose", "region"), np.array(counts), {"units": "1"})
-    for name, keys in POSE_COUNTS.items():
-        counts_of_pose = [_count(_at(row[0], keys)) for row in views]
-        data[name] = (("pose",), np.array(counts_of_pose), {"units": "1"})
-    for stage in ("straight", "refracted", "metrics", "total"):
-        seconds = [_number(_at(row[0], ("time_s", stage))) for row in views]
-        data[f"time_{stage}"] = (("pose",), np.array(seconds), {"units": "s"})
-    data["matrix"] = (
-        ("pose", "row", "column"),
-        poses.matrices,
-        {"long_name": "camera to world; x right, y down, z forward", "units": "mm"},
-    )
-    data["azimuth"] = (("pose",), poses.azimuth_deg, {"units": "degree"})
-    data["elevation"] = (("pose",), poses.elevation_deg, {"units": "degree"})
-    distance = np.linalg.norm(poses.origins - target, axis=1)
-    data["distance"] = (("pose",), distance, {"units": "mm", "long_name": "camera to target"})
-    for name in ("failure", "exr"):
-        data[name] = (("pose",), np.array([entry[name] for entry in entries], dtype=object))
     return xr.Dataset(
-        data,
-        coords={"region": np.array(regions, dtype=object)},
+        variables,
+        coords={"region": np.array([WHOLE_PART, *region_names], dtype=object)},
         attrs={"schema": SCHEMA, **{key: _attribute(v) for key, v in attributes.items()}},
     )
 
 
-def write_sweep(path: Path, dataset: xr.Dataset) -> None:
-    """Write a sweep as netCDF; an existing file is replaced when the new one is complete."""
-    with whole_file(path) as temporary:
-        dataset.to_netcdf(temporary, engine="h5netcdf")
+def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightings]) -> None:
+    """Write a sweep as netCDF; an existing file is replaced when the new one is complete.
 
-
-def write_table(path: Path, dataset: xr.Dataset) -> None:
-    """Write what is known of the whole part as CSV, one row a pose."""
-    flat = dataset.sel(region=WHOLE_PART).drop_vars("region").drop_dims(("row", "column"))
+    Parameters
+    ----------
+    path : Path
+    dataset : xarray.Dataset
+        All but the variables over ``sighting``.
+    sightings : iterable of FaceSightings
+        Of each pose; only one is in memory at a time.
+    """
     with whole_file(path) as temporary:
-        flat.to_dataframe().to_csv(temporary)
+        packed = {name: {"zlib": True} for name, v in dataset.items() if v.dims == ("face",)}
+        dataset.to_netcdf(temporary, engine="h5netcdf", encoding=packed)
+        append_sightings(temporary, int(dataset[COUNTS_OF_FACES].sum()), sightings)
 
 
 def read_sweep(path: str | Path) -> xr.Dataset:
     """Read a sweep that :func:`write_sweep` wrote.
+
+    Variables over ``sighting`` stay in the file, which is open as long as the dataset is there, and
+    are read where they are used: of a fine mesh they are large.
 
     Raises
     ------
@@ -216,18 +183,26 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     if not Path(path).is_file():
         raise InputError(f"There is no sweep {path}; `iriftrace sweep` writes one.")
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as file:
-            dataset = file.load()
+        dataset = xr.open_dataset(path, engine="h5netcdf")
+        for variable in dataset.variables.values():
+            if SIGHTING not in variable.dims:
+                variable.load()
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{path} is no netCDF file ({error}); give a sweep.") from error
-    if dataset.attrs.get("schema") != SCHEMA:
-        raise InputError(
-            f"{path} has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is no "
-            "sweep of this version of iriftrace; run the sweep again."
-        )
-    if dataset.sizes.get("pose", 0) == 0:
-        raise InputError(f"{path} holds no pose; run the sweep again.")
+    fault = _fault(dataset)
+    if fault:
+        dataset.close()
+        raise InputError(f"{path} {fault}; run the sweep again.")
     return dataset
+
+
+def _fault(dataset: xr.Dataset) -> str:
+    if dataset.attrs.get("schema") != SCHEMA:
+        return (
+            f"has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is no "
+            "sweep of this version of iriftrace"
+        )
+    return "" if dataset.sizes.get("pose", 0) else "holds no pose"
 
 
 def _views(

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import pyvista as pv
 import xarray as xr
+from attrs import evolve
 
 from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.face_sightings import sightings_of
 from iriftrace.orbit import Orbit, orbit_poses
 from iriftrace.pose_set import PoseSet
 from iriftrace.render import render_scene
 from iriftrace.scene import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.sweep import SweepOptions, run_sweep
-from iriftrace.sweep_store import MEASURES, read_sweep, write_table
+from iriftrace.sweep import SweepOptions, run_series, run_sweep
+from iriftrace.sweep_journal import sole_writer
+from iriftrace.sweep_series import Series
+from iriftrace.sweep_store import MEASURES, read_sweep
+from iriftrace.sweep_surface import write_surface
+from iriftrace.sweep_table import write_table
 
 
 @pytest.fixture(scope="module")
@@ -99,14 +108,18 @@ def test_interrupted_sweep_goes_on_and_ends_the_same(
         run_sweep(scene, poses, scene.camera, path, progress=stop_after_three)
     assert not path.exists()
     journal = tmp_path / "sweep.nc.journal"
-    # What a kill in the middle of a write leaves behind.
-    journal.write_bytes(journal.read_bytes() + b'{"pose": 3, "metr')
+    # What a kill leaves behind: a pose without its line, half a pose, half a line.
+    (journal / "faces_000003.npy").write_bytes(b"of an earlier day")
+    (journal / ".faces_000004.123.npy").write_bytes(b"half")
+    with (journal / "poses.jsonl").open("ab") as file:
+        file.write(b'{"pose": 3, "metr')
     rendered.clear()
     dataset = run_sweep(
         scene, poses, scene.camera, path, progress=lambda done, total: rendered.append(done)
     )
     assert rendered[0] == 3
     assert same_results(dataset, swept[1])
+    assert not journal.exists()
 
 
 def test_finished_sweep_is_not_repeated(
@@ -164,11 +177,154 @@ def test_images_are_kept_on_request(scene: LoadedScene, poses: PoseSet, tmp_path
     assert (tmp_path / str(dataset["exr"].values[0])).is_file()
 
 
-def test_table_has_a_row_for_each_pose(swept: tuple[Path, xr.Dataset], tmp_path: Path) -> None:
-    write_table(tmp_path / "sweep.csv", swept[1])
-    lines = (tmp_path / "sweep.csv").read_text().splitlines()
-    assert len(lines) == 1 + swept[1].sizes["pose"]
-    assert lines[0].startswith("pose,displacement_mean")
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_table_has_a_row_for_each_pose(
+    swept: tuple[Path, xr.Dataset], tmp_path: Path, suffix: str
+) -> None:
+    path, dataset = tmp_path / f"sweep{suffix}", swept[1]
+    write_table(path, dataset)
+    table = pd.read_csv(path, index_col="pose") if suffix == ".csv" else pd.read_parquet(path)
+    assert table.index.tolist() == list(range(dataset.sizes["pose"]))
+    assert table.columns[0] == "displacement_mean"
+    for name in ("displacement_median", "elevation", "rays_good", "sightings", "focal_length"):
+        variable = dataset[name]
+        whole = variable.sel(region="part") if "region" in variable.dims else variable
+        assert table[name].to_numpy().tolist() == whole.values.tolist()
+
+
+def test_two_programs_never_write_one_sweep(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """Somebody forgot the first terminal; the poses of both would end up in one journal."""
+    folder = tmp_path / "one.nc.journal"
+    with sole_writer(folder):
+        with pytest.raises(InputError, match="Another program is writing"):
+            run_sweep(scene, poses.take([2]), scene.camera, tmp_path / "one.nc")
+        assert folder.is_dir()
+    assert not folder.exists()
+    run_sweep(scene, poses.take([2]), scene.camera, tmp_path / "one.nc")
+
+
+def test_journal_that_outlived_its_sweep_is_removed(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """Killed after the result was written and before the journal was gone."""
+    path, journal = tmp_path / "one.nc", tmp_path / "one.nc.journal"
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(scene, poses.take([2, 5]), scene.camera, path, progress=_stop_after_one)
+    kept = tmp_path / "kept"
+    shutil.copytree(journal, kept)
+    run_sweep(scene, poses.take([2, 5]), scene.camera, path)
+    kept.rename(journal)
+    run_sweep(scene, poses.take([2, 5]), scene.camera, path)
+    assert not journal.exists()
+
+
+def test_damaged_journal_is_refused(scene: LoadedScene, poses: PoseSet, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc", progress=_stop_after_one)
+    lines = tmp_path / "a.nc.journal" / "poses.jsonl"
+    lines.write_bytes(lines.read_bytes().replace(b'"pose"', b'"nose"'))
+    with pytest.raises(InputError, match="is damaged"):
+        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc")
+
+
+@pytest.fixture(scope="module")
+def other_scene(
+    scene: LoadedScene, variant: str, tmp_path_factory: pytest.TempPathFactory
+) -> LoadedScene:
+    """The same part in other air: refracted at facets."""
+    folder = tmp_path_factory.mktemp("other") / "scene"
+    shutil.copytree(folder_of("cylinder"), folder)
+    values = {"scale": 0.1, "normals": "facet"}
+    return load_scene(folder / "scene.xml", values, variant=variant)
+
+
+def test_scenes_focal_lengths_and_distances_in_one_sweep(
+    scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """Each pose is what a sweep of its own gives."""
+    one, other = poses.take([1, 2]), poses.take([4])
+    wide = evolve(scene.camera, focal_length_mm=8.0)
+    series = [
+        Series(scene, scene.camera, one, 225.0),
+        Series(scene, wide, other, 200.0),
+        Series(other_scene, other_scene.camera, one),
+    ]
+    dataset = run_series(series, tmp_path / "all.nc")
+    assert dataset["focal_length"].values.tolist() == [10, 10, 8, 10, 10]
+    stand_off = dataset["stand_off"].values
+    assert stand_off[:3].tolist() == [225, 225, 200]
+    assert np.isnan(stand_off[3:]).all()
+    names = [str(scene.path)] * 3 + [str(other_scene.path)] * 2
+    assert dataset["scene"].values.tolist() == names
+    listed = json.loads(dataset.attrs["scenes"])
+    assert [entry["variables"].get("normals") for entry in listed] == [None, "facet"]
+    first = 0
+    for number, single in enumerate(series):
+        alone = run_series([single], tmp_path / f"{number}.nc")
+        last = first + len(single.poses)
+        mine = dataset.isel(pose=slice(first, last))
+        per_pose = [n for n, v in alone.data_vars.items() if v.dims[0] == "pose"]
+        assert same_results(
+            mine[per_pose].drop_attrs(deep=False), alone[per_pose].drop_attrs(deep=False)
+        )
+        for pose in range(first, last):
+            got, expected = sightings_of(dataset, pose), sightings_of(alone, pose - first)
+            assert np.array_equal(got.as_rows(), expected.as_rows())
+        first = last
+
+
+def test_scenes_that_cannot_be_compared_are_refused(
+    scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    mine = Series(scene, scene.camera, poses)
+    coarse = Series(other_scene, other_scene.camera.scaled(0.5), poses)
+    with pytest.raises(InputError, match="differ in more than pose and focal length"):
+        run_series([mine, coarse], tmp_path / "a.nc")
+    part = evolve(other_scene.part, sha256="0" * 64)
+    foreign = evolve(other_scene, part=part)
+    with pytest.raises(InputError, match="different parts"):
+        run_series([mine, Series(foreign, foreign.camera, poses)], tmp_path / "a.nc")
+    moved = evolve(other_scene, part_to_world=2 * np.eye(4))
+    with pytest.raises(InputError, match="place them differently"):
+        run_series([mine, Series(moved, moved.camera, poses)], tmp_path / "a.nc")
+    assert not list(tmp_path.iterdir())
+
+
+def test_changed_mesh_makes_another_sweep(
+    scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """The XML is the same, but a resumed sweep would mix poses of two fields."""
+    path = tmp_path / "a.nc"
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(other_scene, poses, other_scene.camera, path, progress=_stop_after_one)
+    mesh = other_scene.path.parent / "shells" / "shell_03.ply"
+    mesh.write_bytes(mesh.read_bytes() + b"\0")
+    with pytest.raises(InputError, match="belongs to a sweep of other"):
+        run_sweep(other_scene, poses, other_scene.camera, path)
+
+
+def test_surface_carries_the_maps(
+    scene: LoadedScene, swept: tuple[Path, xr.Dataset], tmp_path: Path
+) -> None:
+    """What ParaView shows of a face is what the file says of it, in the order of the part."""
+    dataset = swept[1]
+    for name in ("part.vtp", "part.vtu"):
+        write_surface(tmp_path / name, dataset, scene.part)
+        surface = pv.read(tmp_path / name)
+        centres = scene.part.vertices[scene.part.faces].mean(axis=1)
+        assert np.allclose(surface.cell_centers().points, centres, atol=1e-4)
+        data = surface.cell_data
+        assert np.array_equal(data["times seen"], dataset["face_times_seen"])
+        never = data["times seen"] == 0
+        assert 0 < never.sum() < len(never)
+        assert np.array_equal(np.isnan(data["displacement (um)"]), never)
+        expected = 1e3 * dataset["face_displacement"].values
+        assert np.allclose(data["displacement (um)"], expected, rtol=1e-6, equal_nan=True)
+        assert np.array_equal(
+            data["best incidence (deg)"], dataset["face_incidence"], equal_nan=True
+        )
 
 
 @pytest.mark.parametrize("content", [b"", b"not netCDF"])
@@ -183,3 +339,14 @@ def test_netcdf_of_another_program_is_refused(tmp_path: Path) -> None:
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
     with pytest.raises(InputError, match="no sweep of this version"):
         read_sweep(tmp_path / "other.nc")
+
+
+def test_file_of_another_program_is_not_replaced(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    path = tmp_path / "other.nc"
+    path.write_bytes(b"somebody's work")
+    with pytest.raises(InputError, match="is there already and is no sweep"):
+        run_sweep(scene, poses, scene.camera, path)
+    assert path.read_bytes() == b"somebody's work"
+    assert list(tmp_path.iterdir()) == [path]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.options import numbers
+from iriftrace.cli.options import Whole, finite_numbers, numbers, quantity
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ class OrbitOptions:
     target
         Point that is looked at in mm, "0,0,0"; by default the part's centre.
     stand_off
-        Added to the part's half extents to give the ellipsoid's semi-axes; by default 0.9 times the
-        far end of the focus interval.
+        Added to the part's half extents to give the ellipsoid's semi-axes, one or several,
+        "200mm,225mm"; by default 0.9 times the far end of the focus interval.
     semi_axes
         Semi-axes of the ellipsoid in mm, "310,240,240".
     paper_axes
@@ -60,7 +61,7 @@ class OrbitOptions:
     semi_axes: str | None = None
     paper_axes: str | None = None
     angles: Literal["parameter", "geocentric"] = "parameter"
-    fibonacci: int | None = None
+    fibonacci: Whole | None = None
     poses: Path | None = None
     convention: Literal["opencv", "mitsuba", "opengl", "ros", "paper"] = "opencv"
 
@@ -68,40 +69,82 @@ class OrbitOptions:
         """The point that is looked at, (3,) array, mm."""
         if self.target is None:
             return scene.part.centre
-        return np.array(numbers(self.target, 3, "--target"))
+        return np.array(finite_numbers(self.target, 3, "--target"))
 
-    def pose_set(self, scene: LoadedScene, camera: Camera) -> PoseSet:
-        """The poses these options describe."""
+    def pose_sets(self, scene: LoadedScene, camera: Camera) -> list[tuple[float, PoseSet]]:
+        """The poses these options describe, with the stand-off (mm) of each orbit.
+
+        The stand-off is NaN for poses that come from something else.
+        """
         from iriftrace.orbit import Orbit, fibonacci_poses, orbit_poses, parse_range
         from iriftrace.pose_files import read_poses
 
         if self.poses is not None:
-            return read_poses(self.poses, self.convention)
+            self._refuse_orbit()
+            return [(math.nan, read_poses(self.poses, self.convention))]
         target = self.look_at(scene)
-        orbit = Orbit(
-            centre=scene.part.centre, semi_axes_mm=self._axes(scene, camera), angles=self.angles
-        )
-        if self.fibonacci is not None:
-            return fibonacci_poses(orbit, self.fibonacci, target)
-        return orbit_poses(orbit, parse_range(self.azimuth), parse_range(self.elevation), target)
+        sets = []
+        for stand_off, axes in self._axes(scene, camera):
+            orbit = Orbit(centre=scene.part.centre, semi_axes_mm=axes, angles=self.angles)
+            if self.fibonacci is not None:
+                poses = fibonacci_poses(orbit, self.fibonacci, target)
+            else:
+                angles = parse_range(self.azimuth), parse_range(self.elevation)
+                poses = orbit_poses(orbit, *angles, target)
+            sets.append((stand_off, poses))
+        return sets
 
-    def _axes(self, scene: LoadedScene, camera: Camera) -> Any:
+    def _refuse_orbit(self) -> None:
+        given = {
+            "--stand-off": self.stand_off,
+            "--semi-axes": self.semi_axes,
+            "--paper-axes": self.paper_axes,
+            "--fibonacci": self.fibonacci,
+        }
+        names = [name for name, value in given.items() if value is not None]
+        if names:
+            raise InputError(
+                f"{names[0]} describes an orbit, but the poses come from {self.poses}; leave out "
+                "one of the two."
+            )
+
+    def _axes(self, scene: LoadedScene, camera: Camera) -> list[tuple[float, Any]]:
+        """Stand-off and semi-axes, mm, of each orbit."""
         from iriftrace.orbit import paper_semi_axes, semi_axes
-        from iriftrace.units import parse_quantity
 
         given = [self.stand_off, self.semi_axes, self.paper_axes]
         if sum(option is not None for option in given) > 1:
             raise InputError("Give only one of --stand-off, --semi-axes and --paper-axes.")
         if self.semi_axes is not None:
-            return numbers(self.semi_axes, 3, "--semi-axes")
+            return [(math.nan, numbers(self.semi_axes, 3, "--semi-axes"))]
         if self.paper_axes is not None:
-            return paper_semi_axes(scene.part, parse_quantity(self.paper_axes, "mm"))
+            largest = quantity(self.paper_axes, "mm", "--paper-axes")
+            return [(math.nan, paper_semi_axes(scene.part, largest))]
         if self.stand_off is not None:
-            return semi_axes(scene.part, parse_quantity(self.stand_off, "mm"))
+            lengths = different_lengths(self.stand_off, "--stand-off")
+            return [(length, semi_axes(scene.part, length)) for length in lengths]
         far = camera.focus_mm[1]
         if not np.isfinite(far):
             raise InputError(
                 "The camera's focus has no far end from which a distance could follow; give "
                 "--stand-off or --semi-axes."
             )
-        return semi_axes(scene.part, FOCUS_SHARE * far)
+        length = FOCUS_SHARE * far
+        return [(length, semi_axes(scene.part, length))]
+
+
+def different_lengths(text: str, option: str) -> list[float]:
+    """Lengths in mm, separated by commas, none of them twice.
+
+    Raises
+    ------
+    InputError
+        If one is no length, or is there twice: its poses would be ranked twice.
+    """
+    lengths = [quantity(piece, "mm", option) for piece in text.split(",")]
+    if len(set(lengths)) < len(lengths):
+        raise InputError(
+            f'{option} is "{text}", with a length twice, so that its poses would count twice; give '
+            "each once."
+        )
+    return lengths

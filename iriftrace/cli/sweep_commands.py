@@ -1,69 +1,65 @@
-"""The commands ``iriftrace sweep`` and ``iriftrace plan``."""
+"""The command ``iriftrace sweep``."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
 
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import notes, out
-from iriftrace.cli.options import Variables, variables_of
-from iriftrace.cli.orbit_options import OrbitOptions
+from iriftrace.cli.options import Statuses, Variables, Whole, statuses, variables_of
+from iriftrace.cli.orbit_options import OrbitOptions, different_lengths
+from iriftrace.cli.pose_progress import pose_progress
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.orbit import PoseSet
-    from iriftrace.planning import Plan
+    from iriftrace.camera import Camera
+    from iriftrace.pose_set import PoseSet
     from iriftrace.scene import LoadedScene
-
-
-class Rate(ProgressColumn):
-    """Poses a second."""
-
-    def render(self, task: Task) -> str:
-        """Text of the column."""
-        return "" if task.speed is None else f"{task.speed:.1f} a second"
+    from iriftrace.sweep_series import RenderPoses, Series
 
 
 def sweep(
-    scene: Path,
+    scenes: list[Path],
+    /,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     orbit: OrbitOptions = OrbitOptions(),
+    focal_length: str | None = None,
     define: Variables = None,
     variant: str | None = None,
     nearest: bool = False,
     exr: bool = False,
-    include: Annotated[list[int] | None, Parameter(negative=())] = None,
+    include: Statuses = None,
     export: Path | None = None,
+    surface: Path | None = None,
+    scheduler: str | None = None,
+    workers: Whole | None = None,
 ) -> None:
-    """Render a scene from many poses into one netCDF file.
+    """Render scenes from many poses into one netCDF file.
 
     An interrupted sweep goes on where it stopped when the same command is given again.
+    Several scenes of the same part (one field each), focal lengths and stand-offs give all their
+    combinations, whose poses `iriftrace plan` normalises and ranks together.
 
     Example: ``iriftrace sweep scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19``
 
     Parameters
     ----------
-    scene
-        The scene's XML file; its sensor gives the intrinsics.
+    scenes
+        The scene's XML file; its sensor gives the intrinsics. Or several, one for each field, with
+        the same part and sensor.
     output
         The netCDF file.
+    focal_length
+        In place of the sensor's focal length: one or several, "8mm,10mm".
     define
         Scene parameter, name=value; repeatable.
     variant
@@ -75,53 +71,112 @@ def sweep(
     include
         Further status codes whose rays the metrics use, such as 5.
     export
-        Write the table of the whole part to this .csv file too.
+        Write the table of the whole part to this .csv or .parquet file too.
+    surface
+        Write the part with the maps of all poses (displacement, times seen, best incidence) to
+        this .vtp or .vtu file too, for ParaView.
+    scheduler
+        Let worker processes render: "local" starts them here, "tcp://host:8786" is the address
+        that `dask scheduler` prints; its workers must see the scene under the same path.
+    workers
+        Number of local workers; by default one for every two cores, at least two.
     """
-    from iriftrace.scene import load_scene
-    from iriftrace.sweep import SweepOptions, run_sweep
-    from iriftrace.sweep_store import write_table
+    from iriftrace.sweep import SweepOptions, run_series
 
-    if export is not None and export.suffix.lower() != ".csv":
-        raise InputError(f"--export is {export}, but only .csv can be written; name it so.")
-    check_input(scene)
-    check_output(output, ".nc", "sweep.nc")
-    with notes.status("Loading the scene ..."):
-        loaded = load_scene(scene, variables_of(define), variant=variant)
-    camera = loaded.camera
-    poses = orbit.pose_set(loaded, camera)
-    if orbit.poses is None:
-        poses = _outside(loaded, poses)
-    columns = (
-        TextColumn("Poses"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        Rate(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=notes) as bar:
-        task = bar.add_task("Poses", total=len(poses))
-        started: list[int] = []
-
-        def report(done: int, total: int) -> None:
-            # What an earlier run has done must not count as speed.
-            if not started:
-                started.append(done)
-                bar.reset(task, total=total, completed=done)
-            bar.update(task, completed=done)
-
-        dataset = run_sweep(
-            loaded,
-            poses,
-            camera,
-            output,
-            target=orbit.look_at(loaded),
-            options=SweepOptions(nearest, (0, *(include or ())), exr),
-            progress=report,
+    if workers is not None and scheduler is None:
+        scheduler = "local"
+    _check(scenes, output, export, surface, scheduler, workers)
+    series = _series(scenes, orbit, focal_length, variables_of(define), variant)
+    options = SweepOptions(nearest, statuses(include), exr)
+    target = orbit.look_at(series[0].scene)
+    with _renderer(scheduler, workers) as render, pose_progress() as report:
+        dataset = run_series(
+            series, output, target=target, options=options, progress=report, render=render
         )
     _print_sweep(dataset)
     if export is not None:
+        from iriftrace.sweep_table import write_table
+
         write_table(export, dataset)
+        out.print(f"Table in {export}", markup=False, soft_wrap=True)
+    if surface is not None:
+        from iriftrace.sweep_surface import write_surface
+
+        write_surface(surface, dataset, series[0].scene.part)
+        out.print(f"Part with the maps of all poses in {surface}", markup=False, soft_wrap=True)
     out.print(f"Sweep in {output}; now run:  iriftrace plan {output}", markup=False, soft_wrap=True)
+
+
+def _check(
+    scenes: list[Path],
+    output: Path,
+    export: Path | None,
+    surface: Path | None,
+    scheduler: str | None,
+    workers: int | None,
+) -> None:
+    """Find before the work what would fail after it."""
+    from iriftrace.sweep_surface import check_surface
+    from iriftrace.sweep_table import check_table
+    from iriftrace.sweep_workers import check_scheduler
+
+    check_input(*scenes)
+    twice = [scene for scene in scenes if scenes.count(scene) > 1]
+    if twice:
+        raise InputError(f"{twice[0]} is given twice, so its poses would count twice; remove one.")
+    check_output(output, ".nc", "sweep.nc", make=False)
+    for path, check, example in (
+        (export, check_table, "sweep.csv"),
+        (surface, check_surface, "part.vtp"),
+    ):
+        if path is not None:
+            check(path)
+            check_output(path, path.suffix.lower(), example, make=False)
+    if scheduler is not None:
+        check_scheduler(scheduler, workers)
+
+
+def _series(
+    paths: list[Path],
+    orbit: OrbitOptions,
+    focal_length: str | None,
+    variables: dict[str, str],
+    variant: str | None,
+) -> list[Series]:
+    """Every combination of scene, focal length and orbit; scene by scene."""
+    from iriftrace.scene import load_scene
+    from iriftrace.sweep_series import Series, check_comparable
+
+    series = []
+    for path in paths:
+        with notes.status("Loading the scene ..."):
+            scene = load_scene(path, variables, variant=variant)
+        cameras = _cameras(scene.camera, focal_length)
+        orbits = [
+            (stand_off, poses if orbit.poses is not None else _outside(scene, poses))
+            for stand_off, poses in orbit.pose_sets(scene, scene.camera)
+        ]
+        series += [
+            Series(scene, camera, poses, stand_off)
+            for camera in cameras
+            for stand_off, poses in orbits
+        ]
+        check_comparable(series)
+    return series
+
+
+def _cameras(camera: Camera, focal_length: str | None) -> list[Camera]:
+    from attrs import evolve
+
+    if focal_length is None:
+        return [camera]
+    if camera.projection != "pinhole":
+        raise InputError(
+            f"--focal-length is {focal_length}, but the scene's camera is {camera.projection} and "
+            "has none; leave it out."
+        )
+    lengths = different_lengths(focal_length, "--focal-length")
+    return [evolve(camera, focal_length_mm=length) for length in lengths]
 
 
 def _outside(scene: LoadedScene, poses: PoseSet) -> PoseSet:
@@ -140,13 +195,32 @@ def _outside(scene: LoadedScene, poses: PoseSet) -> PoseSet:
     return free
 
 
+@contextmanager
+def _renderer(scheduler: str | None, count: int | None) -> Iterator[RenderPoses | None]:
+    """Whoever renders; None is this process."""
+    if scheduler is None:
+        yield None
+        return
+    from contextlib import ExitStack
+
+    from iriftrace.sweep_workers import workers
+
+    with ExitStack() as stack:
+        starting = scheduler == "local"
+        with notes.status("Starting workers ..." if starting else f"Calling {scheduler} ..."):
+            render = stack.enter_context(workers(scheduler, count))
+        yield render
+
+
 def _print_sweep(dataset: xr.Dataset) -> None:
     whole = dataset.sel(region="part")
     good = whole["rays_good"].values
     failed = [text for text in dataset["failure"].values if text]
+    blurred = (whole["rays_out_of_focus"].values > 0) & (good == 0)
     out.print(
-        f"{len(good)} poses: {(good >= 100).sum()} with at least 100 good rays, {len(failed)} "
-        f"failed{': ' + failed[0] if failed else ''}",
+        f"{len(good)} poses: {(good >= 100).sum()} with at least 100 good rays, {blurred.sum()} "
+        f"({blurred.mean():.0%}) with nothing in focus, {len(failed)} failed"
+        f"{': ' + failed[0] if failed else ''}",
         markup=False,
         soft_wrap=True,
     )
@@ -161,126 +235,6 @@ def _print_sweep(dataset: xr.Dataset) -> None:
                 f"  {name.replace('_', ' ')}: {np.nanmin(values):.3g} to {np.nanmax(values):.3g} "
                 f"{unit}"
             )
-
-
-def plan(
-    sweep: Path,
-    *,
-    displacement: float = 0.5,
-    coverage: float = 0.2,
-    axial: float = 0.15,
-    lateral: float = 0.15,
-    statistic: Literal["mean", "median", "p95"] = "mean",
-    resolution: Literal["step", "nn3d", "nnxy"] = "step",
-    region: str = "part",
-    percentile: float = 95.0,
-    outside: Literal["clip", "discard"] = "clip",
-    min_hits: int = 100,
-    top: int = 10,
-) -> None:
-    """Rank the poses of a sweep by the combined metric and print the best one.
-
-    Example: ``iriftrace plan sweep.nc --statistic median --region lateral``
-
-    Parameters
-    ----------
-    sweep
-        A file that ``iriftrace sweep`` wrote.
-    displacement, coverage, axial, lateral
-        Weights of the normalised metrics: score = displacement d + coverage (1 - c) + axial a +
-        lateral l, the smaller the better.
-    statistic
-        Which displacement: the paper's mean, or one that silhouettes cannot spoil.
-    resolution
-        Reading of the resolution.
-    region
-        Region of the part.
-    percentile
-        Upper end of the normalisation.
-    outside
-        What becomes of poses beyond the percentile.
-    min_hits
-        Poses with fewer good rays stay unranked.
-    top
-        Rows of the ranking to print.
-    """
-    from iriftrace.planning import Weights, pareto_front, rank_poses, stability
-    from iriftrace.sweep_store import read_sweep
-
-    dataset = read_sweep(sweep)
-    weights = Weights(displacement, coverage, axial, lateral)
-    settings: dict[str, Any] = {"statistic": statistic, "resolution": resolution, "region": region}
-    result = rank_poses(
-        dataset,
-        weights=weights,
-        percentile=percentile,
-        outside=outside,
-        min_hits=min_hits,
-        **settings,
-    )
-    _print_ranking(dataset, result, settings, top)
-    varied = stability(result)
-    out.print(
-        f"When one weight varies by +-50 %, the best pose ranks {varied.worst_rank} at worst; when "
-        f"all do, {len(varied.rivals)} other poses can beat it.",
-        soft_wrap=True,
-    )
-    front = pareto_front(dataset, min_hits=min_hits, **settings)
-    out.print(
-        "Not beaten in displacement, coverage and resolution at once (Pareto front): poses "
-        + ", ".join(map(str, front)),
-        soft_wrap=True,
-    )
-    _print_best(dataset, result.best)
-
-
-def _print_ranking(dataset: xr.Dataset, result: Plan, settings: dict[str, Any], top: int) -> None:
-    view = dataset.sel(region=settings["region"])
-    suffix = "" if settings["resolution"] == "step" else f"_{settings['resolution']}"
-    columns: dict[str, tuple[str, float]] = {
-        f"{settings['statistic']} um": (
-            f"displacement_{settings['statistic']}",
-            1e3,
-        ),
-        "cover %": ("coverage", 100.0),
-        "axial um": (f"axial_resolution{suffix}", 1e3),
-        "lateral um": (f"lateral_resolution{suffix}", 1e3),
-    }
-    table = Table(
-        title=f"Best poses for region {settings['region']}: displacement, coverage, resolution",
-        title_justify="left",
-    )
-    for heading in ("rank", "pose", "azim.", "elev.", "score", *columns):
-        table.add_column(heading, justify="right")
-    for rank, pose in enumerate(result.order[:top], start=1):
-        table.add_row(
-            str(rank),
-            str(pose),
-            f"{float(dataset['azimuth'][pose]):.1f}",
-            f"{float(dataset['elevation'][pose]):.1f}",
-            f"{result.score[pose]:.3f}",
-            *(f"{float(view[name][pose]) * factor:.4g}" for name, factor in columns.values()),
-        )
-    out.print(table)
-    for pose, reason in list(result.unranked.items())[:1]:
-        out.print(
-            f"{len(result.unranked)} poses unranked, the first of them {pose}: {reason}",
-            markup=False,
-            soft_wrap=True,
-        )
-
-
-def _print_best(dataset: xr.Dataset, pose: int) -> None:
-    matrix = dataset["matrix"].values[pose]
-    origin, forward, up = matrix[:3, 3], matrix[:3, 2], -matrix[:3, 1]
-    target = origin + float(dataset["distance"][pose]) * forward
-    out.print(f"Best pose {pose}, camera to world (x right, y down, z forward):")
-    for row in matrix:
-        out.print("  " + "  ".join(f"{value:12.6f}" for value in row))
-    texts = [", ".join(f"{value:.6f}" for value in v + 0.0) for v in (origin, target, up)]
-    out.print("For the scene file:")
-    out.print(
-        f'  <lookat origin="{texts[0]}" target="{texts[1]}" up="{texts[2]}"/>',
-        markup=False,
-        soft_wrap=True,
-    )
+    seen = dataset["face_times_seen"].values > 0
+    area = dataset["face_area"].values
+    out.print(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")

@@ -1,6 +1,11 @@
-"""A user's folder with a small field, its part and a scene of them that has been rendered."""
+"""What tests of whole commands share: a user's folder, and how a command is expected to fail."""
 
 from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
 
 import hot_block
 import pytest
@@ -8,9 +13,12 @@ from hot_block import HotBlock
 
 from iriftrace.cli import main
 
+Failing = Callable[..., str]
+
 
 @pytest.fixture(scope="session")
 def hot(tmp_path_factory: pytest.TempPathFactory) -> HotBlock:
+    """A user's folder with a small field, its part and a scene of them that has been rendered."""
     folder = tmp_path_factory.mktemp("hot")
     field, part = hot_block.save(folder)
     scene = folder / "scene" / "scene.xml"
@@ -18,3 +26,40 @@ def hot(tmp_path_factory: pytest.TempPathFactory) -> HotBlock:
     assert main([*arguments, *hot_block.CAMERA]) == 0
     assert main(["render", str(scene)]) == 0
     return HotBlock(folder, field, part, scene, scene.with_suffix(".exr"))
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Every name below a folder, with the hash of the files."""
+    return {
+        str(path.relative_to(folder)): sha256(path.read_bytes()).hexdigest()
+        if path.is_file()
+        else "folder"
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+@pytest.fixture
+def fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Failing:
+    """Run the program in a fresh folder; returns its only message once all promises are kept."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str | Path) -> str:
+        before = contents(tmp_path)
+        capsys.readouterr()
+        code = main([str(word) for word in arguments])
+        said = capsys.readouterr()
+        print(said.err)
+        assert code == 2, said
+        assert "Traceback" not in said.err
+        (line,) = [line for line in said.err.splitlines() if not line.startswith("warning:")]
+        assert line.startswith("error: ")
+        message = line.removeprefix("error: ")
+        assert re.match(r"[A-Z0-9`'\"-]|\S*[./]\S*|n - 1", message)
+        assert message[-1] in ".!?"
+        assert len(message) < 400
+        assert contents(tmp_path) == before, "something was written"
+        return message
+
+    return run

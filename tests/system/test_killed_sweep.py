@@ -1,8 +1,9 @@
-"""Kill -9 at random moments: the sweep loses nothing but the pose in flight."""
+"""Kill -9 at random moments, Ctrl-C with workers: a sweep loses nothing but poses in flight."""
 
 from __future__ import annotations
 
 import json
+import os
 import random
 import signal
 import subprocess
@@ -10,24 +11,27 @@ import sys
 import time
 from pathlib import Path
 
+import psutil
+
 from iriftrace.scenes import folder_of
 from iriftrace.sweep_store import read_sweep
 
 KILLS = 20
 
 
-def command(output: Path) -> list[str]:
+def command(output: Path, *more: str) -> list[str]:
     orbit = ["--azimuth", "0:90:8", "--elevation", "-60:60:5"]
     scene = str(folder_of("cylinder") / "scene.xml")
     return [
         *(sys.executable, "-m", "iriftrace.cli", "sweep", scene, "-o", str(output)),
-        *(*orbit, "-D", "scale=0.2"),
+        *(*orbit, "-D", "scale=0.2", *more),
     ]
 
 
 def poses_done(journal: Path) -> int:
     """Whole lines of the journal after its first."""
-    return max(0, journal.read_bytes().count(b"\n") - 1) if journal.is_file() else 0
+    lines = journal / "poses.jsonl"
+    return max(0, lines.read_bytes().count(b"\n") - 1) if lines.is_file() else 0
 
 
 def test_killed_sweeps_resume_to_the_undisturbed_result(tmp_path: Path) -> None:
@@ -56,7 +60,36 @@ def test_killed_sweeps_resume_to_the_undisturbed_result(tmp_path: Path) -> None:
     assert len(killed_at) > 10
     subprocess.run(command(output), check=True, capture_output=True)
     one, other = read_sweep(undisturbed), read_sweep(output)
+    # What each pose sees of each face is part of what is compared.
+    assert one.sizes["sighting"] > 40 * 100
     times = [name for name in one.data_vars if str(name).startswith("time_")]
     assert one.drop_vars(times).identical(other.drop_vars(times))
     assert json.loads(one.attrs["camera"]) == json.loads(other.attrs["camera"])
     assert not journal.exists()
+
+
+def test_ctrl_c_ends_the_workers_without_a_word_of_theirs(tmp_path: Path) -> None:
+    """A terminal sends the signal to every process; who asked for the workers ends them."""
+    output, journal = tmp_path / "a.nc", tmp_path / "a.nc.journal"
+    process = subprocess.Popen(
+        command(output, "--workers", "2"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    while poses_done(journal) < 3 and process.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    workers = psutil.Process(process.pid).children(recursive=True)
+    assert len(workers) >= 2
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in said
+    assert said.splitlines()[-1] == "interrupted; nothing half written was left behind"
+    _, alive = psutil.wait_procs(workers, timeout=30)
+    assert not alive
+    assert poses_done(journal) >= 3
+    assert not output.exists()

@@ -7,7 +7,6 @@ import re
 import shlex
 import shutil
 from collections.abc import Callable
-from hashlib import sha256
 from pathlib import Path
 
 import hot_block
@@ -21,43 +20,6 @@ from hot_block import HotBlock
 from iriftrace.cli import main
 
 Failing = Callable[..., str]
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """Every name below a folder, with the hash of the files."""
-    return {
-        str(path.relative_to(folder)): sha256(path.read_bytes()).hexdigest()
-        if path.is_file()
-        else "folder"
-        for path in sorted(folder.rglob("*"))
-    }
-
-
-@pytest.fixture
-def fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Failing:
-    """Run the program in a fresh folder; returns its only message once all promises are kept."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str | Path) -> str:
-        before = contents(tmp_path)
-        capsys.readouterr()
-        code = main([str(word) for word in arguments])
-        said = capsys.readouterr()
-        print(said.err)
-        assert code == 2, said
-        assert "Traceback" not in said.err
-        (line,) = [line for line in said.err.splitlines() if not line.startswith("warning:")]
-        assert line.startswith("error: ")
-        message = line.removeprefix("error: ")
-        assert re.match(r"[A-Z0-9`'\"-]|\S*[./]\S*|n - 1", message)
-        assert message[-1] in ".!?"
-        assert len(message) < 400
-        assert contents(tmp_path) == before, "something was written"
-        return message
-
-    return run
 
 
 @pytest.fixture

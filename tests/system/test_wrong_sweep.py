@@ -1,0 +1,170 @@
+"""Wrong input of a sweep: one sentence, exit code 2, nothing written; failed poses are results."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+import shutil
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import xarray as xr
+from hot_block import HotBlock
+
+from iriftrace.cli import main
+from iriftrace.sweep_store import read_sweep
+
+Failing = Callable[..., str]
+
+ORBIT = "--azimuth 0:90:2 --elevation 30"
+
+LINES = {
+    "no scene": ("sweep -o a.nc", "needs SCENES"),
+    "no output": ("sweep {scene}", "-o|--output"),
+    "scene that is gone": ("sweep gone.xml -o a.nc", "gone.xml"),
+    "the same scene twice": ("sweep {scene} {scene} -o a.nc", "given twice"),
+    "output of another kind": ("sweep {scene} -o a.csv", r"\.nc"),
+    "output in no folder": ("sweep {scene} -o gone/a.nc", "gone does not exist"),
+    "azimuth of words": ("sweep {scene} -o a.nc --azimuth north", "north"),
+    "azimuth without count": ("sweep {scene} -o a.nc --azimuth 0:90", "0:90"),
+    "elevation beyond the pole": ("sweep {scene} -o a.nc --elevation 91", "91"),
+    "focal lengths that do not parse": (
+        "sweep {scene} -o a.nc --focal-length '8 mm,ten'",
+        "--focal-length.*ten",
+    ),
+    "focal length missing in the list": (
+        "sweep {scene} -o a.nc --focal-length 8mm,,10mm",
+        "--focal-length",
+    ),
+    "negative focal length": ("sweep {scene} -o a.nc --focal-length=-8mm", "-8"),
+    "focal length twice": ("sweep {scene} -o a.nc --focal-length 8mm,0.8cm", "twice"),
+    "stand-offs of another dimension": ("sweep {scene} -o a.nc --stand-off 200K", "200K"),
+    "stand-off of nothing": ("sweep {scene} -o a.nc --stand-off 200mm,0mm", "0 mm"),
+    "stand-off and semi-axes": (
+        "sweep {scene} -o a.nc --stand-off 200 --semi-axes 90,90,90",
+        "only one of",
+    ),
+    "orbit and list": ("sweep {scene} -o a.nc --poses p.csv --stand-off 200", "p.csv"),
+    "list of poses that is gone": ("sweep {scene} -o a.nc --poses gone.csv", "gone.csv"),
+    "status that is none": ("sweep {scene} -o a.nc --include 99", "99"),
+    "table of another kind": ("sweep {scene} -o a.nc --export a.xlsx", r"a\.xlsx.*\.csv or"),
+    "surface of another kind": ("sweep {scene} -o a.nc --surface a.stl", r"a\.stl.*\.vtp or"),
+    "surface in no folder": ("sweep {scene} -o a.nc --surface gone/a.vtp", "gone does not exist"),
+    "scheduler of words": ("sweep {scene} -o a.nc --scheduler cluster", "'cluster' is no address"),
+    "no workers": ("sweep {scene} -o a.nc --workers 0", "0 workers"),
+    "half a worker": ("sweep {scene} -o a.nc --workers 1.5", "1.5"),
+}
+
+
+@pytest.mark.parametrize(("line", "words"), LINES.values(), ids=LINES.keys())
+def test_lines(fails: Failing, hot: HotBlock, line: str, words: str) -> None:
+    assert re.search(words, fails(*shlex.split(line.format(scene=hot.scene))))
+
+
+def test_scheduler_that_does_not_answer(
+    fails: Failing, hot: HotBlock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("iriftrace.sweep_workers._SECONDS_TO_ANSWER", 0.5)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    line = f"sweep {hot.scene} -o a.nc {ORBIT} --scheduler {address}"
+    assert f"No scheduler answers at {address}" in fails(*line.split())
+
+
+@pytest.mark.parametrize(
+    ("option", "package", "module"),
+    [
+        ("--scheduler local", "distributed", "sweep_workers"),
+        ("--export a.parquet", "pyarrow", "sweep_table"),
+    ],
+)
+def test_what_is_not_installed(
+    fails: Failing,
+    hot: HotBlock,
+    monkeypatch: pytest.MonkeyPatch,
+    option: str,
+    package: str,
+    module: str,
+) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        f"iriftrace.{module}.find_spec", lambda name: None if name == package else found(name)
+    )
+    message = fails(*f"sweep {hot.scene} -o a.nc {ORBIT} {option}".split())
+    assert "not installed; pip install 'iriftrace[" in message
+
+
+@pytest.mark.parametrize("foreign", ["text", "netCDF"])
+def test_output_of_another_program(
+    fails: Failing, hot: HotBlock, tmp_path: Path, foreign: str
+) -> None:
+    if foreign == "text":
+        (tmp_path / "a.nc").write_text("not ours\n")
+    else:
+        xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    message = fails(*f"sweep {hot.scene} -o a.nc {ORBIT}".split())
+    assert "a.nc is there already and is no sweep" in message
+
+
+def test_journal_that_is_a_file(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
+    (tmp_path / "a.nc.journal").write_text("{}\n")
+    assert "a.nc.journal" in fails(*f"sweep {hot.scene} -o a.nc {ORBIT}".split())
+
+
+def test_scenes_of_different_parts(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
+    shutil.copytree(hot.scene.parent, tmp_path / "other")
+    mesh = trimesh.load(tmp_path / "other" / "part.ply", process=False)
+    mesh.apply_scale(0.9)
+    mesh.export(tmp_path / "other" / "part.ply")
+    message = fails(*f"sweep {hot.scene} other/scene.xml -o a.nc {ORBIT}".split())
+    assert "have different parts" in message
+
+
+def test_poses_in_the_part_are_recorded_as_failed(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A list is taken at its word: nothing is moved, and the other poses are rendered."""
+    (tmp_path / "poses.csv").write_text(
+        "x,y,z,target_x,target_y,target_z\n0,0,3,0,0,0\n60,-45,70,0,0,0\n60,45,70,0,0,0\n"
+    )
+    arguments = [str(hot.scene), "-o", str(tmp_path / "a.nc")]
+    assert main(["sweep", *arguments, "--poses", str(tmp_path / "poses.csv")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "2 with at least 100 good rays" in said
+    assert "1 failed: The camera stands inside the part" in said
+    dataset = read_sweep(tmp_path / "a.nc")
+    assert [bool(text) for text in dataset["failure"].values] == [True, False, False]
+    assert dataset["sightings"].values.tolist()[0] == 0
+    assert np.isnan(dataset["stand_off"]).all()
+
+
+def test_products_from_the_command_line(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two fields, two focal lengths and two distances: eight times the orbit, in this order."""
+    shutil.copytree(hot.scene.parent, tmp_path / "other")
+    xml = tmp_path / "other" / "scene.xml"
+    xml.write_text(xml.read_text().replace('value="gradient"', 'value="facet"'))
+    output = tmp_path / "a.nc"
+    line = (
+        f"sweep {hot.scene} {xml} -o {output} {ORBIT} --focal-length 20mm,2.5cm "
+        f"--stand-off 90,100mm --export {tmp_path / 'a.csv'} --surface {tmp_path / 'part.vtp'}"
+    )
+    assert main(line.split()) == 0
+    dataset = read_sweep(output)
+    assert dataset.sizes["pose"] == 16
+    assert dataset["scene"].values.tolist() == [str(hot.scene)] * 8 + [str(xml)] * 8
+    assert dataset["focal_length"].values.tolist() == ([20.0] * 4 + [25.0] * 4) * 2
+    assert dataset["stand_off"].values.tolist() == [90.0, 90.0, 100.0, 100.0] * 4
+    assert (tmp_path / "a.csv").is_file()
+    assert (tmp_path / "part.vtp").is_file()
+    # The longer lens sees the same faces with more rays.
+    rays = dataset["rays_good"].sel(region="part").values.reshape(2, 2, 4)
+    assert (rays[:, 1] > 1.3 * rays[:, 0]).all()
+    assert "Part with the maps of all poses" in capsys.readouterr().out
