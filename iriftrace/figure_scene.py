@@ -18,23 +18,14 @@ from iriftrace.camera import Camera
 from iriftrace.figure_camera import camera_body, sight_lines
 from iriftrace.figure_colours import celsius_of, temperature_norm, temperature_ticks
 from iriftrace.figure_file import check_png_name, write_png
-from iriftrace.figure_surfaces import add_part, off_screen, surface_of, thinned
-from iriftrace.figure_view import (
-    Box,
-    View,
-    add_box,
-    box_around,
-    fitting_view,
-    label_box,
-    view_direction,
-)
+from iriftrace.figure_in_space import add_picture, rendered, titled_figure
+from iriftrace.figure_surfaces import add_part, surface_of, thinned
+from iriftrace.figure_view import Box, View, box_around, fitting_view, view_direction
 from iriftrace.part import Part
 from iriftrace.shell_stack import Shell, ShellStack
 
 FloatArray = NDArray[np.float64]
 
-_DPI = 200
-_SIZE_PX = (1600, 1200)
 _PICTURE_PX = (1390, 1080)
 
 _MOST_SHELLS = 20
@@ -89,9 +80,8 @@ def _scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
     )
     view = fitting_view(towards, box, _PICTURE_PX)
     drawn = _some(shells.shells)
-    # Plain blending in the order of drawing; see _add_shell.
-    with off_screen(_PICTURE_PX) as plotter:
-        add_box(plotter, view, box)
+
+    def draw(plotter: pv.Plotter) -> None:
         add_part(plotter, part)
         plotter.add_mesh(body, color=_CAMERA_COLOUR, ambient=0.3)
         for _, points in sight:
@@ -102,8 +92,8 @@ def _scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
         for number in drawn:
             shell = shells.shells[number]
             _add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
-        view.apply_to(plotter, box)
-        picture = np.asarray(plotter.screenshot(return_img=True))
+
+    picture = rendered(view, box, draw)
     names = _names(camera, view, sight, body.points)
     return _composed(picture, view, box, names, norm, _titles(shells, len(drawn), camera))
 
@@ -150,14 +140,9 @@ def _composed(
     norm: FuncNorm,
     titles: tuple[str, str],
 ) -> Figure:
-    """Put the rendered picture, pixel for pixel, under labels, titles and colour bar."""
-    width, height = _SIZE_PX
-    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
-    columns, rows = _PICTURE_PX
-    axes = figure.add_axes((0.0, 0.0, columns / width, rows / height))
-    axes.imshow(picture, extent=(0, columns, 0, rows), interpolation="nearest")
-    axes.set_axis_off()
-    label_box(axes, view, box)
+    """Put the rendered picture under labels, titles and colour bar."""
+    figure = titled_figure(*titles)
+    axes = add_picture(figure, picture, view, box)
     for text, points, place in names:
         _name(axes, view.pixels(points), text, place)
     bar = figure.colorbar(
@@ -167,8 +152,6 @@ def _composed(
     )
     bar.set_ticks(temperature_ticks(norm))
     bar.set_ticks([], minor=True)
-    for text, y, size, colour in ((titles[0], 0.955, 12, "0"), (titles[1], 0.915, 9, "0.35")):
-        figure.text(0.5, y, text, ha="center", va="center", fontsize=size, color=colour)
     return figure
 
 

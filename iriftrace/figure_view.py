@@ -170,10 +170,9 @@ def fitting_view(towards: FloatArray, box: Box, size_px: tuple[int, int]) -> Vie
 
 
 def add_box(plotter: pv.Plotter, view: View, box: Box) -> None:
-    """Draw grids on the floor and on the two walls behind the scene."""
+    """Draw grids on the two walls behind the scene and on its floor, or its ceiling from below."""
     bounds, ticks = box.bounds, box.ticks
     behind = np.where(view.towards > 0.0, bounds[0], bounds[1])
-    behind[2] = bounds[0, 2]
     segments = []
     for normal in range(3):
         for along in {0, 1, 2} - {normal}:
@@ -190,7 +189,9 @@ def add_box(plotter: pv.Plotter, view: View, box: Box) -> None:
 def label_box(axes: Axes, view: View, box: Box) -> None:
     """Write coordinates and names along the box's front lower edges and its left upright edge."""
     bounds, ticks = box.bounds, box.ticks
-    front = np.where(view.towards > 0.0, bounds[1], bounds[0])
+    # Seen from below, the floor's far edges are the lower ones in the picture.
+    side = view.towards if view.towards[2] > 0.0 else -view.towards
+    front = np.where(side > 0.0, bounds[1], bounds[0])
     floor = bounds[0, 2]
     upright = min(
         ((x, y) for x in bounds[:, 0] for y in bounds[:, 1]),

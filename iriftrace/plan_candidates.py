@@ -84,7 +84,7 @@ def find_candidates(
         "axial": f"axial_resolution{reading}",
         "lateral": f"lateral_resolution{reading}",
     }
-    column = _region_number(dataset, [*variables.values(), "rays_good"], region)
+    column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
     metrics = {name: _column(dataset, v, column) for name, v in variables.items()}
     good_rays = _column(dataset, "rays_good", column)
     failures = _failures(dataset)
@@ -123,7 +123,14 @@ def find_candidates(
     return Candidates(metrics, eligible, reasons)
 
 
-def _region_number(dataset: xr.Dataset, variables: list[str], region: str) -> int:
+def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int:
+    """Number of a region in a sweep that has some variables of poses and regions.
+
+    Raises
+    ------
+    InputError
+        If the dataset is no sweep, has no pose or no such region.
+    """
     missing = [v for v in variables if v not in dataset or set(dataset[v].dims) != _DIMENSIONS]
     if missing or "region" not in dataset.coords:
         raise InputError(

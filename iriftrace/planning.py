@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -24,13 +25,14 @@ from iriftrace.plan_candidates import (
     check_choice,
     find_candidates,
 )
+from iriftrace.plan_stability import Stability, stability
 from iriftrace.plan_weights import Weights
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["METRICS", "Outside", "Plan", "Resolution", "Stability", "Statistic", "Weights"]
-__all__ += ["pareto_front", "rank_poses", "stability"]
+__all__ += ["pareto_front", "rank_poses", "score_of", "stability"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -40,8 +42,6 @@ Outside = Literal["clip", "discard"]
 
 # Metrics that differ by less than this share of their size differ by rounding.
 _ROUNDING = 1e-9
-# The same for scores, as a share of the sum of the weights.
-_EQUAL_SCORES = 1e-12
 
 
 @frozen(eq=False)
@@ -66,8 +66,13 @@ class Plan:
         Minimum and percentile of each metric.
     unranked : dict
         Number of each unranked pose and why it is not ranked.
+    constant : tuple of str
+        Metrics that are the same in all ranked poses; they count 0.
     weights : Weights
     percentile : float
+    statistic, resolution, region, outside : str
+        What was compared, as given to `rank_poses`.
+    min_hits : int
     warnings : tuple of str
         What was also issued as `IriftraceWarning`.
     """
@@ -79,42 +84,20 @@ class Plan:
     costs: dict[str, FloatArray]
     limits: dict[str, tuple[float, float]]
     unranked: dict[int, str]
+    constant: tuple[str, ...]
     weights: Weights
     percentile: float
+    statistic: Statistic
+    resolution: Resolution
+    region: str
+    outside: Outside
+    min_hits: int
     warnings: tuple[str, ...]
 
     @property
     def best(self) -> int:
         """Number of the best pose."""
         return int(self.order[0])
-
-
-@frozen(eq=False)
-class Stability:
-    """What becomes of a plan's best pose when the weights vary.
-
-    Attributes
-    ----------
-    share : float
-        By how much a weight varies, 0.5 for +-50 %.
-    ranks : dict of (2,) tuples of int
-        Rank of the best pose (1: still the best) when this one weight is smaller and larger.
-    winners : dict of (2,) tuples of int
-        Number of the best pose then.
-    rivals : (k,) array of int
-        All poses that are better than the best one for some weights within the share, when all
-        weights vary at once; its rank is never worse than k + 1.
-    """
-
-    share: float
-    ranks: dict[str, tuple[int, int]]
-    winners: dict[str, tuple[int, int]]
-    rivals: IntArray
-
-    @property
-    def worst_rank(self) -> int:
-        """Worst rank of the best pose when one weight varies."""
-        return max(rank for pair in self.ranks.values() for rank in pair)
 
 
 def rank_poses(
@@ -195,13 +178,12 @@ def rank_poses(
             "clip instead of discarding."
         )
 
-    constant = [name for name in METRICS if _is_constant(found.metrics[name][ranked])]
+    constant = tuple(name for name in METRICS if _is_constant(found.metrics[name][ranked]))
     normalised, costs = {}, {}
     for name, values in found.metrics.items():
         scaled = 0 * values if name in constant else _normalise(values, *limits[name])
-        cost = 1 - scaled if name == "coverage" and name not in constant else scaled
         normalised[name] = np.where(ranked, scaled, np.nan)
-        costs[name] = np.where(ranked, cost, np.nan)
+        costs[name] = _cost(name, normalised[name], constant)
     score = _score(costs, {name: weights.as_dict()[name] for name in needed})
     order = np.argsort(score, kind="stable")[: np.count_nonzero(ranked)]
 
@@ -220,53 +202,45 @@ def rank_poses(
         costs=costs,
         limits=limits,
         unranked=dict(sorted(unranked.items())),
+        constant=constant,
         weights=weights,
         percentile=percentile,
+        statistic=statistic,
+        resolution=resolution,
+        region=region,
+        outside=outside,
+        min_hits=min_hits,
         warnings=tuple(messages),
     )
 
 
-def stability(plan: Plan, share: float = 0.5) -> Stability:
-    """Tell how a plan's best pose fares when the weights vary.
-
-    The score is linear in the weights, so a pose beats another somewhere in the box of weights if
-    it does where each weight is at the end that favours it.
+def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
+    """Score of a pose that is not in the sweep, by the sweep's own normalisation.
 
     Parameters
     ----------
     plan
-        The plan.
-    share
-        By how much each weight varies, above 0 and below 1.
+        The ranking of the sweep.
+    metrics
+        The pose's value of each of `METRICS` that has a positive weight; mm, and 0..1 for the
+        coverage.
 
-    Raises
-    ------
-    InputError
-        If the share is out of range.
+    Returns
+    -------
+    float
+        As `Plan.score`. NaN if a value is unknown, or where the plan discards poses above the
+        percentile and this one is.
     """
-    if not 0 < share < 1:
-        raise InputError(
-            f"The weights are to vary by {share}, which leaves none of them or changes nothing; "
-            "give a share between 0 and 1."
-        )
-    weights = {name: weight for name, weight in plan.weights.as_dict().items() if weight > 0}
-    equal = _EQUAL_SCORES * sum(weights.values())
-    ranks, winners = {}, {}
-    for name, weight in weights.items():
-        scores = [
-            _score(plan.costs, {**weights, name: weight * factor})[plan.order]
-            for factor in (1 - share, 1 + share)
-        ]
-        smaller, larger = (1 + int(np.count_nonzero(s < s[0] - equal)) for s in scores)
-        ranks[name] = smaller, larger
-        smaller, larger = (int(plan.order[np.argmin(s)]) for s in scores)
-        winners[name] = smaller, larger
-    lead = np.zeros(len(plan.order))
-    for name, weight in weights.items():
-        cost = plan.costs[name][plan.order]
-        behind = weight * (cost[0] - cost)
-        lead += behind + share * np.abs(behind)
-    return Stability(share, ranks, winners, plan.order[lead > equal])
+    total = 0.0
+    for name, weight in plan.weights.as_dict().items():
+        if weight == 0 or name in plan.constant:
+            continue
+        value = np.array([metrics[name]], dtype=np.float64)
+        lower, upper = plan.limits[name]
+        if plan.outside == "discard" and value[0] > upper + _ROUNDING * abs(upper):
+            return math.nan
+        total += weight * float(_cost(name, _normalise(value, lower, upper), plan.constant)[0])
+    return total
 
 
 def _limits(values: FloatArray, percentile: float) -> tuple[float, float]:
@@ -282,6 +256,10 @@ def _normalise(values: FloatArray, lower: float, upper: float) -> FloatArray:
         return scaled
     # The limit of a vanishing interval: nearly all poses share the minimum.
     return np.where(np.isfinite(values), np.where(values > lower, 1.0, 0.0), np.nan)
+
+
+def _cost(name: str, normalised: FloatArray, constant: Collection[str]) -> FloatArray:
+    return 1 - normalised if name == "coverage" and name not in constant else normalised
 
 
 def _is_constant(values: FloatArray) -> bool:

@@ -34,8 +34,8 @@ FloatArray = NDArray[np.float64]
 _BAR_COLOUR = "#31688e"
 _BINS = 24
 
-# Colours that colour-blind eyes tell apart; what can be used is the colour of the bars.
-_RAYS: dict[Status, tuple[str, str]] = {
+# Colours that colour-blind eyes tell apart, and names; what can be used has that of the bars.
+RAY_OUTCOMES: dict[Status, tuple[str, str]] = {
     Status.GOOD: (_BAR_COLOUR, "Good"),
     Status.OUT_OF_FOCUS: ("#b8c4cf", "Out of focus"),
     Status.BLOCKED: ("#7f7f7f", "Another object in the way"),
@@ -149,16 +149,22 @@ def _add_legend(body: SubFigure, entries: Sequence[Patch | Line2D], columns: int
 
 
 def rays_figure(summary: SweepSummary) -> Figure:
-    """Rays that hit the part by what became of them, and triangles of the shells, pose by pose."""
+    """What each pose counts: rays that hit by what became of them, faces hit, shell triangles."""
+    counts = [(summary.polygons, "Shell triangles in view")]
+    if summary.faces is not None:
+        counts.insert(0, (summary.faces, "Faces of the part hit"))
+    what = "shell triangles" if summary.faces is None else "faces hit and shell triangles"
     figure, body = new_figure(
-        8.0, 6.0, "Ray hits and shell triangles of each pose", summary.subtitle
+        8.0, 4.2 + 1.8 * len(counts), f"Ray hits, {what} of each pose", summary.subtitle
     )
-    upper, lower = body.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    upper, *others = body.subplots(
+        1 + len(counts), 1, sharex=True, height_ratios=(3, *(2 for _ in counts))
+    )
     count = len(summary.polygons)
     edges = np.arange(count + 1) - 0.5
     base = np.zeros(count)
     entries: list[Patch | Line2D] = []
-    for status, (colour, text) in _RAYS.items():
+    for status, (colour, text) in RAY_OUTCOMES.items():
         if status not in summary.rays:
             continue
         top = base + np.maximum(summary.rays[status], 0)
@@ -166,9 +172,11 @@ def rays_figure(summary: SweepSummary) -> Figure:
         most = int(summary.rays[status].max())
         entries.append(Patch(facecolor=colour, label=f"{text}: up to {most:,}"))
         base = top
-    lower.stairs(np.maximum(summary.polygons, 0), edges, fill=True, color="0.45")
+    for axes, (numbers, label) in zip(others, counts, strict=True):
+        axes.stairs(np.maximum(numbers, 0), edges, fill=True, color="0.45")
+        axes.set_ylabel(label)
     best = summary.plan.best
-    for axes in (upper, lower):
+    for axes in (upper, *others):
         axes.yaxis.set_major_formatter(EngFormatter(sep=""))
         axes.yaxis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
         axes.set_xlim(-0.5, count - 0.5)
@@ -178,11 +186,11 @@ def rays_figure(summary: SweepSummary) -> Figure:
     entries += marks(summary, summary.polygons < 0)
     unknown = np.flatnonzero(summary.polygons < 0)
     if len(unknown):
-        for axes in (upper, lower):
+        for axes in (upper, *others):
             axes.plot(unknown, np.zeros(len(unknown)), clip_on=False, zorder=3, **UNKNOWN)
     upper.set_ylabel("Rays that hit the part")
-    lower.set(ylabel="Shell triangles in view", xlabel="Pose (number in the sweep)")
-    lower.xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
+    others[-1].set_xlabel("Pose (number in the sweep)")
+    others[-1].xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
     _add_legend(body, entries)
     return figure
 

@@ -1,4 +1,4 @@
-"""What the figures of a sweep show: its metrics in readable units, its angles, its counts."""
+"""What plans, figures and reports show of a sweep: metrics in readable units, angles, counts."""
 
 from __future__ import annotations
 
@@ -10,13 +10,24 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
-from iriftrace.figure_scale import Limits
-from iriftrace.planning import Plan, Resolution, Statistic, Weights, pareto_front, rank_poses
+from iriftrace.planning import (
+    Outside,
+    Plan,
+    Resolution,
+    Statistic,
+    Weights,
+    pareto_front,
+    rank_poses,
+)
 from iriftrace.status import Status
+from iriftrace.sweep_faces import faces_seen
 from iriftrace.sweep_origin import scene_of
+from iriftrace.sweep_varied import Varied, series_of, varied_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from iriftrace.figure_scale import Limits
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -78,7 +89,7 @@ class Quantity:
 
 @frozen(eq=False)
 class SweepSummary:
-    """What is plotted of a sweep of n poses.
+    """What is shown of a sweep of n poses.
 
     Attributes
     ----------
@@ -93,6 +104,10 @@ class SweepSummary:
         Rays of each status that occurs and hit the part, by status; -1 where unknown.
     polygons : (n,) array
         Triangles of the shells in view; -1 where unknown.
+    faces : (n,) array or None
+        Faces of the region that the pose sees; None where an older sweep does not say.
+    varied : tuple of Varied
+        What differs between the poses besides position and direction.
     front : (k,) array of int
         Poses on the Pareto front.
     plan : Plan
@@ -112,6 +127,8 @@ class SweepSummary:
     angles_of: str
     rays: dict[Status, IntArray]
     polygons: IntArray
+    faces: IntArray | None
+    varied: tuple[Varied, ...]
     front: IntArray
     plan: Plan
     subtitle: str
@@ -137,22 +154,31 @@ class SweepSummary:
         return self.origins + self.distance[:, None] * self.matrices[:, :3, 2]
 
     @cached_property
-    def grid(self) -> IntArray | None:
+    def series(self) -> dict[str, IntArray]:
+        """Poses that differ in nothing but position: a description, which may be empty; numbers."""
+        return series_of(self.varied, len(self.distance))
+
+    def grid(self, members: IntArray) -> IntArray | None:
         """Pose of each elevation (rows) and azimuth (columns); None if the poses are no grid.
 
         The one pose at a pole stands for all azimuths.
+
+        Parameters
+        ----------
+        members
+            Numbers of the poses to arrange.
         """
-        azimuths, column = np.unique(self.azimuth, return_inverse=True)
-        elevations, row = np.unique(self.elevation, return_inverse=True)
+        azimuths, column = np.unique(self.azimuth[members], return_inverse=True)
+        elevations, row = np.unique(self.elevation[members], return_inverse=True)
         poses = np.full((len(elevations), len(azimuths)), -1, dtype=np.int64)
         if min(poses.shape) < 2:
             return None
-        poses[row, column] = np.arange(len(row))
+        poses[row, column] = members
         used = len(row)
         for pole in np.flatnonzero(np.abs(elevations) == 90.0):
             (there,) = np.nonzero(row == pole)
             if len(there) == 1:
-                poses[pole] = there[0]
+                poses[pole] = members[there[0]]
                 used += len(azimuths) - 1
         return poses if (poses >= 0).all() and used == poses.size else None
 
@@ -165,15 +191,16 @@ def summarise(
     resolution: Resolution = "step",
     region: str = "part",
     percentile: float = 95.0,
+    outside: Outside = "clip",
     min_hits: int = 100,
 ) -> SweepSummary:
-    """Collect what the figures of a sweep show.
+    """Collect what plans, figures and reports of a sweep show.
 
     Parameters
     ----------
     dataset
         A sweep.
-    weights, statistic, resolution, region, percentile, min_hits
+    weights, statistic, resolution, region, percentile, outside, min_hits
         As for `iriftrace.planning.rank_poses`.
 
     Raises
@@ -188,6 +215,7 @@ def summarise(
         resolution=resolution,
         region=region,
         percentile=percentile,
+        outside=outside,
         min_hits=min_hits,
     )
     front = pareto_front(
@@ -212,6 +240,8 @@ def summarise(
         angles_of=angles_of,
         rays=_rays(view),
         polygons=np.asarray(_variable(dataset, "shell_triangles_in_view"), dtype=np.int64),
+        faces=faces_seen(dataset, region),
+        varied=varied_of(dataset),
         front=front,
         plan=plan,
         subtitle=_subtitle(dataset, region, len(enough), len(plan.unranked)),

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from iriftrace.figure_file import check_png_name, write_png
-from iriftrace.figure_surfaces import PART_COLOUR, add_part, off_screen, surface_of, thinned
-from iriftrace.figure_view import Box, View, add_box, box_around, fitting_view, label_box
+from iriftrace.figure_in_space import add_picture, rendered, titled_figure
+from iriftrace.figure_surfaces import PART_COLOUR, add_part, surface_of, thinned
+from iriftrace.figure_view import Box, View, box_around, fitting_view
 from iriftrace.sweep_quantities import Quantity, SweepSummary
 from iriftrace.sweep_style import (
     BEST_RING,
     COLOUR_MAP,
-    TEXT_COLOUR,
     add_colour_bar,
     marks,
     quantity_norm,
@@ -29,8 +29,6 @@ from iriftrace.sweep_surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]
 
-_DPI = 200
-_SIZE_PX = (1600, 1200)
 _PICTURE_PX = (1370, 1020)
 _PICTURE_FOOT_PX = 70
 
@@ -80,18 +78,21 @@ def _figure(summary: SweepSummary, quantity: Quantity, surroundings: Surrounding
     air = [shell[0].astype(np.float64)] if shell else []
     box = box_around(np.concatenate((summary.origins, summary.targets, *solid, *air)))
     centre = part.centre if part else box.centre
-    view = fitting_view(_towards(summary.origins - centre), box, _PICTURE_PX)
-    radius = _mark_px(view.pixels(summary.origins)) / view.px_per_mm
+    view = fitting_view(towards_cameras(summary.origins - centre), box, _PICTURE_PX)
+    radius = _mark_px(view.pixels(np.unique(summary.origins, axis=0))) / view.px_per_mm
     depth = summary.origins @ view.towards
     near = (depth - depth.min()) / max(float(np.ptp(depth)), 1e-9)
     radii = radius * (_FAR_SIZE + (1.0 - _FAR_SIZE) * near)
-    known = quantity.known
-    with off_screen(_PICTURE_PX) as plotter:
-        add_box(plotter, view, box)
+    shown = _best_at_each_place(summary)
+    known, unknown = shown & quantity.known, shown & ~quantity.known
+
+    def draw(plotter: pv.Plotter) -> None:
         if part:
             add_part(plotter, part)
-        _add_spheres(plotter, summary.origins[known], quantity, radii[known])
-        _add_rings(plotter, summary.origins[~known], view, radii[~known])
+        _add_spheres(
+            plotter, summary.origins[known], quantity, quantity.values[known], radii[known]
+        )
+        _add_rings(plotter, summary.origins[unknown], view, radii[unknown])
         if shell:
             # Last, because it is blended with what lies behind it; only its front.
             plotter.add_mesh(
@@ -102,12 +103,12 @@ def _figure(summary: SweepSummary, quantity: Quantity, surroundings: Surrounding
                 smooth_shading=True,
                 ambient=0.5,
             )
-        view.apply_to(plotter, box)
-        picture = np.asarray(plotter.screenshot(return_img=True))
+
+    picture = rendered(view, box, draw)
     return _composed(picture, view, box, summary, quantity, surroundings)
 
 
-def _towards(offsets: FloatArray) -> FloatArray:
+def towards_cameras(offsets: FloatArray) -> FloatArray:
     """Unit vector to the viewer: the side on which the cameras stand, never along x or y."""
     directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
     mean = directions.mean(axis=0)
@@ -133,12 +134,25 @@ def _mark_px(positions: FloatArray) -> float:
     return float(np.clip(_MARK_SHARE * np.median(distance[:, 1]), *_MARK_PX))
 
 
+def _best_at_each_place(summary: SweepSummary) -> NDArray[np.bool_]:
+    """(n,) mask: of poses with other fields or focal lengths at one place, the best by score."""
+    score = np.where(np.isfinite(summary.score.values), summary.score.values, np.inf)
+    order = np.argsort(score, kind="stable")
+    _, first = np.unique(np.round(summary.origins[order], 6), axis=0, return_index=True)
+    shown = np.zeros(len(order), dtype=np.bool_)
+    shown[order[first]] = True
+    return shown
+
+
 def _add_spheres(
-    plotter: pv.Plotter, origins: FloatArray, quantity: Quantity, radii: FloatArray
+    plotter: pv.Plotter,
+    origins: FloatArray,
+    quantity: Quantity,
+    values: FloatArray,
+    radii: FloatArray,
 ) -> None:
     if len(origins) == 0:
         return
-    values = quantity.values[quantity.known]
     colours = colormaps[COLOUR_MAP](quantity_norm(quantity)(values))[:, :3]
     points = pv.PolyData(origins)
     points["colour"] = np.rint(255 * colours).astype(np.uint8)
@@ -167,22 +181,13 @@ def _composed(
     quantity: Quantity,
     surroundings: Surroundings,
 ) -> Figure:
-    """Put the rendered picture, pixel for pixel, under labels, titles, colour bar and legend."""
-    width, height = _SIZE_PX
-    columns, rows = _PICTURE_PX
-    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
-    axes = figure.add_axes((0.0, _PICTURE_FOOT_PX / height, columns / width, rows / height))
-    axes.imshow(picture, extent=(0, columns, 0, rows), interpolation="nearest")
-    axes.set_axis_off()
-    label_box(axes, view, box)
+    """Put the rendered picture under labels, titles, colour bar and legend."""
+    hidden = "" if _best_at_each_place(summary).all() else "  ·  the best at each place"
+    figure = titled_figure(f"{quantity.title} of each camera pose", f"{summary.subtitle}{hidden}")
+    axes = add_picture(figure, picture, view, box, (0, _PICTURE_FOOT_PX))
     best = view.pixels(summary.origins[summary.plan.best])[0]
     axes.plot(*best, **BEST_RING)
     add_colour_bar(figure, quantity, cax=figure.add_axes((0.872, 0.2, 0.02, 0.62)))
-    for text, y, size, colour in (
-        (f"{quantity.title} of each camera pose", 0.962, 12, "0"),
-        (summary.subtitle, 0.922, 9, TEXT_COLOUR),
-    ):
-        figure.text(0.5, y, text, ha="center", va="center", fontsize=size, color=colour)
     entries: list[Line2D | Patch] = [*marks(summary, ~quantity.known, BEST_RING)]
     if surroundings.part:
         entries.append(Patch(facecolor=PART_COLOUR, label="Part"))

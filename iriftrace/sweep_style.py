@@ -85,7 +85,7 @@ def add_colour_bar(
     figure: Figure | SubFigure,
     quantity: Quantity,
     *,
-    axes: Axes | None = None,
+    axes: Axes | list[Axes] | None = None,
     cax: Axes | None = None,
 ) -> Colorbar:
     """Add the colour bar of a metric beside `axes` or into `cax`."""

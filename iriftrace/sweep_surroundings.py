@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -12,10 +11,9 @@ from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
 from iriftrace.part import Part, read_part
-from iriftrace.part_file import sha256_of
 from iriftrace.shell_io import read_ply
 from iriftrace.shell_mesh import AnyIntArray
-from iriftrace.sweep_origin import attribute, scene_of
+from iriftrace.sweep_origin import attribute, check_unchanged, scene_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,7 +60,7 @@ def _part(dataset: xr.Dataset) -> Part:
     named = attribute(dataset, "part")
     if not {"path", "sha256", "length_unit", "to_world"} <= set(named):
         raise InputError("the sweep does not name its file")
-    _check(Path(named["path"]), named["sha256"])
+    check_unchanged(named["path"], named["sha256"])
     part = read_part(named["path"], length_unit=named["length_unit"])
     return part.transformed(named["to_world"])
 
@@ -71,7 +69,7 @@ def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
     scene, sha256 = scene_of(dataset)
     if scene is None:
         raise InputError("the sweep does not name its scene")
-    _check(scene, sha256)
+    check_unchanged(scene, sha256)
     layers = {}
     for shape in ElementTree.parse(scene).getroot().iter("shape"):
         file = shape.find("string[@name='filename']")
@@ -85,10 +83,3 @@ def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
         raise InputError(f"{scene} names none")
     vertices, faces, _ = read_ply(layers[min(layers)])
     return vertices, faces
-
-
-def _check(path: Path, sha256: str) -> None:
-    if not path.is_file():
-        raise InputError(f"{path} is gone")
-    if sha256_of(path) != sha256:
-        raise InputError(f"{path} has changed since the sweep")

@@ -50,3 +50,40 @@ def two_regions(part: xr.Dataset, other: xr.Dataset, name: str) -> xr.Dataset:
         dim="region",
     )
     return joined.assign(failure=failure)
+
+
+Sighting = tuple[int, int, float, float]
+"""Face, good rays, mean displacement (mm), smallest angle of incidence (degree)."""
+
+
+def with_faces(
+    table: xr.Dataset,
+    sightings: Sequence[Sequence[Sighting]],
+    areas: Sequence[float],
+    regions: Sequence[int] | None = None,
+) -> xr.Dataset:
+    """The table with what each pose sees of each face (CF contiguous ragged arrays)."""
+    rows = [row for pose in sightings for row in pose]
+    faces, rays, displacement, incidence = (
+        np.array([row[column] for row in rows], dtype=kind)
+        for column, kind in enumerate(("i4", "i4", "f4", "f4"))
+    )
+    count = len(areas)
+    seen = np.bincount(faces, minlength=count)
+    moved = np.bincount(faces, rays * displacement, minlength=count)
+    best = np.full(count, np.inf)
+    np.minimum.at(best, faces, incidence)
+    with np.errstate(invalid="ignore"):
+        mean = moved / np.bincount(faces, rays, minlength=count)
+    return table.assign(
+        sightings=("pose", np.array([len(pose) for pose in sightings], dtype="i8")),
+        sighting_face=("sighting", faces),
+        sighting_rays=("sighting", rays),
+        sighting_displacement=("sighting", displacement),
+        sighting_incidence=("sighting", incidence),
+        face_area=("face", np.asarray(areas, dtype=float)),
+        face_region=("face", np.array([1] * count if regions is None else regions, dtype="i2")),
+        face_times_seen=("face", seen.astype("i4")),
+        face_displacement=("face", mean.astype("f4")),
+        face_incidence=("face", np.where(seen > 0, best, np.nan).astype("f4")),
+    )

@@ -15,7 +15,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sweep_tables import sweep_table, two_regions
 
 from iriftrace.errors import InputError, IriftraceWarning
-from iriftrace.planning import METRICS, Weights, pareto_front, rank_poses, stability
+from iriftrace.plan_stability import close_alternative
+from iriftrace.planning import METRICS, Weights, pareto_front, rank_poses, score_of, stability
 
 # Five poses A to E. NumPy's linear percentile of five values lies at position 0.95 * 4 = 3.8, that
 # is 0.8 of the way from the fourth to the fifth smallest:
@@ -400,3 +401,63 @@ def test_pareto_front_leaves_out_what_cannot_be_compared() -> None:
     assert pareto_front(table).tolist() == [A, D]
     with pytest.raises(InputError, match="no region"):
         pareto_front(table, region="lateral")
+
+
+@given(tables())
+def test_a_pose_outside_is_scored_as_one_inside(table: dict[str, list[float]]) -> None:
+    """Scoring the sweep's own poses one by one gives the sweep's scores."""
+    plan = rank(table)
+    for pose in range(len(table["coverage"])):
+        metrics = {name: table[name][pose] for name in METRICS}
+        assert score_of(plan, metrics) == pytest.approx(plan.score[pose], abs=1e-12)
+
+
+def test_scores_of_other_poses_by_hand() -> None:
+    """Beyond both ends of the normalisation, and with one value unknown."""
+    plan = rank_poses(five())
+    best = {"displacement": 0.5, "coverage": 0.6, "axial": 0.0, "lateral": 2.0}
+    assert score_of(plan, best) == pytest.approx(0.0)
+    worst = {"displacement": 20, "coverage": 0.0, "axial": 1.0, "lateral": 4.0}
+    assert score_of(plan, worst) == pytest.approx(0.5 + 0.2 + 0.15 + 0.15 * 0.5)
+    assert np.isnan(score_of(plan, {**worst, "axial": np.nan}))
+    discarding = rank_poses(five(), outside="discard")
+    assert np.isnan(score_of(discarding, worst))
+    assert score_of(discarding, dict(zip(METRICS, (6, 0.4, 0.1, 4), strict=True))) == (
+        pytest.approx(SCORES[A])
+    )
+
+
+def test_a_winner_that_sees_far_less_is_not_clear() -> None:
+    """Pose 0 sees a tenth of pose 1 and is ahead by next to nothing; 2 sees no more, 3 is far.
+
+    Normalised displacement 0, 0.2, 0.21, 1 (percentile 100) and coverage 0, 1, 0.05, 1: with
+    weights 0.5 and 0.1 the scores are 0.1, 0.1 + x, 0.2, 0.5.
+    """
+    displacement = [1.0, 1.205, 1.21, 2.0]
+    coverage = [0.04, 0.4, 0.058, 0.4]
+    table = sweep_table(displacement, coverage, [1, 1, 1, 1], [1, 1, 1, 1])
+    with pytest.warns(IriftraceWarning, match="axial, lateral"):
+        plan = rank_poses(table, weights=Weights(0.5, 0.1, 0.2, 0.2), percentile=100)
+    assert plan.score == pytest.approx([0.1, 0.1025, 0.2, 0.5])
+    found = close_alternative(plan)
+    assert found is not None
+    assert found.pose == 1
+    assert found.behind == pytest.approx(0.0025)
+    assert (found.best_coverage, found.coverage) == (0.04, 0.4)
+
+
+@pytest.mark.parametrize(
+    ("displacement", "coverage"),
+    [
+        ([1.0, 1.5, 2.0], [0.04, 0.4, 0.4]),  # far behind
+        ([1.0, 1.201, 2.0], [0.30, 0.40, 0.4]),  # of the same kind
+        ([1.0, 1.201, 2.0], [0.01, 0.03, 0.03]),  # next to nothing, both
+    ],
+)
+def test_a_clear_winner_has_no_alternative(
+    displacement: list[float], coverage: list[float]
+) -> None:
+    table = sweep_table(displacement, coverage, [1, 1, 1], [1, 1, 1])
+    with pytest.warns(IriftraceWarning, match="axial, lateral"):
+        plan = rank_poses(table, weights=Weights(0.5, 0.1, 0.2, 0.2), percentile=100)
+    assert close_alternative(plan) is None

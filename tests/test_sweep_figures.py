@@ -12,18 +12,24 @@ import numpy as np
 import pytest
 import pyvista as pv
 import xarray as xr
+from attrs import evolve
+from matplotlib import colormaps
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from sweep_tables import sweep_table
+from sweep_tables import sweep_table, with_faces
 
+from iriftrace import sweep_scene_figure as sweep_scene_figure_module
 from iriftrace.errors import InputError
-from iriftrace.orbit import Orbit, PoseSet, fibonacci_poses, orbit_poses
-from iriftrace.part import read_part
+from iriftrace.orbit import Orbit, PoseSet, fibonacci_poses, joined, orbit_poses
+from iriftrace.part import Part, read_part
 from iriftrace.part_file import sha256_of
+from iriftrace.plan_weights import Weights
 from iriftrace.scenes import folder_of
 from iriftrace.status import Status
 from iriftrace.sweep_charts import histogram_figure, normalised_figure, pareto_figure, rays_figure
+from iriftrace.sweep_face_figure import sweep_face_figure
+from iriftrace.sweep_faces import face_maps_of, faces_seen
 from iriftrace.sweep_figures import sweep_figures
 from iriftrace.sweep_maps import map_figure
 from iriftrace.sweep_quantities import SweepSummary, summarise
@@ -118,7 +124,7 @@ def test_poses_with_few_hits_have_no_number() -> None:
 
 
 def test_the_pole_stands_for_all_azimuths(summary: SweepSummary) -> None:
-    grid = summary.grid
+    grid = summary.grid(np.arange(14))
     assert grid is not None
     assert grid.tolist() == [
         [0] * 4,
@@ -140,7 +146,7 @@ def test_the_pole_stands_for_all_azimuths(summary: SweepSummary) -> None:
     ids=["a hole", "all around", "one azimuth", "one elevation"],
 )
 def test_other_poses_are_no_grid(poses: PoseSet) -> None:
-    assert summarise(sweep(poses, empty=())).grid is None
+    assert summarise(sweep(poses, empty=())).grid(np.arange(len(poses))) is None
 
 
 def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
@@ -166,7 +172,7 @@ def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
     axes, bar = all_axes(map_figure(summary, summary.displacement))
     (mesh,) = [item for item in axes.collections if isinstance(item, QuadMesh)]
     values = np.ma.filled(mesh.get_array(), np.nan)
-    np.testing.assert_array_equal(values, summary.displacement.values[summary.grid])
+    np.testing.assert_array_equal(values, summary.displacement.values[summary.grid(np.arange(14))])
     corners = mesh.get_coordinates()
     # Elevations are 45 degrees apart; the cells of the poles end at the poles.
     assert corners[:, 0, 1].tolist() == [-90, -67.5, -22.5, 22.5, 67.5, 90]
@@ -291,6 +297,117 @@ def test_all_figures_are_written_as_png_and_pdf(summary: SweepSummary, tmp_path:
     for path in written:
         start = b"\x89PNG" if path.suffix == ".png" else b"%PDF"
         assert path.read_bytes().startswith(start)
+
+
+# Series and faces --------------------------------------------------------------------------------
+
+
+def test_other_focal_lengths_get_panels_of_their_own() -> None:
+    """Two series of the same 14 positions: two grids, each with its poses."""
+    twice = joined([GRID, GRID])
+    data = sweep(twice, empty=())
+    data["focal_length"] = ("pose", np.repeat([8.0, 12.0], 14))
+    found = summarise(data)
+    assert list(found.series) == ["focal length 8 mm", "focal length 12 mm"]
+    first, second, _ = all_axes(map_figure(found, found.displacement))
+    for axes, members in ((first, np.arange(14)), (second, np.arange(14, 28))):
+        (mesh,) = [item for item in axes.collections if isinstance(item, QuadMesh)]
+        np.testing.assert_array_equal(
+            mesh.get_array(), found.displacement.values[found.grid(members)]
+        )
+    assert (first.get_title(), second.get_title()) == tuple(found.series)
+
+
+def test_what_does_not_differ_is_not_mentioned() -> None:
+    data = sweep()
+    data["focal_length"] = ("pose", np.full(14, 8.0))
+    data["stand_off"] = ("pose", np.full(14, np.nan))
+    data["scene"] = ("pose", np.array(["a/scene.xml"] * 14, dtype=object))
+    found = summarise(data)
+    assert found.varied == ()
+    assert list(found.series) == [""]
+
+
+def test_scenes_are_told_apart() -> None:
+    data = sweep()
+    data["scene"] = ("pose", np.array(["x/hot/scene.xml", "x/cold/scene.xml"] * 7, dtype=object))
+    assert set(summarise(data).varied[0].values) == {"hot", "cold"}
+
+
+def test_of_several_at_one_place_the_best_is_shown() -> None:
+    """The second series has larger displacements, so the first one is the better everywhere."""
+    twice = joined([GRID, GRID])
+    found = summarise(sweep(twice, empty=()), weights=Weights(1, 0, 0, 0))
+    shown = sweep_scene_figure_module._best_at_each_place(found)
+    assert shown.tolist() == [True] * 14 + [False] * 14
+
+
+# A tetrahedron; face i is seen by the first 3 - i poses, and the last one by none.
+TETRAHEDRON = Part(
+    vertices=np.array([(0.0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10)]),
+    faces=np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]),
+    region_of_face=np.array([0, 0, 1, 1]),
+    region_names=("flat", "rest"),
+    smooth_group=np.arange(4),
+    path="tetrahedron.ply",
+    sha256="",
+    length_unit="mm",
+    closed=True,
+)
+
+
+def faces_sweep(**more: Any) -> xr.Dataset:
+    sightings = [
+        [(face, 10, 1e-3 * (1 + face + pose), 20.0 + pose) for face in range(3 - pose)]
+        for pose in range(3)
+    ]
+    return with_faces(
+        sweep(empty=(), **more),
+        [*sightings, *[[]] * 11],
+        TETRAHEDRON.face_areas,
+        TETRAHEDRON.region_of_face + 1,
+    )
+
+
+def test_faces_hit_are_counted_pose_by_pose() -> None:
+    found = summarise(faces_sweep())
+    assert found.faces.tolist() == [3, 2, 1, *[0] * 11]
+    upper, faces, triangles = all_axes(rays_figure(found))
+    assert faces.get_ylabel() == "Faces of the part hit"
+    assert faces.patches[0].get_data().values.tolist() == found.faces.tolist()
+    assert triangles.get_ylabel() == "Shell triangles in view"
+    assert upper.get_ylabel() == "Rays that hit the part"
+    assert faces_seen(faces_sweep(), "part").tolist() == found.faces.tolist()
+    assert summarise(sweep()).faces is None
+
+
+def test_maps_of_faces_are_those_of_the_sweep() -> None:
+    displacement, times, incidence = face_maps_of(faces_sweep())
+    # Face 0: 1, 2, 3 um; face 1: 2, 3 um; face 2: 3 um.
+    assert displacement.values == pytest.approx([2.0, 2.5, 3.0, np.nan], nan_ok=True, rel=1e-6)
+    assert times.values == pytest.approx([3, 2, 1, np.nan], nan_ok=True)
+    assert incidence.values == pytest.approx([20, 20, 20, np.nan], nan_ok=True)
+    assert face_maps_of(sweep()) == ()
+
+
+def test_faces_have_the_colours_of_their_numbers(tmp_path: Path) -> None:
+    """All four kinds of faces are to be seen: three colours of the map and the grey of none."""
+    data = faces_sweep()
+    _, times, _ = face_maps_of(data)
+    path = tmp_path / "faces.png"
+    sweep_face_figure(summarise(data), TETRAHEDRON, times, path)
+    pixels = colours_of(path)
+    assert len(pixels) == 1600 * 1200
+    hue = [np.array(colormaps["viridis"](times.values[face] / 3.0)[:3]) for face in range(3)]
+    # The light scales a colour and leaves its direction.
+    direction = pixels / np.maximum(np.linalg.norm(pixels, axis=1, keepdims=True), 1.0)
+    for colour in hue:
+        alike = direction @ (colour / np.linalg.norm(colour)) > 0.9995
+        assert np.count_nonzero(alike & (pixels.sum(axis=1) < 650)) > 1000
+    grey = (np.ptp(pixels, axis=1) < 3) & (abs(pixels.mean(axis=1) - 195) < 25)
+    assert np.count_nonzero(grey) > 1000
+    with pytest.raises(InputError, match="4 faces and the sweep 3"):
+        sweep_face_figure(summarise(data), TETRAHEDRON, evolve(times, values=np.ones(3)), path)
 
 
 # In space ----------------------------------------------------------------------------------------

@@ -74,7 +74,7 @@ for _module, _name, _help, _example in (
         "scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19",
     ),
     (
-        "sweep_commands",
+        "plan_commands",
         "plan",
         "Rank the poses of a sweep by the combined metric and print the best one.",
         "sweep.nc --statistic median --region lateral",
@@ -84,6 +84,12 @@ for _module, _name, _help, _example in (
         "plot",
         "Draw a sweep (.nc) or one pose (.exr): maps, poses in space, histograms, Pareto front.",
         "sweep.nc -o figures",
+    ),
+    (
+        "report_commands",
+        "report",
+        "Write what a sweep found out as one HTML page that needs neither Python nor a network.",
+        "sweep.nc -o report.html",
     ),
 ):
     app.command(

@@ -1,0 +1,289 @@
+"""What the report of a sweep says, as plain text and rows; the template only arranges it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.plan_table import (
+    RankingTable,
+    alternative_text,
+    front_table,
+    ranking_table,
+    stability_text,
+)
+from iriftrace.planning import stability
+from iriftrace.pose_text import PoseText, pose_text
+from iriftrace.status import Status
+from iriftrace.sweep_faces import has_faces
+from iriftrace.sweep_origin import attribute, scene_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.sweep_quantities import SweepSummary
+
+Rows = tuple[tuple[str, ...], ...]
+
+_MOST_REASONS = 200
+
+
+@frozen(eq=False)
+class ReportContent:
+    """The report's text.
+
+    Attributes
+    ----------
+    title, question, answer : str
+    unclear : str or None
+        That the winner is not clear.
+    setting, assumptions : rows of (name, value)
+    ranking, front : RankingTable
+    best : PoseText
+    best_pose : int
+    stability : str
+    varied_weights : rows
+        Metric; rank of the best pose and winner with the smaller weight; the same with the larger.
+    rays : rows
+        What became of the rays, their number, their share.
+    limits : tuple of str
+        A sentence each.
+    unranked : rows of (pose, reason)
+    """
+
+    title: str
+    question: str
+    answer: str
+    unclear: str | None
+    setting: Rows
+    assumptions: Rows
+    ranking: RankingTable
+    front: RankingTable
+    best: PoseText
+    best_pose: int
+    stability: str
+    varied_weights: Rows
+    rays: Rows
+    limits: tuple[str, ...]
+    unranked: Rows
+
+
+def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> ReportContent:
+    """Collect what is said of a sweep.
+
+    Parameters
+    ----------
+    dataset, summary
+        The sweep.
+    top
+        Rows of the ranking.
+
+    Raises
+    ------
+    InputError
+        If no row is wanted.
+    """
+    plan = summary.plan
+    ranking = ranking_table(summary, top)
+    part = _name(attribute(dataset, "part"))
+    region = "" if plan.region == "part" else f", and of it the region {plan.region},"
+    weights = plan.weights.as_dict()
+    best = plan.best
+    return ReportContent(
+        title=f"Where to put the camera: {part}",
+        question=(
+            f"From where should the camera look at {part}{region} so that the hot air around it "
+            "moves the measured points little, much of the surface is seen and the pixels lie "
+            "close together on it? Every pose of a sweep was traced through the hot air; the "
+            "combined score is "
+            + " + ".join(
+                f"{weight:g} {'(1 - coverage)' if name == 'coverage' else name}"
+                for name, weight in weights.items()
+            )
+            + f" of the normalised metrics, the smaller the better ({plan.statistic} displacement)."
+        ),
+        answer=(
+            f"Pose {best} is the best of {len(plan.order)} ranked poses, with the score "
+            f"{plan.score[best]:.3f}: "
+            + ", ".join(
+                f"{quantity.title[0].lower()}{quantity.title[1:]} "
+                f"{quantity.values[best]:.4g} {quantity.unit}"
+                for quantity in summary.metrics
+            )
+            + "."
+        ),
+        unclear=alternative_text(summary),
+        setting=_setting(dataset, summary),
+        assumptions=tuple(
+            (key.replace("_", " "), _text(value))
+            for key, value in attribute(dataset, "assumptions").items()
+        ),
+        ranking=ranking,
+        front=front_table(summary),
+        best=pose_text(summary.matrices[best], summary.distance[best]),
+        best_pose=best,
+        stability=stability_text(summary),
+        varied_weights=_varied_weights(summary),
+        rays=_rays(dataset),
+        limits=_limits(dataset, summary),
+        unranked=tuple(
+            (str(pose), reason) for pose, reason in list(plan.unranked.items())[:_MOST_REASONS]
+        ),
+    )
+
+
+def _name(file: dict[str, Any]) -> str:
+    return Path(file["path"]).name if file.get("path") else "the part"
+
+
+def _text(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
+    part, field = attribute(dataset, "part"), attribute(dataset, "field")
+    camera = attribute(dataset, "camera")
+    scene, sha256 = scene_of(dataset)
+    variables = attribute(dataset, "scene").get("variables") or {}
+    focal = np.unique(dataset["focal_length"].values) if "focal_length" in dataset else [0.0]
+    rows = [
+        ("Part", _file(part)),
+        ("Field", _field(dataset, field)),
+        ("Scene", _file({"path": scene, "sha256": sha256}) if scene else "not stated"),
+        ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
+        ("Camera", _camera(camera, varied=len(focal) > 1)),
+        ("Poses", _orbit(summary)),
+        *((f"Varied: {one.name}", ", ".join(_distinct(one.values))) for one in summary.varied),
+        ("Region ranked", "whole part" if summary.plan.region == "part" else summary.plan.region),
+        (
+            "Normalisation",
+            f"minimum to {summary.plan.percentile:g}th percentile; beyond it: "
+            f"{summary.plan.outside}; at least {summary.plan.min_hits} good rays",
+        ),
+        (
+            "Traced with",
+            f"iriftrace {dataset.attrs.get('version', 'of unknown version')}, Mitsuba variant "
+            f"{dataset.attrs.get('variant', 'not stated')}",
+        ),
+    ]
+    return tuple(rows)
+
+
+def _file(named: dict[str, Any]) -> str:
+    if not named.get("path"):
+        return "not stated"
+    sha256 = str(named.get("sha256") or "")
+    return f"{Path(named['path']).name}" + (
+        f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else ""
+    )
+
+
+def _field(dataset: xr.Dataset, field: dict[str, Any]) -> str:
+    try:
+        scenes = json.loads(dataset.attrs.get("scenes", "[]"))
+    except ValueError:
+        scenes = []
+    several = [scene.get("field") or {} for scene in scenes if isinstance(scene, dict)]
+    fields = several if len(several) > 1 else [field]
+    texts = [_file(one) + (f", {one['quantity']}" if one.get("quantity") else "") for one in fields]
+    wavelength = dataset.attrs.get("wavelength_nm")
+    light = f"; light of {float(wavelength):g} nm" if isinstance(wavelength, int | float) else ""
+    return "; ".join(_distinct(texts)) + light
+
+
+def _distinct(values: Any) -> list[str]:
+    return list(dict.fromkeys(values))
+
+
+def _camera(camera: dict[str, Any], *, varied: bool) -> str:
+    if not camera:
+        return "not stated"
+    focal = camera.get("focal_length_mm")
+    lens = "" if focal is None or varied else f"focal length {focal:g} mm, "
+    near, far = camera["focus_mm"]
+    depth = f"{near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
+    (width, height), (columns, rows) = camera["sensor_mm"], camera["resolution"]
+    return (
+        f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
+        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}"
+    )
+
+
+def _orbit(summary: SweepSummary) -> str:
+    ranges = [
+        f"{name} {values.min():.4g} to {values.max():.4g}{unit}"
+        for name, values, unit in (
+            ("azimuth", summary.azimuth, "°"),
+            ("elevation", summary.elevation, "°"),
+            ("distance to the target", summary.distance, " mm"),
+        )
+    ]
+    return f"{len(summary.distance)}, {', '.join(ranges)}; angles {summary.angles_of}"
+
+
+def _varied_weights(summary: SweepSummary) -> Rows:
+    varied = stability(summary.plan)
+    return tuple(
+        (
+            name,
+            *(
+                text
+                for rank, winner in zip(varied.ranks[name], varied.winners[name], strict=True)
+                for text in (str(rank), str(winner))
+            ),
+        )
+        for name in varied.ranks
+    )
+
+
+def _rays(dataset: xr.Dataset) -> Rows:
+    from iriftrace.sweep_charts import RAY_OUTCOMES
+
+    whole = dataset.sel(region="part")
+    counts = {
+        status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
+    }
+    total = max(1, sum(counts.values()))
+    return tuple(
+        (
+            "Missed the part" if status is Status.MISSED else RAY_OUTCOMES[status][1],
+            f"{count:,}",
+            f"{100 * count / total:.3g} %",
+        )
+        for status, count in counts.items()
+        if count
+    )
+
+
+def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
+    plan = summary.plan
+    whole = dataset.sel(region="part")
+    good = np.asarray(whole["rays_good"].values)
+    total = len(good)
+    failed = sum(bool(str(text)) for text in dataset["failure"].values)
+    empty = int(np.count_nonzero((good >= 0) & (good < plan.min_hits)))
+    sentences = [
+        f"{len(plan.unranked)} of {total} poses are not ranked; {failed} failed and {empty} see "
+        f"fewer than {plan.min_hits} good rays of the part.",
+    ]
+    if "rays_open_boundary" in dataset:
+        passed = int(np.maximum(dataset["rays_open_boundary"].values, 0).sum())
+        seen = max(1, int(np.maximum(good, 0).sum()))
+        sentences.append(
+            f"{passed:,} good rays ({100 * passed / seen:.3g} %) pass an open end of the data, "
+            "where the plume beyond is not modelled."
+        )
+    if has_faces(dataset):
+        area = dataset["face_area"].values
+        unseen = area[dataset["face_times_seen"].values == 0].sum() / area.sum()
+        sentences.append(f"{100 * unseen:.1f} % of the part's area is seen by no pose.")
+    sentences.extend(plan.warnings)
+    sentences.append(
+        "The ranking compares the poses of this sweep only; a pose between them may be better "
+        "(iriftrace plan --refine)."
+    )
+    return tuple(sentences)

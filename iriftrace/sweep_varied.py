@@ -1,0 +1,75 @@
+"""What a sweep varied besides the pose: field, focal length, distance."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+IntArray = NDArray[np.int64]
+
+_LENGTHS = (("focal_length", "focal length", "focal"), ("stand_off", "stand-off", "off"))
+
+
+@frozen
+class Varied:
+    """Something that has more than one value in a sweep of n poses.
+
+    Attributes
+    ----------
+    name, short_name : str
+        With the unit; the short one fits into a terminal.
+    values : (n,) tuple of str
+    """
+
+    name: str
+    short_name: str
+    values: tuple[str, ...]
+
+
+def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
+    """Scene, focal length and stand-off, as far as they differ between the poses of a sweep."""
+    found = []
+    if "scene" in dataset:
+        scenes = [str(name) for name in dataset["scene"].values]
+        if len(set(scenes)) > 1:
+            found.append(Varied("scene", "scene", tuple(_told_apart(scenes))))
+    for variable, name, short_name in _LENGTHS:
+        if variable not in dataset:
+            continue
+        values = tuple(f"{value:g}" for value in dataset[variable].values.tolist())
+        if len(set(values)) > 1:
+            found.append(Varied(f"{name} (mm)", f"{short_name} mm", values))
+    return tuple(found)
+
+
+def series_of(varied: tuple[Varied, ...], poses: int) -> dict[str, IntArray]:
+    """Poses that differ in nothing but position: a description (may be empty) and their numbers."""
+    texts = [
+        ", ".join(_value(one.name, one.values[pose]) for one in varied) for pose in range(poses)
+    ]
+    numbers: dict[str, list[int]] = {}
+    for pose, text in enumerate(texts):
+        numbers.setdefault(text, []).append(pose)
+    return {text: np.array(members, dtype=np.int64) for text, members in numbers.items()}
+
+
+def _value(name: str, value: str) -> str:
+    quantity, _, unit = name.partition(" (")
+    return f"{quantity} {value}{' ' + unit.rstrip(')') if unit else ''}"
+
+
+def _told_apart(names: list[str]) -> list[str]:
+    """Paths without what all have in common at the beginning and the end."""
+    folders = {name: Path(name).parent for name in names}
+    if len({Path(name).name for name in names}) == 1 and len(set(folders.values())) > 1:
+        common = os.path.commonpath([folder.absolute() for folder in folders.values()])
+        return [os.path.relpath(folders[name].absolute(), common) for name in names]
+    return [f"{folders[name].name}/{Path(name).name}" for name in names]

@@ -1,0 +1,247 @@
+"""`iriftrace plan` and `iriftrace report` as a user runs them, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from hot_block import HotBlock
+from page import read_page
+
+from iriftrace.camera import look_at
+from iriftrace.cli import main
+from iriftrace.sweep_store import read_sweep
+
+ANGLES = ["--azimuth", "0:90:3", "--elevation", "-60:60:3"]
+
+
+@pytest.fixture(scope="module")
+def sweep(hot: HotBlock, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("sweep") / "sweep.nc"
+    assert main(["sweep", str(hot.scene), "-o", str(file), *ANGLES]) == 0
+    return file
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+    capsys.readouterr()
+    assert main([*map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+def matrix_after(text: str, name: str) -> np.ndarray:
+    """The four rows below the line that begins with a name."""
+    lines = text.splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith(name)) + 1
+    return np.array([[float(v) for v in line.split()] for line in lines[first : first + 4]])
+
+
+def test_the_best_pose_is_printed_in_three_forms(
+    sweep: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = printed(capsys, "plan", sweep, "--top=3")
+    best = int(re.search(r"^Best pose (\d+)", text, re.MULTILINE)[1])
+    matrix = matrix_after(text, f"Best pose {best}")
+    np.testing.assert_allclose(matrix, read_sweep(sweep)["matrix"].values[best], atol=1e-6)
+    xml = re.search(r'<lookat origin="(.*?)" target="(.*?)" up="(.*?)"/>', text)
+    vectors = [[float(v) for v in xml[i].split(",")] for i in (1, 2, 3)]
+    np.testing.assert_allclose(look_at(*vectors), matrix, atol=1e-5)
+    plain = re.search(r"^Look-at: origin \((.*?)\) mm", text, re.MULTILINE)
+    assert plain[1] == xml[1]
+
+
+def test_views_together_see_what_is_said(sweep: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Counted again from the sweep's own rows."""
+    options = ["--views=2", "--max-displacement=50 um", "--max-incidence=60"]
+    text = printed(capsys, "plan", sweep, *options)
+    data = read_sweep(sweep)
+    ends = np.cumsum(data["sightings"].values)
+    faces = []
+    for pose in range(9):
+        rows = slice(ends[pose] - data["sightings"].values[pose], ends[pose])
+        good = (data["sighting_displacement"].values[rows] <= 0.05) & (
+            data["sighting_incidence"].values[rows] <= 60
+        )
+        faces.append(set(data["sighting_face"].values[rows][good].tolist()))
+    area = data["face_area"].values
+    poses = [int(p) for p in re.findall(r"^Pose (\d+), camera", text, re.MULTILINE)]
+    said = re.search(r"see ([\d.]+) % of the area of the part, of ([\d.]+) %", text)
+    chosen = area[sorted(set().union(*(faces[pose] for pose in poses)))].sum() / area.sum()
+    everything = area[sorted(set().union(*faces))].sum() / area.sum()
+    assert float(said[1]) == pytest.approx(100 * chosen, abs=0.006)
+    assert float(said[2]) == pytest.approx(100 * everything, abs=0.006)
+    best = max(area[sorted(faces[a] | faces[b])].sum() for a in range(9) for b in range(a + 1, 9))
+    assert chosen == pytest.approx(best / area.sum())
+    assert "(exact)" in text
+
+
+def test_a_refined_pose_is_not_worse_and_is_kept(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "refined.json"
+    options = ["--refine", "--evaluations=14", "-o", str(file)]
+    text = printed(capsys, "plan", sweep, "--coverage=0.6", *options)
+    kept = json.loads(file.read_text())
+    assert kept["score"] <= kept["start"]["score"]
+    assert kept["evaluations"] <= 14
+    np.testing.assert_allclose(matrix_after(text, "Refined pose,"), kept["matrix"], atol=1e-6)
+    assert f"pose {kept['start']['pose']} ({kept['evaluations']} poses" in text
+    # Rendering the start again gives what the sweep has.
+    data = read_sweep(sweep).sel(region="part")
+    start = kept["start"]
+    for name, variable in (("displacement", "displacement_mean"), ("coverage", "coverage")):
+        assert start["metrics"][name] == float(data[variable][start["pose"]])
+
+
+def test_the_report_holds_what_plan_prints(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--statistic=median", "--top=4"]
+    text = printed(capsys, "plan", sweep, *options)
+    file = tmp_path / "report.html"
+    assert f"Report in {file}" in printed(capsys, "report", sweep, "-o", file, *options)
+    page = read_page(file)
+    page.assert_needs_nothing()
+    # Five maps, four charts, two views, five pictures in space, three of the faces.
+    assert len(page.pictures) == 19
+    rows = [line.split() for line in text.splitlines() if re.match(r"\s+\d+ +\d+ ", line)]
+    ranking = next(table for table in page.tables if table[0][0] == "rank")
+    assert rows[:4] == ranking[1:]
+    for line in page.by_id["matrix"].splitlines():
+        assert line.strip() in text
+    for line in page.by_id["xml"].splitlines():
+        assert line.strip() in text
+    assert list(tmp_path.iterdir()) == [file]
+
+
+# Wrong input -------------------------------------------------------------------------------------
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+    """The one sentence that the program says instead of working."""
+    capsys.readouterr()
+    assert main([*map(str, arguments)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    (line,) = said.err.splitlines()
+    assert line.startswith("error: ")
+    assert line.endswith(".")
+    return line
+
+
+RANKING = [
+    (("--region=hat",), "no region 'hat'"),
+    (("--displacement=-1",), "weight of displacement is -1"),
+    (("--displacement=0", "--coverage=0", "--axial=0", "--lateral=0"), "All weights are zero"),
+    (("--percentile=0",), "percentile"),
+    (("--min-hits=100000000",), "None of the 9 poses"),
+    (("--resolution=nn3d",), "no value of"),
+    (("--statistic=mode",), "mode"),
+    (("--top=0",), "0 rows"),
+]
+
+
+@pytest.mark.parametrize("command", ["plan", "report"])
+@pytest.mark.parametrize(("options", "words"), RANKING)
+def test_rankings_that_make_no_sense(
+    sweep: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    options: tuple[str, ...],
+    words: str,
+) -> None:
+    output = ["-o", tmp_path / "report.html"] if command == "report" else []
+    assert words in refusal(capsys, command, sweep, *output, *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--views=0",), "number of views is 0"),
+        (("--views=2.5",), "not a whole number"),
+        (("--views=2", "--max-displacement=1e-9 um"), "No pose sees a face of part within"),
+        (("--views=2", "--max-displacement=0"), "positive limit"),
+        (("--views=2", "--max-displacement=5 kg"), "--max-displacement"),
+        (("--views=2", "--max-incidence=100"), "0 to 90"),
+        (("--max-incidence=60",), "--max-incidence is given without --views"),
+        (("--evaluations=60",), "--evaluations is given without --refine"),
+        (("-o", "refined.json"), "--output is given without --refine"),
+        (("--refine", "--evaluations=3"), "3 evaluations are too few"),
+        (("--refine", "-o", "refined.txt"), "must end in .json"),
+    ],
+)
+def test_plans_that_make_no_sense(
+    sweep: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert words in refusal(capsys, "plan", sweep, *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["plan", "report"])
+def test_files_that_hold_no_sweep(
+    sweep: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("text.nc").write_text("no netCDF")
+    Path("nothing.nc").touch()
+    Path("folder.nc").mkdir()
+    xr.Dataset({"t": ("x", [1.0])}).to_netcdf("other.nc", engine="h5netcdf")
+    with xr.open_dataset(sweep, engine="h5netcdf") as data:
+        data.isel(pose=[]).to_netcdf("empty.nc", engine="h5netcdf")
+    before = sorted(tmp_path.iterdir())
+    for name, words in {
+        "gone.nc": "no sweep gone.nc",
+        "text.nc": "no netCDF",
+        "nothing.nc": "no netCDF",
+        "folder.nc": "folder",
+        "other.nc": "no sweep",
+        "empty.nc": "no pose",
+    }.items():
+        assert words in refusal(capsys, command, name)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_older_sweep_has_no_faces_and_a_lost_scene_no_refinement(
+    sweep: Path, hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with xr.open_dataset(sweep, engine="h5netcdf") as data:
+        old = data.load().drop_dims(["face", "sighting"]).drop_vars("sightings")
+    old.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
+    assert "which faces each pose sees" in refusal(capsys, "plan", tmp_path / "old.nc", "--views=2")
+    printed(capsys, "plan", tmp_path / "old.nc")
+
+    copy = tmp_path / "scene"
+    shutil.copytree(hot.scene.parent, copy)
+    moved = tmp_path / "moved.nc"
+    assert main(["sweep", str(copy / "scene.xml"), "-o", str(moved), "--azimuth=0:90:2"]) == 0
+    text = (copy / "scene.xml").read_text()
+    (copy / "scene.xml").write_text(text + "<!-- edited -->")
+    assert "has changed since the sweep" in refusal(capsys, "plan", moved, "--refine")
+    (copy / "scene.xml").unlink()
+    assert "is gone" in refusal(capsys, "plan", moved, "--refine")
+
+
+def test_reports_that_cannot_be_written(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "must end in .html" in refusal(capsys, "report", sweep, "-o", tmp_path / "r.pdf")
+    assert "is a folder" in refusal(capsys, "report", sweep, "-o", tmp_path)
+    lost = tmp_path / "no" / "report.html"
+    assert "does not exist" in refusal(capsys, "report", sweep, "-o", lost)
+    assert list(tmp_path.iterdir()) == []
