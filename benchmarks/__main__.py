@@ -5,7 +5,12 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.pose import kernels_of_second_pose, pose_over_trace, shares
+from benchmarks.pose import (
+    kernels_of_second_pose,
+    pose_in_sweep_over_traces,
+    pose_over_trace,
+    shares,
+)
 from benchmarks.queries import trace_over_queries
 from iriftrace.scene import load_scene
 from iriftrace.scenes import folder_of
@@ -28,6 +33,11 @@ def main() -> None:
         "whole pose without figures / refracted trace",
         f"{pose_over_trace(scene, REPEATS):.2f}",
         "4",
+    )
+    table.add_row(
+        "pose of a sweep (all metrics, no files) / straight and refracted trace",
+        f"{pose_in_sweep_over_traces(scene, REPEATS):.2f}",
+        "1.5",
     )
     table.add_row("kernels compiled by a second pose", str(kernels_of_second_pose(scene)), "0")
     for stage, share in shares(scene).items():

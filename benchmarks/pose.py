@@ -26,6 +26,19 @@ def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
     return median(ratios[1:])
 
 
+def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
+    """Median of the time of a pose without files and neighbour searches over its two traces'."""
+    ratios = []
+    for _ in range(repeats + 1):
+        started = time.perf_counter()
+        rendering = render_scene(scene, nearest=False)
+        seconds = time.perf_counter() - started
+        time_s = rendering.metrics["time_s"]
+        ratios.append(seconds / (time_s["straight"] + time_s["refracted"]))
+    # The first pose compiles the kernels.
+    return median(ratios[1:])
+
+
 def shares(scene: LoadedScene) -> dict[str, float]:
     """Time of each stage of one pose over the refracted trace's."""
     with tempfile.TemporaryDirectory() as folder:

@@ -69,7 +69,11 @@ def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Boo
             f"rays of status {', '.join(map(str, unusable)) or 'none'} have no displacement; "
             f"only {' and '.join(str(int(code)) for code in USABLE)} can be included."
         )
-    return np.isin(image.status, [int(code) for code in include])
+    status = image.channels["status.code"]
+    good = np.zeros(status.shape, dtype=np.bool_)
+    for code in include:
+        good |= status == int(code)
+    return good
 
 
 def lines_of_sight(camera: Camera, hits: FloatArray) -> FloatArray:

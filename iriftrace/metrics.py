@@ -14,18 +14,13 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera import Camera
-from iriftrace.coverage import Coverage, footprint_areas, measure_coverage
-from iriftrace.displacement import good_mask, lines_of_sight, split_displacement
+from iriftrace.coverage import Coverage, pose_coverage
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.exr import AovImage
+from iriftrace.nearest import nearest_in_plane, nearest_in_space
 from iriftrace.part import Part
-from iriftrace.resolution import (
-    Spacing,
-    nearest_in_plane,
-    nearest_in_space,
-    pixel_grid,
-    step_spacing,
-)
+from iriftrace.pose_rays import Bending, PoseRays, bending, rays_that_count
+from iriftrace.resolution import Spacing, pixel_grid, step_spacing
 from iriftrace.status import Status
 from iriftrace.whole_file import whole_file
 
@@ -46,15 +41,11 @@ IntArray = NDArray[np.int64]
 
 
 @frozen(eq=False)
-class _Rays:
-    """What is known of each good ray, (n,) arrays in the order of the pixels."""
+class _Values:
+    """What metrics need of each good ray, (n,) arrays in the order of the pixels."""
 
-    norm: FloatArray
-    lateral: FloatArray
-    axial: FloatArray
-    shift: FloatArray
+    bending: Bending
     incidence: FloatArray
-    face: IntArray
     step: Spacing
     space: Spacing | None
     plane: Spacing | None
@@ -100,48 +91,35 @@ def pose_metrics(
     IriftraceWarning
         The part's file changed since the rendering, or its faces are too small for the rays.
     """
-    good = good_mask(image, include)
-    hit_face = np.rint(image.channels["part.face"]).astype(np.int64).ravel() - 1
+    status = np.rint(image.channels["status.code"].ravel()).astype(np.uint8)
+    face_plus_one = image.channels["part.face"].ravel()
+    hits = np.flatnonzero(face_plus_one > 0)
+    hit_face = np.rint(face_plus_one[hits]).astype(np.int64) - 1
     _check_part(image, part, hit_face)
     camera = Camera.from_dict(image.header["camera"])
-    face = hit_face[good.ravel()]
-    if np.any(face < 0):
-        raise InputError(
-            f"{np.count_nonzero(face < 0)} good rays have no face in the channel part.face, so the "
-            "image is damaged; render it again."
-        )
-    hits = image.vector("straight", good)
-    footprint = footprint_areas(
-        camera,
-        good,
-        np.linalg.norm(hits - camera.origin, axis=1),
-        image.channels["incidence.angle"][good].astype(np.float64),
-    )
-    coverage = measure_coverage(part, face, footprint)
-    _check_sampling(len(face), coverage.visible_faces)
+    rays = rays_that_count(image, camera, include)
+    count = len(rays.face)
+    coverage = pose_coverage(part, camera, rays)
+    _check_sampling(count, coverage.visible_faces)
 
-    rays = None
-    if len(face) >= FEWEST_RAYS:
-        rays = _gather(image, part, camera, good, hits, face, nearest)
-    counts = image.header.get("counts") or {}
-    region_of_ray = part.region_of_face[face]
-    hit = hit_face >= 0
-    hit_region = part.region_of_face[hit_face[hit]]
-    status = image.status.ravel()
-    status_of_hit = status[hit]
+    values = _values(image, part, camera, rays, nearest) if count >= FEWEST_RAYS else None
+    region_of_ray = part.region_of_face[rays.face]
+    region_of_hit = part.region_of_face[hit_face]
+    status_of_hit = status[hits]
     everything = slice(None)
+    counts = image.header.get("counts") or {}
     times = image.header.get("time_s") or {}
     included = [Status(code).key for code in sorted(include)]
     return {
         "schema": SCHEMA,
         "rays": {
             "launched": int(status.size),
-            "hit": int(np.count_nonzero(hit)),
+            "hit": len(hits),
             **_by_status(status),
             "open_boundary": counts.get("open_boundary"),
         },
-        **_numbers(rays, everything, len(face)),
-        **_covered(coverage, everything, len(face)),
+        **_numbers(values, everything, count),
+        **_covered(coverage, everything, count),
         "shell_triangles_in_view": counts.get("shell_triangles_in_view"),
         "time_s": {key: times.get(key) for key in TIMES},
         "camera": image.header["camera"],
@@ -150,10 +128,10 @@ def pose_metrics(
         "regions": {
             name: {
                 "rays": {
-                    "hit": int(np.count_nonzero(hit_region == i)),
-                    **_by_status(status_of_hit[hit_region == i]),
+                    "hit": int(np.count_nonzero(region_of_hit == i)),
+                    **_by_status(status_of_hit[region_of_hit == i]),
                 },
-                **_numbers(rays, members := np.flatnonzero(region_of_ray == i), len(members)),
+                **_numbers(values, members := np.flatnonzero(region_of_ray == i), len(members)),
                 **_covered(coverage, slice(i, i + 1), len(members)),
             }
             for i, name in enumerate(part.region_names)
@@ -177,39 +155,24 @@ def write_metrics(path: str | Path, metrics: dict[str, Any]) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def _gather(
-    image: AovImage,
-    part: Part,
-    camera: Camera,
-    good: NDArray[np.bool_],
-    hits: FloatArray,
-    face: IntArray,
-    nearest: bool,
-) -> _Rays:
-    points = camera.to_camera(hits)
-    grid = pixel_grid(good)
+def _values(image: AovImage, part: Part, camera: Camera, rays: PoseRays, nearest: bool) -> _Values:
+    points = rays.position.T
+    grid = pixel_grid(rays.pixels, camera.resolution)
     # The search in the plane takes as long as all the rest; SciPy lets go of Python meanwhile.
     with ThreadPoolExecutor(max_workers=1) as pool:
-        plane = pool.submit(nearest_in_plane, points) if nearest else None
-        sight = lines_of_sight(camera, hits)
-        lateral, axial = split_displacement(image.vector("displacement", good), sight)
-        shift = image.vector("shift.px", good)
-        return _Rays(
-            norm=image.channels["displacement.norm"][good].astype(np.float64),
-            lateral=lateral,
-            axial=np.abs(axial),
-            shift=np.hypot(shift[:, 0], shift[:, 1]),
-            incidence=np.degrees(image.channels["incidence.angle"][good].astype(np.float64)),
-            face=face,
-            step=step_spacing(points, grid, part.smooth_group[face]),
-            space=nearest_in_space(points, grid, camera) if nearest else None,
-            plane=None if plane is None else plane.result(),
+        plane = pool.submit(nearest_in_plane, points, grid, camera) if nearest else None
+        return _Values(
+            bending=bending(image, camera, rays),
+            incidence=np.degrees(rays.incidence),
+            step=step_spacing(points, grid, part.smooth_group[rays.face]),
+            space=nearest_in_space(points, grid, camera).spacing(points) if nearest else None,
+            plane=None if plane is None else plane.result().spacing(points),
         )
 
 
-def _numbers(rays: _Rays | None, members: IntArray | slice, count: int) -> dict[str, Any]:
+def _numbers(values: _Values | None, members: IntArray | slice, count: int) -> dict[str, Any]:
     """Metrics of some of the rays; all None when they are too few."""
-    if rays is None or count < FEWEST_RAYS:
+    if values is None or count < FEWEST_RAYS:
         return {
             "displacement_mm": {**_STATISTICS, "rms": None},
             "displacement_lateral_mm": None,
@@ -222,16 +185,16 @@ def _numbers(rays: _Rays | None, members: IntArray | slice, count: int) -> dict[
             ),
             "incidence_angle_deg": None,
         }
-    norm = rays.norm[members]
+    norm = values.bending.norm[members]
     return {
         "displacement_mm": {**_statistics(norm), "rms": float(np.sqrt(np.mean(norm**2)))},
-        "displacement_lateral_mm": float(rays.lateral[members].mean()),
-        "displacement_axial_mm": float(rays.axial[members].mean()),
-        "shift_px": _statistics(rays.shift[members]),
-        **_resolution(rays.step, members, ""),
-        **_resolution(rays.space, members, "_nn3d"),
-        **_resolution(rays.plane, members, "_nnxy"),
-        "incidence_angle_deg": float(rays.incidence[members].mean()),
+        "displacement_lateral_mm": float(values.bending.lateral[members].mean()),
+        "displacement_axial_mm": float(values.bending.axial[members].mean()),
+        "shift_px": _statistics(values.bending.shift[members]),
+        **_resolution(values.step, members, ""),
+        **_resolution(values.space, members, "_nn3d"),
+        **_resolution(values.plane, members, "_nnxy"),
+        "incidence_angle_deg": float(values.incidence[members].mean()),
     }
 
 
@@ -267,13 +230,13 @@ def _covered(coverage: Coverage, regions: slice, rays: int) -> dict[str, float |
     }
 
 
-def _by_status(status: IntArray) -> dict[str, int]:
+def _by_status(status: NDArray[np.uint8]) -> dict[str, int]:
     counts = np.bincount(status, minlength=len(Status))
     return {code.key: int(counts[code]) for code in Status}
 
 
 def _check_part(image: AovImage, part: Part, hit_face: IntArray) -> None:
-    highest = int(hit_face.max())
+    highest = int(hit_face.max(initial=-1))
     if highest >= len(part.faces):
         raise InputError(
             f"the image shows face {highest}, but {part.path} has only {len(part.faces)} faces; "

@@ -10,6 +10,7 @@ from attrs import evolve, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.errors import InputError
+from iriftrace.face_blocks import FaceBlocks, nest_faces
 from iriftrace.part_check import check_unit, oriented
 from iriftrace.part_file import load_mesh_file, write_ply
 from iriftrace.regions import Regions, find_smooth_groups, name_regions
@@ -72,6 +73,32 @@ class Part:
     def face_normals(self) -> FloatArray:
         """(m, 3) unit vectors, outward for a closed part; zero for a face without area."""
         return unit_vectors(self._crosses)
+
+    @cached_property
+    def face_centres(self) -> FloatArray:
+        """(m, 3) array, mm, world."""
+        centres: FloatArray = self.vertices[self.faces].mean(axis=1)
+        return centres
+
+    @cached_property
+    def face_offsets(self) -> FloatArray:
+        """(m,) array, mm: distance of each face's plane from the origin, along its normal."""
+        offsets: FloatArray = np.einsum("ij,ij->i", self.face_normals, self.face_centres)
+        return offsets
+
+    @cached_property
+    def face_blocks(self) -> FaceBlocks:
+        """Blocks of faces that lie close together on one smooth patch of one region."""
+        # A region of the file may hold only a piece of a smooth patch.
+        piece = self.smooth_group * len(self.region_names) + self.region_of_face
+        return nest_faces(piece, self.face_centres)
+
+    @cached_property
+    def region_areas(self) -> FloatArray:
+        """(r,) array, mm^2: area of each region."""
+        count = len(self.region_names)
+        areas = np.bincount(self.region_of_face, self.face_areas, minlength=count)
+        return areas.astype(np.float64)
 
     @cached_property
     def area(self) -> float:

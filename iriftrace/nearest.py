@@ -1,0 +1,190 @@
+"""The nearest other hit point of each hit point, for the paper's readings of the resolution.
+
+It nearly always belongs to a pixel close by, which is looked at first: the eight pixels around,
+then a window of up to 17 x 17. Where the camera can prove that no nearer point lies outside the
+window, the answer is that of a k-d tree. Only the other points are looked up in one.
+
+Proven in three dimensions, measured at 1224 x 1024 px: 99.987 % of the cylinder's rays and all of
+the slab's and of the concentric cylinders', in half and in a fourth of the tree's time. The plane
+across the axis of a pinhole camera is another matter: lines along the axis meet a steep surface
+twice, so the nearest point may be seen anywhere in the picture, and every point takes the tree.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from iriftrace.camera import Camera
+from iriftrace.resolution import PixelGrid, Spacing
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# One half of the eight pixels around a pixel, as (rows, columns); each pair of pixels is met once.
+_AROUND = ((0, 1), (1, -1), (1, 0), (1, 1))
+
+# Half sizes of the windows, px, that are searched where the eight pixels around prove nothing.
+_WINDOWS = (2, 4, 8)
+
+# Hits are rounded to float32, so they lie a little beside their pixels' rays; far less than this.
+_ROUNDING_PX = 0.1
+
+
+@frozen(eq=False)
+class Nearest:
+    """The nearest other point of each point, (n,) arrays.
+
+    Attributes
+    ----------
+    number
+        Which point it is; of several at the same distance any.
+    by_window
+        Whether a window of pixels was proven to hold it, so that no k-d tree was asked.
+    """
+
+    number: IntArray
+    by_window: NDArray[np.bool_]
+
+    def spacing(self, points: FloatArray) -> Spacing:
+        """Step from each of the points, (n, 3) array, mm, camera frame, to its nearest."""
+        x, y, z = (row[self.number] - row for row in np.ascontiguousarray(points.T))
+        return Spacing(np.sqrt(x * x + y * y), np.abs(z))
+
+
+def nearest_in_plane(points: FloatArray, grid: PixelGrid, camera: Camera) -> Nearest:
+    """The point nearest to each point across the optical axis.
+
+    Only parallel rays let windows of pixels prove anything.
+
+    Parameters
+    ----------
+    points
+        (n, 3) hit points, mm, camera frame; at least two.
+    grid
+        Their pixels.
+    camera
+        The camera that sees them.
+    """
+    if camera.projection == "orthographic":
+        return _nearest_by_window(points, points[:, :2], grid, camera)
+    return Nearest(_nearest(points[:, :2], slice(None)), np.zeros(len(points), dtype=np.bool_))
+
+
+def nearest_in_space(points: FloatArray, grid: PixelGrid, camera: Camera) -> Nearest:
+    """The point nearest to each point in three dimensions.
+
+    Parameters
+    ----------
+    points
+        (n, 3) hit points, mm, camera frame; at least two.
+    grid
+        Their pixels.
+    camera
+        The camera that sees them.
+    """
+    return _nearest_by_window(points, points, grid, camera)
+
+
+def _nearest_by_window(
+    points: FloatArray, coordinates: FloatArray, grid: PixelGrid, camera: Camera
+) -> Nearest:
+    """Search windows of pixels around each point, and a k-d tree where that proves nothing.
+
+    A point nearer than the candidate is seen less than so many pixels away (`_reach_px`). If all of
+    these have been looked at, none was overlooked.
+    """
+    rows = np.ascontiguousarray(coordinates.T)
+    closest, nearest = _search_around(rows, grid)
+    reach = _reach_px(points, np.sqrt(closest), camera)
+    proven = reach < 2 - _ROUNDING_PX
+    for half in _WINDOWS:
+        enough = half + 1 - _ROUNDING_PX
+        members = np.flatnonzero(~proven & ((reach < enough) | np.isinf(closest)))
+        _search_window(rows, grid, members, half, closest, nearest)
+        reach[members] = _reach_px(points[members], np.sqrt(closest[members]), camera)
+        proven[members] = reach[members] < enough
+    rest = np.flatnonzero(~proven)
+    if len(rest):
+        nearest[rest] = _nearest(coordinates, rest)
+    return Nearest(nearest, proven)
+
+
+def _search_around(rows: FloatArray, grid: PixelGrid) -> tuple[FloatArray, IntArray]:
+    """Squared distance and number of the nearest of the eight points around; inf if none."""
+    count = rows.shape[1]
+    closest = np.full(count, np.inf)
+    offset = np.zeros(count, dtype=np.int64)
+    for down, right in _AROUND:
+        first, second = grid.pairs(down, right)
+        squared = _squared_distances(rows, first, second)
+        ahead = down * grid.width + right
+        for here, there in ((first, ahead), (second, -ahead)):
+            candidate = np.full(count, np.inf)
+            candidate[here] = squared
+            closer = candidate < closest
+            np.copyto(closest, candidate, where=closer)
+            np.copyto(offset, there, where=closer)
+    return closest, grid.number[grid.pixels + offset].astype(np.int64)
+
+
+def _search_window(
+    rows: FloatArray,
+    grid: PixelGrid,
+    members: IntArray,
+    half: int,
+    closest: FloatArray,
+    nearest: IntArray,
+) -> None:
+    """Look at the pixels up to `half` away from some points' but the eight next to these."""
+    if len(members) == 0:
+        return
+    row, column = np.divmod(grid.pixels[members], grid.width)
+    for down in range(-half, half + 1):
+        for right in range(-half, half + 1):
+            if max(abs(down), abs(right)) <= 1:
+                continue
+            inside = (row + down >= 0) & (row + down < grid.height)
+            inside &= (column + right >= 0) & (column + right < grid.width)
+            first = members[inside]
+            second = grid.number[grid.pixels[first] + down * grid.width + right]
+            first, second = first[second >= 0], second[second >= 0]
+            squared = _squared_distances(rows, first, second)
+            closer = squared < closest[first]
+            closest[first[closer]] = squared[closer]
+            nearest[first[closer]] = second[closer]
+
+
+def _squared_distances(rows: FloatArray, first: IntArray, second: NDArray[np.int32]) -> FloatArray:
+    total = np.zeros(len(first))
+    for values in rows:
+        total += (values[second] - values[first]) ** 2
+    return total
+
+
+def _reach_px(points: FloatArray, distance: FloatArray, camera: Camera) -> FloatArray:
+    """How far away in the picture a point at `distance` can be, px; inf when unknown."""
+    if camera.projection == "orthographic":
+        return distance / min(camera.pixel_pitch_mm)
+    x, y, z = points.T
+    slope = np.maximum(np.abs(x), np.abs(y)) / z
+    # Infinite distances (no neighbour) and points that reach the camera give no bound.
+    beyond = z - distance
+    reach = np.full(len(points), np.inf)
+    known = beyond > 0
+    factor = max(camera.focal_px) * np.sqrt(1 + slope[known] ** 2)
+    reach[known] = factor * distance[known] / beyond[known]
+    return reach
+
+
+def _nearest(points: FloatArray, queries: IntArray | slice) -> IntArray:
+    """Number of the nearest other point of each queried one."""
+    # An unbalanced tree is built twice as fast and is searched as fast.
+    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+    asked = points[queries]
+    own = np.arange(len(points))[queries]
+    found: IntArray = tree.query(asked, k=2, workers=-1)[1]
+    # Of two equal points either may come first.
+    return np.where(found[:, 0] == own, found[:, 1], found[:, 0])
