@@ -28,7 +28,10 @@ from iriftrace.scenes import folder_of
 from iriftrace.shell_io import load_shells
 from iriftrace.status import Status
 
-COMMANDS = ("doctor", "shells", "scene", "render", "metrics", "demo", "plot")
+COMMANDS = (
+    *("doctor", "shells", "scene", "render", "metrics", "demo"),
+    *("sweep", "plan", "plot", "report"),
+)
 AIR = iriftrace.Air()
 
 Run = Callable[..., str]
