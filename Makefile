@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test lint bench clean llvm
+.PHONY: help demo test lint bench accuracy clean llvm
 .DEFAULT_GOAL := help
 
 help:
@@ -14,6 +14,7 @@ help:
 	@echo 'make test    run the tests'
 	@echo 'make lint    check format, style and types'
 	@echo 'make bench   print the speed ratios'
+	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
 	@echo 'make clean   remove build folders and caches; .venv and out/ stay'
 
 demo: $(VENV)/installed $(VENV)/drawing llvm
@@ -29,6 +30,9 @@ lint: $(VENV)/installed-dev
 
 bench: $(VENV)/installed llvm
 	$(BIN)/python -m benchmarks
+
+accuracy: $(VENV)/installed-dev llvm
+	$(BIN)/python -m benchmarks.accuracy $(PARTS)
 
 clean:
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -12,53 +12,31 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from iriftrace.air import Air
+from benchmarks.accuracy.exact_shells import (
+    CYLINDER_UM,
+    SLAB_SHIFT_UM,
+    RoundAir,
+    cylinder_hits,
+    slab_hits,
+)
 from iriftrace.render import trace_rays
-from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, concentric_cylinders, slab
+from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, concentric_cylinders
 from tests.scene_rays import loaded
-
-SLAB_SHIFT_UM = {15: 0.906732, 60: 21.891213, 85: 4921.029686}
-CYLINDER_UM = {0.25: 0.484096, 0.75: 2.430121, 0.95: 7.621401}
-
-
-class RoundAir(Air):
-    """Air of exactly the refractivity for which the expected values were computed."""
-
-    @property
-    def ambient_refractivity(self) -> float:
-        return 2.718e-4
-
-
-@pytest.fixture
-def air() -> Air:
-    return RoundAir()
 
 
 @pytest.mark.parametrize("angle_deg", SLAB_SHIFT_UM)
 @pytest.mark.usefixtures("variant")
-def test_slab_of_200_layers_shifts_rays_as_snell_demands(
-    tmp_path: Path, air: Air, angle_deg: int
-) -> None:
-    scene = loaded(tmp_path, *slab(200, air=air, size_mm=1000.0))
-    angle = np.radians(angle_deg)
-    direction = np.array((np.sin(angle), 0.0, -np.cos(angle)))
-    hits = trace_rays(
-        scene, [np.array((1.0, 2.0, 0.0)) - direction * 25 / np.cos(angle)], [direction]
-    )
+def test_slab_of_200_layers_shifts_rays_as_snell_demands(tmp_path: Path, angle_deg: int) -> None:
+    hits = slab_hits(tmp_path, angle_deg)
     shift_um = hits.displacement[0] * 1e3
     assert hits.crossings[0] == 200
     assert shift_um[0] == pytest.approx(SLAB_SHIFT_UM[angle_deg], rel=1e-4)
     np.testing.assert_allclose(shift_um[1:], 0, atol=1e-9)
 
 
-def cylinder_errors(folder: Path, air: Air, layers: int) -> dict[float, float]:
+def cylinder_errors(folder: Path, layers: int) -> dict[float, float]:
     """Relative error of the displacement at each height of the ray over the axis."""
-    scene = loaded(
-        folder, *concentric_cylinders(layers, air=air, sections=4000, part_sections=40_000)
-    )
-    heights = np.array(list(CYLINDER_UM)) * CYLINDER_RADIUS_MM
-    origins = np.column_stack((np.full(3, 0.123), np.full(3, -100.0), heights))
-    hits = trace_rays(scene, origins, np.tile((0.0, 1.0, 0.0), (3, 1)))
+    hits = cylinder_hits(folder, layers)
     assert (hits.status == 0).all()
     np.testing.assert_array_equal(hits.crossings, layers)
     found_um = np.linalg.norm(hits.displacement, axis=1) * 1e3
@@ -69,31 +47,29 @@ def cylinder_errors(folder: Path, air: Air, layers: int) -> dict[float, float]:
 
 
 @pytest.mark.usefixtures("variant")
-def test_cylinder_converges_at_second_order(tmp_path: Path, air: Air) -> None:
+def test_cylinder_converges_at_second_order(tmp_path: Path) -> None:
     """The midpoint rule's own error with exact circles: 13 shells 0.27, 0.41 and 0.56 %."""
-    errors = {n: cylinder_errors(tmp_path / str(n), air, n) for n in (13, 26, 100)}
+    errors = {n: cylinder_errors(tmp_path / str(n), n) for n in (13, 26, 100)}
     least_gain = {0.25: 3.2, 0.75: 3.2, 0.95: 2.2}
-    for b in CYLINDER_UM:
+    for b in least_gain:
         assert abs(errors[13][b]) < 0.007
         assert abs(errors[100][b]) < 0.0005
         assert abs(errors[13][b] / errors[26][b]) > least_gain[b]
 
 
 @pytest.mark.usefixtures("variant")
-def test_cylinder_hit_of_thirteen_shells_has_the_error_of_exact_circles(
-    tmp_path: Path, air: Air
-) -> None:
+def test_cylinder_hit_of_thirteen_shells_has_the_error_of_exact_circles(tmp_path: Path) -> None:
     """Faceting adds next to nothing: the errors equal those of exact circles."""
-    errors = cylinder_errors(tmp_path, air, 13)
+    errors = cylinder_errors(tmp_path, 13)
     for b, expected in {0.25: 0.00265, 0.75: 0.00406, 0.95: 0.00561}.items():
         assert abs(errors[b]) == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.usefixtures("variant")
-def test_outer_value_rule_is_of_first_order_only(tmp_path: Path, air: Air) -> None:
+def test_outer_value_rule_is_of_first_order_only(tmp_path: Path) -> None:
     """Why the midpoint rule is the default: with 13 shells the other is several per cent off."""
     part, shells = concentric_cylinders(
-        13, air=air, sections=4000, part_sections=40_000, rule="outer"
+        13, air=RoundAir(), sections=4000, part_sections=40_000, rule="outer"
     )
     # Its last shell is the wall itself; a ray ends there before it is bent.
     shells = evolve(shells, shells=shells.shells[:-1])

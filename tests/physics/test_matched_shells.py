@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import re
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from iriftrace.errors import IriftraceWarning
+from benchmarks.accuracy.noise_floor import matched_scene
 from iriftrace.render import render_scene
 from iriftrace.scene import load_scene
 from iriftrace.scenes import folder_of
@@ -23,15 +21,7 @@ def test_index_matched_shells_of_the_real_scene_displace_nothing(tmp_path: Path)
     Beside an edge the two rays' queries may name different faces; both hits are then moved to the
     face that is really met, so that not even the edges of the facets are an exception.
     """
-    shutil.copytree(folder_of("cylinder"), tmp_path / "scene")
-    xml = tmp_path / "scene" / "scene.xml"
-    text = xml.read_text()
-    matched, count = re.subn(r'(ext_ior|int_ior)" value="[^"]*"', r'\1" value="1.0002"', text)
-    assert count == 26
-    xml.write_text(matched)
-    with pytest.warns(IriftraceWarning, match="0 of the 13 that were made for it"):
-        scene = load_scene(xml, {"scale": 0.5})
-    image = render_scene(scene).image
+    image = render_scene(matched_scene(tmp_path / "scene", 0.5)).image
     status = image.status
     assert set(np.unique(status)) == {Status.GOOD, Status.MISSED, Status.OUT_OF_FOCUS}
     hit = status != Status.MISSED

@@ -1,0 +1,99 @@
+"""The shells engine against media whose rays are known in closed form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.accuracy.line import Line, Section, relative
+from iriftrace.air import Air
+from iriftrace.camera import Camera, look_at
+from iriftrace.render import RayHits, trace_rays
+from iriftrace.scene import load_scene, write_scene
+from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, concentric_cylinders, slab
+
+SLAB_SHIFT_UM = {15: 0.906732, 60: 21.891213, 85: 4921.029686}
+"""Lateral shift of a ray at these angles of incidence, degrees."""
+
+CYLINDER_UM = {0.25: 0.484096, 0.75: 2.430121, 0.95: 7.621401, 0.999: 67.019772}
+"""Displacement of parallel rays at these heights over the axis, in radii."""
+
+CYLINDER_BOUND = {13: 0.7, 26: 0.3, 100: 0.05}
+ANY_CAMERA = Camera(
+    focal_length_mm=10.0,
+    sensor_mm=(6.7, 5.6),
+    resolution=(8, 8),
+    matrix=look_at((0.0, -200.0, 150.0), (0.0, 0.0, 0.0)),
+)
+
+
+class RoundAir(Air):
+    """Air of exactly the refractivity for which the expected values were computed."""
+
+    @property
+    def ambient_refractivity(self) -> float:
+        return 2.718e-4
+
+
+def slab_hits(folder: Path, angle_deg: float) -> RayHits:
+    """Hit of one ray in the x-z plane behind 200 plane layers."""
+    part, shells = slab(200, air=RoundAir(), size_mm=1000.0)
+    scene = load_scene(write_scene(folder, part, shells, ANY_CAMERA, paraview=False))
+    angle = np.radians(angle_deg)
+    direction = np.array((np.sin(angle), 0.0, -np.cos(angle)))
+    start = np.array((1.0, 2.0, 0.0)) - direction * 25 / np.cos(angle)
+    return trace_rays(scene, [start], [direction])
+
+
+def cylinder_hits(folder: Path, layers: int) -> RayHits:
+    """Hits of the rays of ``CYLINDER_UM`` behind coaxial layers of 4,000 facets."""
+    part, shells = concentric_cylinders(layers, air=RoundAir(), sections=4000, part_sections=40_000)
+    scene = load_scene(write_scene(folder, part, shells, ANY_CAMERA, paraview=False))
+    heights = np.array(list(CYLINDER_UM)) * CYLINDER_RADIUS_MM
+    origins = np.column_stack((np.full_like(heights, 0.123), np.full_like(heights, -100), heights))
+    return trace_rays(scene, origins, np.tile((0.0, 1.0, 0.0), (len(heights), 1)))
+
+
+def _lines(folder: Path) -> list[Line]:
+    lines = [
+        relative(
+            f"slab, 200 shells, {angle}°: shift",
+            exact,
+            float(slab_hits(folder / "slab", angle).displacement[0, 0] * 1e3),
+            "µm",
+            0.01,
+        )
+        for angle, exact in SLAB_SHIFT_UM.items()
+    ]
+    errors: dict[int, list[float]] = {}
+    for layers, bound in CYLINDER_BOUND.items():
+        hits = cylinder_hits(folder / f"cylinder_{layers}", layers)
+        found = np.linalg.norm(hits.displacement, axis=1) * 1e3
+        lines += [
+            relative(
+                f"hot cylinder, {layers} shells, ray at {b:g} R: displacement",
+                exact,
+                um,
+                "µm",
+                bound,
+            )
+            for (b, exact), um in zip(CYLINDER_UM.items(), found.tolist(), strict=True)
+        ]
+        errors[layers] = list(found / np.array(list(CYLINDER_UM.values())) - 1)
+    for place, b in enumerate(CYLINDER_UM):
+        order = np.log(errors[13][place] / errors[26][place]) / np.log(2)
+        lines.append(Line(f"order from 13 to 26 shells, ray at {b:g} R", "2", f"{order:.2f}"))
+    return lines
+
+
+SECTION = Section(
+    "exact",
+    "Shells against exact solutions",
+    "A slab of 20 mm whose temperature falls linearly from 1100 °C to 20 °C (n sin θ is "
+    "constant in plane layers), and a hot cylinder of 13.5 mm radius in air whose temperature "
+    "falls with the logarithm of the radius (n r sin θ is constant, Bouguer). n - 1 = 2.718e-4 "
+    "at 20 °C. Second order is reached later near the silhouette, where the path through the "
+    "layers has a root of the distance from the wall in it.",
+    _lines,
+)

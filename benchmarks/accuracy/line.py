@@ -1,0 +1,76 @@
+"""One line of the accuracy page: a number, what it should be, and how far off it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from attrs import frozen
+
+
+@frozen
+class Line:
+    """A checked number.
+
+    Attributes
+    ----------
+    case : str
+        What was computed.
+    expected, obtained : str
+        As they are printed, with unit; `expected` is empty where nothing is known beforehand.
+    error : float or None
+        In the unit of `bound`; None for a figure that is only reported.
+    bound : float or None
+        What the error must not exceed in size.
+    unit : str
+        Of error and bound.
+    """
+
+    case: str
+    expected: str
+    obtained: str
+    error: float | None = None
+    bound: float | None = None
+    unit: str = "%"
+
+    @property
+    def holds(self) -> bool:
+        """Whether the error is within its bound; a figure without bound always is."""
+        if self.bound is None:
+            return True
+        return self.error is not None and abs(self.error) <= self.bound
+
+
+@frozen
+class Section:
+    """A part of the page that can be computed alone.
+
+    Attributes
+    ----------
+    name : str
+        By which it is chosen on the command line.
+    title : str
+    text : str
+        What it shows and how it was computed.
+    compute : callable
+        From a folder for scenes and pictures to the lines.
+    picture : str
+        File name of the picture that `compute` leaves in the folder; empty without.
+    """
+
+    name: str
+    title: str
+    text: str
+    compute: Callable[[Path], list[Line]]
+    picture: str = ""
+
+
+def relative(case: str, expected: float, obtained: float, unit: str, bound: float) -> Line:
+    """A line whose error is the relative one, in per cent."""
+    return Line(
+        case,
+        f"{expected:.7g} {unit}",
+        f"{obtained:.7g} {unit}",
+        100 * (obtained / expected - 1),
+        bound,
+    )

@@ -1,0 +1,76 @@
+"""The page itself: sections, tables, pictures."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from benchmarks.accuracy.line import Line, Section
+
+INTRODUCTION = """# Accuracy
+
+Computed by `make accuracy`; a section alone by `make accuracy PARTS="{first}"`. The tests compute
+the cheap sections and fail when an error leaves its bound. mitsuba {mitsuba}, drjit {drjit},
+variant {variant}.
+"""
+
+
+def write_page(path: Path, sections: Sequence[Section], variant: str) -> list[Line]:
+    """Compute sections and write the page; pictures go beside it. Returns the lines."""
+    pieces = [
+        INTRODUCTION.format(
+            first=sections[0].name,
+            mitsuba=version("mitsuba"),
+            drjit=version("drjit"),
+            variant=variant,
+        )
+    ]
+    lines = []
+    with tempfile.TemporaryDirectory() as name:
+        for section in sections:
+            folder = Path(name) / section.name
+            folder.mkdir()
+            found = section.compute(folder)
+            pieces.append(section_text(section, found))
+            lines += found
+            if section.picture:
+                shutil.copy(folder / section.picture, path.with_name(section.picture))
+    path.write_text("\n".join(pieces), encoding="utf-8")
+    return lines
+
+
+def section_text(section: Section, lines: Sequence[Line]) -> str:
+    """Markdown of one section."""
+    rows = [
+        f"| {line.case} | {line.expected} | {line.obtained} | {_error(line)} | {_bound(line)} |"
+        for line in lines
+    ]
+    picture = f"\n![{section.title}]({section.picture})\n" if section.picture else ""
+    return "\n".join(
+        (
+            f"## {section.title}",
+            "",
+            section.text,
+            "",
+            f"`python -m benchmarks.accuracy {section.name}`",
+            picture,
+            "| what | expected | obtained | error | bound |",
+            "|---|---|---|---|---|",
+            *rows,
+            "",
+        )
+    )
+
+
+def _error(line: Line) -> str:
+    if line.error is None:
+        return ""
+    text = f"{line.error:.2g} {line.unit}"
+    return text if line.holds else f"**{text}**"
+
+
+def _bound(line: Line) -> str:
+    return "" if line.bound is None else f"{line.bound:g} {line.unit}"

@@ -1,0 +1,49 @@
+"""The accuracy page: its cheap sections hold, and the page in docs/ has them all.
+
+Sections ``exact`` and ``noise`` are what `tests/physics` asserts line by line.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.accuracy.line import Line, Section
+from benchmarks.accuracy.page import write_page
+from benchmarks.accuracy.sections import SECTIONS
+
+PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
+
+
+@pytest.mark.parametrize("name", ["ledger", "air"])
+@pytest.mark.usefixtures("variant")
+def test_every_error_is_within_its_bound(name: str, tmp_path: Path) -> None:
+    (section,) = (section for section in SECTIONS if section.name == name)
+    assert [line for line in section.compute(tmp_path) if not line.holds] == []
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_renderers_own_loop_is_wrong_by_many_times_the_signal(tmp_path: Path) -> None:
+    (section,) = (section for section in SECTIONS if section.name == "naive")
+    *_, times = section.compute(tmp_path)
+    assert float(times.obtained.split()[0]) > 5
+
+
+def test_the_page_in_docs_has_every_section_and_no_error_beyond_its_bound() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    for section in SECTIONS:
+        assert f"## {section.title}\n" in text
+        assert section.text in text
+    # A figure beyond its bound is set in bold.
+    assert "| **" not in text
+
+
+def test_a_page_shows_what_left_its_bound(tmp_path: Path) -> None:
+    lines = [Line("a", "1", "2", 100.0, 1.0), Line("b", "", "3 µm"), Line("c", "0", "0", 0, 0)]
+    section = Section("some", "Some title", "What it is.", lambda _: lines)
+    assert write_page(tmp_path / "page.md", [section], "a_variant") == lines
+    text = (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert "| a | 1 | 2 | **1e+02 %** | 1 % |" in text
+    assert "| b |  | 3 µm |  |  |" in text
+    assert [line.holds for line in lines] == [False, True, True]
