@@ -28,18 +28,21 @@ def warn_of_empty_poses(dataset: xr.Dataset) -> None:
     empty: NDArray[np.bool_] = good < FEWEST_RAYS
     if 2 * empty.sum() <= len(empty):
         return
+    hits = dataset["rays_hit"].sel(region="part").values
     reasons = {
         "the camera stands in the hot air or the part, or failed": (good < 0).sum(),
         "the part is out of focus": _most(dataset, "rays_out_of_focus", empty),
         "the part is hidden by another object": _most(dataset, "rays_blocked", empty),
-        "the part is out of the picture": (
-            empty & (dataset["rays_hit"].sel(region="part").values == 0)
+        "the part is out of the picture": (empty & (hits == 0)).sum(),
+        f"the part covers fewer than {FEWEST_RAYS} pixels": (
+            empty & (hits > 0) & (hits < FEWEST_RAYS)
         ).sum(),
     }
     reason = max(reasons, key=lambda text: reasons[text])
     warnings.warn(
         f"{empty.sum()} of {len(empty)} poses see fewer than {FEWEST_RAYS} good rays, mostly "
-        f"because {reason}; change the orbit, the focus interval or the focal length.",
+        f"because {reason}; change the orbit, the focus interval, the focal length or the number "
+        "of pixels.",
         IriftraceWarning,
         stacklevel=4,
     )

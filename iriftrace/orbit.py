@@ -166,7 +166,8 @@ def orbit_poses(
     Raises
     ------
     InputError
-        If an angle is not finite or beyond a pole, or a camera stands on the target.
+        If an angle is not finite or beyond a pole, there are too many poses, or a camera stands on
+        the target.
 
     Warns
     -----
@@ -182,6 +183,11 @@ def orbit_poses(
         raise InputError(
             f"Elevation {steepest:g} degrees lies beyond the pole, where the azimuth turns round; "
             "give -90 to 90 and the opposite azimuth."
+        )
+    if len(azimuths) * len(elevations) > _MOST_VALUES:
+        raise InputError(
+            f"{len(azimuths)} azimuths at {len(elevations)} elevations are more than "
+            f"{_MOST_VALUES} poses, which no sweep gets through; give fewer."
         )
     if len(np.unique(np.remainder(azimuths, 360.0))) < len(azimuths):
         warnings.warn(

@@ -43,6 +43,9 @@ Outside = Literal["clip", "discard"]
 # Metrics that differ by less than this share of their size differ by rounding.
 _ROUNDING = 1e-9
 
+# Metrics that differ by less than this share of their size hardly tell poses apart.
+_LITTLE = 0.01
+
 
 @frozen(eq=False)
 class Plan:
@@ -145,7 +148,7 @@ def rank_poses(
     Warns
     -----
     IriftraceWarning
-        A metric is the same in all ranked poses.
+        A metric is the same, or nearly the same, in all ranked poses.
     """
     weights = Weights() if weights is None else weights
     check_choice("outside", outside, get_args(Outside))
@@ -193,7 +196,16 @@ def rank_poses(
             f"The ranked poses ({len(order)}) do not differ in {', '.join(same)}, which therefore "
             "counts 0 in the score."
         )
-        warnings.warn(messages[0], IriftraceWarning, stacklevel=2)
+    for name in needed:
+        spread = _spread(found.metrics[name][ranked])
+        if name not in constant and spread < _LITTLE:
+            messages.append(
+                f"The ranked poses differ in {name} by {100 * spread:.2g} % only, which the "
+                "normalisation stretches so that it decides as much as the others; give it the "
+                "weight 0 if so little does not matter."
+            )
+    for message in messages:
+        warnings.warn(message, IriftraceWarning, stacklevel=2)
     return Plan(
         order=order.astype(np.int64),
         score=score,
@@ -263,8 +275,14 @@ def _cost(name: str, normalised: FloatArray, constant: Collection[str]) -> Float
 
 
 def _is_constant(values: FloatArray) -> bool:
+    return _spread(values) <= _ROUNDING
+
+
+def _spread(values: FloatArray) -> float:
+    """Range of the known values as a share of the largest; 0 if there are none."""
     known = values[np.isfinite(values)]
-    return len(known) == 0 or bool(np.ptp(known) <= _ROUNDING * np.abs(known).max())
+    largest = np.abs(known).max(initial=0.0)
+    return float(np.ptp(known) / largest) if largest > 0 else 0.0
 
 
 def _score(costs: dict[str, FloatArray], weights: dict[str, float]) -> FloatArray:

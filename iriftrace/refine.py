@@ -39,6 +39,9 @@ _ROLL_DEG = 45.0
 _FIRST_STEP = 0.4
 _LAST_STEP = 1e-3
 
+# Less is rounding, or no more than a ray at an edge.
+_LEAST_GAIN = 1e-4
+
 # Rendering the pose again gives the sweep's own score, but for a few rays on other processors.
 _SAME_SCORE = 0.01
 
@@ -187,8 +190,9 @@ def refine_pose(
             "final_tr_radius": _LAST_STEP,
         },
     )
-    # The first of equal ones: the start, unless something is really better.
     best = min(trials, key=lambda trial: trial.score)
+    if start_score - best.score < _LEAST_GAIN:
+        best = trials[0]
     return Refinement(
         start=plan.best,
         matrix=around.matrix(best.place),

@@ -225,7 +225,9 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     if across.logarithmic:
         _logarithmic(axes, "x")
     axes.set(xlabel=across.label, ylabel=up.label)
-    axes.set_ylim(bottom=0)
+    # Poses that all see much the same would lie in one line at the top.
+    if up.values[known].min() < 0.5 * up.values[known].max():
+        axes.set_ylim(bottom=0)
     axes.grid(color="0.92", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

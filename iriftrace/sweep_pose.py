@@ -39,6 +39,8 @@ class SceneSource:
         SHA-256 of the file, of those that it names, and of variables and variant.
     version : str
         Of iriftrace.
+    files : dict of str
+        SHA-256 of each file that the scene names, by absolute path.
     """
 
     path: str
@@ -46,6 +48,7 @@ class SceneSource:
     variant: str
     fingerprint: str
     version: str
+    files: dict[str, str]
 
 
 @frozen(eq=False)
@@ -105,13 +108,15 @@ def source_of(path: Path, variables: dict[str, str], variant: str) -> SceneSourc
         # Said when the scene is loaded.
         warnings.simplefilter("ignore", IriftraceWarning)
         files = read_scene_file(path, variables).file_paths
-    content = [sha256_of(file) for file in (path, *files)]
+    contents = {str(file.resolve()): sha256_of(file) for file in files}
+    content = [sha256_of(path), *(contents[str(file.resolve())] for file in files)]
     return SceneSource(
         path=str(path.resolve()),
         variables=variables,
         variant=variant,
         fingerprint=fingerprint(content, variables, variant),
         version=version("iriftrace"),
+        files=contents,
     )
 
 

@@ -117,14 +117,18 @@ def series_variables(series: Sequence[Series]) -> dict[str, Any]:
     }
 
 
-def scenes_attribute(series: Sequence[Series]) -> list[dict[str, Any]]:
-    """Every scene once: path as given, absolute path, SHA-256, parameters and field."""
+def scenes_attribute(
+    series: Sequence[Series], sources: Sequence[SceneSource]
+) -> list[dict[str, Any]]:
+    """Every scene once: path as given, absolute path, SHA-256, files, parameters and field."""
     scenes = {str(one.scene.path): one.scene for one in series}
+    files = {str(one.scene.path): source.files for one, source in zip(series, sources, strict=True)}
     return [
         {
             "scene": name,
             "path": str(Path(name).resolve()),
             "sha256": sha256_of(scene.path),
+            "files": files[name],
             "variables": scene.variables,
             "field": scene.shells_table.get("source"),
         }

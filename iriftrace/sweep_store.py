@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.errors import InputError
 from iriftrace.face_sightings import COUNTS as COUNTS_OF_FACES
-from iriftrace.face_sightings import FaceSightings
+from iriftrace.face_sightings import ROW, FaceSightings
 from iriftrace.sighting_file import SIGHTING, append_sightings
 from iriftrace.status import Status
 from iriftrace.whole_file import whole_file
@@ -160,11 +161,30 @@ def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightin
         All but the variables over ``sighting``.
     sightings : iterable of FaceSightings
         Of each pose; only one is in memory at a time.
+
+    Raises
+    ------
+    InputError
+        If the disk has no room for it, or the file cannot be written.
     """
+    rows = int(dataset[COUNTS_OF_FACES].sum())
+    _refuse_full_disk(path, dataset.nbytes + rows * ROW.itemsize)
     with whole_file(path) as temporary:
         packed = {name: {"zlib": True} for name, v in dataset.items() if v.dims == ("face",)}
         dataset.to_netcdf(temporary, engine="h5netcdf", encoding=packed)
-        append_sightings(temporary, int(dataset[COUNTS_OF_FACES].sum()), sightings)
+        append_sightings(temporary, rows, sightings)
+
+
+def _refuse_full_disk(path: Path, needed: int) -> None:
+    """HDF5 ends the program when a disk gets full while it writes."""
+    if not path.parent.is_dir():
+        return
+    free = shutil.disk_usage(path.parent).free
+    if free < needed:
+        raise InputError(
+            f"{path} needs up to {needed / 1e6:.1f} MB and the disk has {free / 1e6:.1f} MB left; "
+            "make room and give the same command again: no pose is lost."
+        )
 
 
 def read_sweep(path: str | Path) -> xr.Dataset:

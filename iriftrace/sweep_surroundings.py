@@ -13,7 +13,7 @@ from iriftrace.errors import InputError
 from iriftrace.part import Part, read_part
 from iriftrace.shell_io import read_ply
 from iriftrace.shell_mesh import AnyIntArray
-from iriftrace.sweep_origin import attribute, check_unchanged, scene_of
+from iriftrace.sweep_origin import attribute, check_unchanged, scene_of, scene_of_pose
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,5 +81,9 @@ def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
             layers[int(layer.get("value", ""))] = scene.parent / file.get("value", "")
     if not layers:
         raise InputError(f"{scene} names none")
-    vertices, faces, _ = read_ply(layers[min(layers)])
+    outermost = layers[min(layers)]
+    files = scene_of_pose(dataset, 0).get("files", {})
+    if str(outermost.resolve()) in files:
+        check_unchanged(outermost, files[str(outermost.resolve())])
+    vertices, faces, _ = read_ply(outermost)
     return vertices, faces

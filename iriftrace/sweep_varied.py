@@ -52,13 +52,16 @@ def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
 
 def series_of(varied: tuple[Varied, ...], poses: int) -> dict[str, IntArray]:
     """Poses that differ in nothing but position: a description (may be empty) and their numbers."""
-    texts = [
-        ", ".join(_value(one.name, one.values[pose]) for one in varied) for pose in range(poses)
-    ]
+    texts = [setting_of(varied, pose) for pose in range(poses)]
     numbers: dict[str, list[int]] = {}
     for pose, text in enumerate(texts):
         numbers.setdefault(text, []).append(pose)
     return {text: np.array(members, dtype=np.int64) for text, members in numbers.items()}
+
+
+def setting_of(varied: tuple[Varied, ...], pose: int) -> str:
+    """What a pose has and others have not, such as "focal length 8 mm"; empty if nothing."""
+    return ", ".join(_value(one.name, one.values[pose]) for one in varied)
 
 
 def _value(name: str, value: str) -> str:

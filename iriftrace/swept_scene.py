@@ -83,6 +83,8 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
         raise InputError("the sweep does not name its scene")
     check_unchanged(named["path"], named.get("sha256", ""))
     check_unchanged(part["path"], part.get("sha256", ""))
+    for file, sha256 in named.get("files", {}).items():
+        check_unchanged(file, sha256)
 
     from iriftrace.scene import load_scene
 

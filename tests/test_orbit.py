@@ -282,6 +282,12 @@ def test_angles_that_are_refused(azimuth, elevation, message):
         orbit_poses(orbit(), azimuth, elevation)
 
 
+def test_more_poses_than_any_sweep_gets_through():
+    """Each range alone is allowed; all combinations would fill the memory."""
+    with pytest.raises(InputError, match="99999 azimuths at 99999 elevations"):
+        orbit_poses(orbit(), parse_range("0:90:99999"), parse_range("-90:90:99999"))
+
+
 def test_a_target_on_the_orbit_is_refused():
     with pytest.raises(InputError, match="stands on its own target"):
         orbit_poses(orbit(), [0.0, 90.0], 0.0, np.add(CENTRE, (0.0, AXES[1], 0.0)))

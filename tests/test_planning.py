@@ -196,6 +196,16 @@ def test_a_constant_metric_counts_zero(name: str) -> None:
     assert len(plan.warnings) == 1
 
 
+def test_a_metric_that_hardly_differs_is_said_to_decide_as_much() -> None:
+    """It counts as always, since the paper's normalisation knows no size."""
+    little = 0.3 * (1 + 1e-3 * np.array(NORMALISED["lateral"]))
+    with pytest.warns(IriftraceWarning, match=r"differ in lateral by 0\.1 % only"):
+        plan = rank_poses(five(lateral=little))
+    assert plan.constant == ()
+    assert np.ptp(plan.normalised["lateral"]) == 1.0
+    assert len(plan.warnings) == 1
+
+
 def test_one_pose_is_the_best_of_one() -> None:
     with pytest.warns(IriftraceWarning, match="displacement, coverage, axial, lateral"):
         plan = rank_poses(sweep_table([1], [0.1], [1], [1]))

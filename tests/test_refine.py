@@ -96,6 +96,15 @@ def test_nothing_better_leaves_the_start() -> None:
     assert found.turn_deg == found.roll_deg == 0.0
 
 
+def test_a_gain_that_is_rounding_leaves_the_start() -> None:
+    """Nothing but noise of 1e-6 of a score tells the poses apart."""
+    table, plan = hill_sweep()
+    lower = {**plan.limits, "displacement": (-1000.0, 1000.0)}
+    found = refine_pose(table, evolve(plan, limits=lower, score=plan.score + 0.5), Hill())
+    assert found.gain == 0.0
+    np.testing.assert_array_equal(found.matrix, START)
+
+
 @pytest.mark.parametrize("evaluations", [10, 25])
 def test_no_more_poses_are_rendered_than_allowed(evaluations: int) -> None:
     table, plan = hill_sweep()

@@ -122,6 +122,29 @@ def test_interrupted_sweep_goes_on_and_ends_the_same(
     assert not journal.exists()
 
 
+def test_a_full_disk_costs_no_pose(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All poses are done, but the result does not fit; when it does, none is rendered again."""
+    path = tmp_path / "sweep.nc"
+    usage = shutil.disk_usage(tmp_path)
+    with monkeypatch.context() as full:
+        full.setattr(shutil, "disk_usage", lambda folder: usage._replace(free=1000))
+        with pytest.raises(InputError, match="make room and give the same command again"):
+            run_sweep(scene, poses.take([0, 2]), scene.camera, path)
+    assert not path.exists()
+    rendered: list[int] = []
+    run_sweep(
+        scene,
+        poses.take([0, 2]),
+        scene.camera,
+        path,
+        progress=lambda done, total: rendered.append(done),
+    )
+    assert rendered == [2]
+    assert path.is_file()
+
+
 def test_finished_sweep_is_not_repeated(
     scene: LoadedScene, poses: PoseSet, swept: tuple[Path, xr.Dataset]
 ) -> None:
@@ -168,6 +191,18 @@ def test_failed_and_empty_poses_do_not_stop_the_rest(
     assert whole["rays_good"].values.tolist()[:2] == [-1, 0]
     assert np.isnan(whole["displacement_mean"].values[:2]).all()
     assert whole["rays_good"].values[2] > 100
+
+
+def test_a_part_far_away_is_said_to_be_small(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """It is hit, in the picture, and in focus."""
+    matrices = np.array(poses.matrices[:1])
+    matrices[0, :3, 3] *= 20.0
+    camera = evolve(scene.camera, focus_mm=(50.0, np.inf))
+    with pytest.warns(IriftraceWarning, match="the part covers fewer than 100 pixels"):
+        dataset = run_sweep(scene, PoseSet(matrices=matrices), camera, tmp_path / "far.nc")
+    assert 0 < int(dataset["rays_good"].sel(region="part")[0]) < 100
 
 
 def test_images_are_kept_on_request(scene: LoadedScene, poses: PoseSet, tmp_path: Path) -> None:

@@ -258,6 +258,17 @@ def test_the_pareto_front_is_ringed(summary: SweepSummary) -> None:
     assert "Without a number, not shown: 2" in legend_of(figure)
 
 
+def test_poses_of_much_the_same_coverage_are_told_apart() -> None:
+    """A sphere shows as much from everywhere: the axis shows the differences, and all of them."""
+    data = sweep()
+    data["coverage"] = 0.35 + 0.03 * data["coverage"]
+    axes = all_axes(pareto_figure(summarise(data)))[0]
+    values = 100 * data["coverage"].sel(region="part").to_numpy()
+    low, high = axes.get_ylim()
+    assert low < np.nanmin(values) < np.nanmax(values) < high
+    assert np.nanmax(values) - np.nanmin(values) > 0.8 * (high - low)
+
+
 def test_no_text_is_cut_off_or_overlaps(summary: SweepSummary) -> None:
     """Labels, titles and tick labels of each figure lie inside it and apart from each other."""
     figures = [map_figure(summary, quantity) for quantity in summary.quantities]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 ORBIT = Group("Orbit", sort_key=1)
 
+AZIMUTH, ELEVATION = "0:90:10", "-90:90:19"
+"""Angles of an orbit without others, degree."""
+
 FOCUS_SHARE = 0.9
 """Default stand-off as a share of the far end of the focus interval."""
 
@@ -32,9 +36,9 @@ class OrbitOptions:
     Parameters
     ----------
     azimuth
-        start:stop:count in degrees, both ends included, or one angle.
+        start:stop:count in degrees, both ends included, or one angle; 0:90:10 by default.
     elevation
-        The same; at +-90 degrees there is one pose only.
+        The same; at +-90 degrees there is one pose only; -90:90:19 by default.
     target
         Point that is looked at in mm, "0,0,0"; by default the part's centre.
     stand_off
@@ -45,25 +49,29 @@ class OrbitOptions:
     paper_axes
         Largest semi-axis in mm of an ellipsoid with the ratio of the part's dimensions.
     angles
-        Whether angles are the ellipsoid's parameters or directions from its centre.
+        Whether angles are the ellipsoid's parameters, as by default, or directions from its
+        centre.
     fibonacci
         Instead of angles: this many poses spread evenly over the ellipsoid.
     poses
         Instead of an orbit: file with a list of poses.
     convention
-        Camera axes in that file.
+        Camera axes in that file, opencv by default.
+    length_unit
+        Unit of the positions in that file, mm by default; robots often write m.
     """
 
-    azimuth: str = "0:90:10"
-    elevation: str = "-90:90:19"
+    azimuth: str | None = None
+    elevation: str | None = None
     target: str | None = None
     stand_off: str | None = None
     semi_axes: str | None = None
     paper_axes: str | None = None
-    angles: Literal["parameter", "geocentric"] = "parameter"
+    angles: Literal["parameter", "geocentric"] | None = None
     fibonacci: Whole | None = None
     poses: Path | None = None
-    convention: Literal["opencv", "mitsuba", "opengl", "ros", "paper"] = "opencv"
+    convention: Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None = None
+    length_unit: str | None = None
 
     def look_at(self, scene: LoadedScene) -> np.ndarray[Any, Any]:
         """The point that is looked at, (3,) array, mm."""
@@ -79,33 +87,52 @@ class OrbitOptions:
         from iriftrace.orbit import Orbit, fibonacci_poses, orbit_poses, parse_range
         from iriftrace.pose_files import read_poses
 
+        self._refuse_contradictions()
         if self.poses is not None:
-            self._refuse_orbit()
-            return [(math.nan, read_poses(self.poses, self.convention))]
+            convention, unit = self.convention or "opencv", self.length_unit or "mm"
+            return [(math.nan, read_poses(self.poses, convention, length_unit=unit))]
         target = self.look_at(scene)
         sets = []
         for stand_off, axes in self._axes(scene, camera):
-            orbit = Orbit(centre=scene.part.centre, semi_axes_mm=axes, angles=self.angles)
+            kind = self.angles or "parameter"
+            orbit = Orbit(centre=scene.part.centre, semi_axes_mm=axes, angles=kind)
             if self.fibonacci is not None:
                 poses = fibonacci_poses(orbit, self.fibonacci, target)
             else:
-                angles = parse_range(self.azimuth), parse_range(self.elevation)
-                poses = orbit_poses(orbit, *angles, target)
+                azimuth = parse_range(AZIMUTH if self.azimuth is None else self.azimuth)
+                elevation = parse_range(ELEVATION if self.elevation is None else self.elevation)
+                poses = orbit_poses(orbit, azimuth, elevation, target)
             sets.append((stand_off, poses))
         return sets
 
-    def _refuse_orbit(self) -> None:
-        given = {
+    def _refuse_contradictions(self) -> None:
+        """Refuse options that would change nothing."""
+        grid = {"--azimuth": self.azimuth, "--elevation": self.elevation}
+        of_a_file = {"--convention": self.convention, "--length-unit": self.length_unit}
+        if self.poses is None:
+            for name in _given(of_a_file):
+                raise InputError(
+                    f"{name} says how a list of poses is written, but none is given; leave it out, "
+                    "or give --poses."
+                )
+            for name in _given(grid) if self.fibonacci is not None else ():
+                raise InputError(
+                    f"{name} lays out a grid of angles, but --fibonacci spreads the poses itself; "
+                    "leave out one of the two."
+                )
+            return
+        orbit = {
+            **grid,
             "--stand-off": self.stand_off,
             "--semi-axes": self.semi_axes,
             "--paper-axes": self.paper_axes,
+            "--angles": self.angles,
             "--fibonacci": self.fibonacci,
         }
-        names = [name for name, value in given.items() if value is not None]
-        if names:
+        for name in _given(orbit):
             raise InputError(
-                f"{names[0]} describes an orbit, but the poses come from {self.poses}; leave out "
-                "one of the two."
+                f"{name} describes an orbit, but the poses come from {self.poses}; leave out one "
+                "of the two."
             )
 
     def _axes(self, scene: LoadedScene, camera: Camera) -> list[tuple[float, Any]]:
@@ -131,6 +158,10 @@ class OrbitOptions:
             )
         length = FOCUS_SHARE * far
         return [(length, semi_axes(scene.part, length))]
+
+
+def _given(options: Mapping[str, object]) -> list[str]:
+    return [name for name, value in options.items() if value is not None]
 
 
 def different_lengths(text: str, option: str) -> list[float]:

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from iriftrace.plan_table import RankingTable, alternative_text, front_text, stability_text
 from iriftrace.pose_text import pose_text
+from iriftrace.sweep_varied import setting_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -40,9 +41,13 @@ def print_plan(console: Console, summary: SweepSummary, ranking: RankingTable) -
     if unclear:
         _say(console, unclear)
     _say(console, front_text(summary))
-    print_pose(
-        console, f"Best pose {plan.best}", summary.matrices[plan.best], summary.distance[plan.best]
-    )
+    _print_swept(console, "Best pose", summary, plan.best)
+
+
+def _print_swept(console: Console, kind: str, summary: SweepSummary, pose: int) -> None:
+    setting = setting_of(summary.varied, pose)
+    name = f"{kind} {pose}{f' ({setting})' if setting else ''}"
+    print_pose(console, name, summary.matrices[pose], summary.distance[pose])
 
 
 def print_pose(console: Console, name: str, matrix: ArrayLike, distance_mm: float) -> None:
@@ -96,7 +101,7 @@ def print_views(
         f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}",
     )
     for pose in views.poses.tolist():
-        print_pose(console, f"Pose {pose}", summary.matrices[pose], summary.distance[pose])
+        _print_swept(console, "Pose", summary, pose)
 
 
 def print_refined(console: Console, summary: SweepSummary, refined: Refinement) -> None:
@@ -121,7 +126,9 @@ def print_refined(console: Console, summary: SweepSummary, refined: Refinement) 
         values = (refined.start_metrics[quantity.key], refined.metrics[quantity.key])
         table.add_row(quantity.label, *(f"{factor * value:.4g}" for value in values))
     console.print(table)
-    print_pose(console, "Refined pose", refined.matrix, refined.distance_mm)
+    setting = setting_of(summary.varied, refined.start)
+    name = f"Refined pose ({setting})" if setting else "Refined pose"
+    print_pose(console, name, refined.matrix, refined.distance_mm)
 
 
 def _table(title: str | None, headings: tuple[str, ...]) -> Table:

@@ -1,4 +1,4 @@
-"""The command ``iriftrace plot``: pictures of a sweep or of one pose."""
+"""The command ``iriftrace plot``: pictures of a sweep, a study or one pose."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ def plot(
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
     ranking: RankingOptions = THE_PAPERS,
 ) -> None:
-    """Draw a sweep or one pose.
+    """Draw a sweep, a study or one pose.
 
     Of a sweep: the poses in space, coloured by each metric; maps over azimuth and elevation;
     histograms; rays of each pose; the Pareto front; the views of smallest and largest
-    displacement; the faces of the part, coloured by how well they are seen. Of a pose: the
-    displacement picture.
+    displacement; the faces of the part, coloured by how well they are seen. Of a study: its figure.
+    Of a pose: the displacement picture.
 
     Example: ``iriftrace plot sweep.nc -o figures``
 
     Parameters
     ----------
     file
-        A sweep (.nc) that ``iriftrace sweep`` wrote, or an AOV image (.exr), to which the options
-        for the ranking do not apply.
+        A sweep (.nc) that ``iriftrace sweep`` wrote; or a study (.nc) or an AOV image (.exr), to
+        which the options for the ranking do not apply.
     output
         Folder for the pictures (PNG, and PDF where there are vectors).
     """
@@ -47,6 +47,8 @@ def plot(
     check_folder(output)
     if suffix == ".exr":
         pictures = _plot_pose(file, output)
+    elif _is_study(file):
+        pictures = _plot_study(file, output)
     else:
         pictures = _plot_sweep(file, ranking, output)
     out.print(
@@ -65,6 +67,25 @@ def _plot_pose(file: Path, folder: Path) -> list[Path]:
     with removed_on_failure(folder), working("Drawing"):
         folder.mkdir(exist_ok=True)
         displacement_figure(image, picture)
+    return [picture]
+
+
+def _is_study(file: Path) -> bool:
+    from iriftrace.studies.cases import is_study
+
+    return is_study(file)
+
+
+def _plot_study(file: Path, folder: Path) -> list[Path]:
+    from iriftrace.figure_file import write_png
+    from iriftrace.studies.cases import read_study
+    from iriftrace.studies.figure import study_figure
+
+    dataset = read_study(file)
+    picture = folder / f"{file.stem}.png"
+    with removed_on_failure(folder), working("Drawing"):
+        folder.mkdir(exist_ok=True)
+        write_png(study_figure(dataset), picture)
     return [picture]
 
 

@@ -54,6 +54,40 @@ def test_the_best_pose_is_printed_in_three_forms(
     assert plain[1] == xml[1]
 
 
+def test_a_pose_is_named_with_its_lens(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its matrix alone would not do: the scene's focal length is another."""
+    file = tmp_path / "a.nc"
+    options = ["--azimuth=0:90:2", "--elevation=30", "--focal-length=25mm,30mm"]
+    assert main(["sweep", str(hot.scene), "-o", str(file), *options]) == 0
+    text = printed(capsys, "plan", file, "--views=1")
+    best = re.search(r"^Best pose (\d+) \(focal length (\d+) mm\), camera", text, re.MULTILINE)
+    assert float(best[2]) == float(read_sweep(file)["focal_length"][int(best[1])])
+    assert re.search(r"^Pose \d+ \(focal length \d+ mm\), camera", text, re.MULTILINE)
+    assert main(["report", str(file), "-o", str(tmp_path / "a.html")]) == 0
+    said = read_page(tmp_path / "a.html").text
+    assert f"Pose {best[1]} (focal length {best[2]} mm) is the best" in said
+
+
+def test_other_shells_are_not_taken_for_those_of_the_sweep(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The scene's file is the same, but one of those that it names has changed."""
+    scene = tmp_path / "scene" / "scene.xml"
+    shutil.copytree(hot.scene.parent, scene.parent)
+    file = tmp_path / "a.nc"
+    assert main(["sweep", str(scene), "-o", str(file), "--azimuth=0:90:2", "--elevation=30"]) == 0
+    shells = sorted((scene.parent / "shells").glob("*.ply"))
+    shutil.copy(shells[-1], shells[0])
+    for command in (["plan", file, "--refine"], ["report", file, "-o", tmp_path / "a.html"]):
+        capsys.readouterr()
+        code = main([*map(str, command)])
+        said = " ".join(capsys.readouterr().err.split())
+        assert f"{shells[0]} has changed since the sweep" in said
+        assert code == (2 if command[0] == "plan" else 0)
+
+
 def test_views_together_see_what_is_said(sweep: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Counted again from the sweep's own rows."""
     options = ["--views=2", "--max-displacement=50 um", "--max-incidence=60"]

@@ -50,6 +50,18 @@ LINES = {
         "only one of",
     ),
     "orbit and list": ("sweep {scene} -o a.nc --poses p.csv --stand-off 200", "p.csv"),
+    "angles and list": ("sweep {scene} -o a.nc --poses p.csv --azimuth 0", "--azimuth.*p.csv"),
+    "kind of angles and list": (
+        "sweep {scene} -o a.nc --poses p.csv --angles geocentric",
+        "--angles.*p.csv",
+    ),
+    "angles and lattice": (
+        "sweep {scene} -o a.nc --fibonacci 10 --elevation 0",
+        "--elevation.*--fibonacci",
+    ),
+    "convention of no list": ("sweep {scene} -o a.nc --convention ros", "--convention.*--poses"),
+    "unit of no list": ("sweep {scene} -o a.nc --length-unit m", "--length-unit.*--poses"),
+    "orbit in the part": ("sweep {scene} -o a.nc --semi-axes 3,3,3", "inside the part"),
     "list of poses that is gone": ("sweep {scene} -o a.nc --poses gone.csv", "gone.csv"),
     "status that is none": ("sweep {scene} -o a.nc --include 99", "99"),
     "table of another kind": ("sweep {scene} -o a.nc --export a.xlsx", r"a\.xlsx.*\.csv or"),
@@ -142,6 +154,27 @@ def test_poses_in_the_part_are_recorded_as_failed(
     assert [bool(text) for text in dataset["failure"].values] == [True, False, False]
     assert dataset["sightings"].values.tolist()[0] == 0
     assert np.isnan(dataset["stand_off"]).all()
+
+
+METRES = "x,y,z,target_x,target_y,target_z\n0.006,-0.0045,0.004,0,0,0\n0.003,0.004,0.005,0,0,0\n"
+
+
+def test_a_list_whose_poses_all_stand_in_the_part(
+    fails: Failing, hot: HotBlock, tmp_path: Path
+) -> None:
+    """As those of a file in metres do that is read in millimetres."""
+    (tmp_path / "metres.csv").write_text(METRES)
+    line = f"sweep {hot.scene} -o a.nc --poses {tmp_path / 'metres.csv'}"
+    assert "All 2 poses" in fails(*line.split())
+
+
+def test_a_list_in_metres(hot: HotBlock, tmp_path: Path) -> None:
+    (tmp_path / "metres.csv").write_text(METRES.replace("0.00", "0.06"))
+    line = f"sweep {hot.scene} -o {tmp_path / 'a.nc'} --poses {tmp_path / 'metres.csv'}"
+    assert main([*line.split(), "--length-unit", "m"]) == 0
+    dataset = read_sweep(tmp_path / "a.nc")
+    np.testing.assert_allclose(dataset["matrix"].values[0, :3, 3], (66.0, -64.5, 64.0))
+    assert (dataset["rays_good"].sel(region="part") > 100).all()
 
 
 def test_products_from_the_command_line(
