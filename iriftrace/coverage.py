@@ -29,6 +29,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera import Camera
+from iriftrace.distortion import Distortion
 from iriftrace.exr import AovImage
 from iriftrace.face_blocks import share_out
 from iriftrace.part import Part
@@ -90,7 +91,11 @@ def footprint_areas(
     if camera.projection == "orthographic":
         return camera.pixel_area_mm2 / cosine
     solid_angle = _solid_angles(
-        camera.focal_length_mm, camera.sensor_mm, camera.resolution, camera.principal_point_px
+        camera.focal_length_mm,
+        camera.sensor_mm,
+        camera.resolution,
+        camera.principal_point_px,
+        camera.distortion,
     )
     areas: FloatArray = solid_angle[pixels]
     areas *= distance
@@ -189,6 +194,7 @@ def _solid_angles(
     sensor_mm: tuple[float, float],
     resolution: tuple[int, int],
     principal_point_px: tuple[float, float],
+    distortion: Distortion | None,
 ) -> FloatArray:
     """Solid angles of all pixels, row by row, sr; the same in every pose of a camera."""
     camera = Camera(
@@ -196,6 +202,7 @@ def _solid_angles(
         sensor_mm=sensor_mm,
         resolution=resolution,
         principal_point_px=principal_point_px,
+        distortion=distortion,
     )
     angles = camera.pixel_solid_angle().ravel()
     angles.setflags(write=False)

@@ -174,7 +174,7 @@ def _reach_px(points: FloatArray, distance: FloatArray, camera: Camera) -> Float
     beyond = z - distance
     reach = np.full(len(points), np.inf)
     known = beyond > 0
-    factor = max(camera.focal_px) * np.sqrt(1 + slope[known] ** 2)
+    factor = camera.steepest_px * np.sqrt(1 + slope[known] ** 2)
     reach[known] = factor * distance[known] / beyond[known]
     return reach
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from iriftrace.camera import Camera
+from iriftrace.distortion import Distortion
 from iriftrace.errors import InputError
 
 from .projection import Projection, flip_axes
@@ -29,6 +30,7 @@ def sensor_of(camera: Camera) -> Any:
             "sensor_height": camera.sensor_mm[1],
             "principal_point_x": camera.principal_point_px[0],
             "principal_point_y": camera.principal_point_px[1],
+            **({} if camera.distortion is None else camera.distortion.as_dict()),
             "focus_near": near,
             **({"focus_far": far} if math.isfinite(far) else {}),
             "to_world": mi.ScalarTransform4d(flip_axes(camera.matrix)),
@@ -65,14 +67,28 @@ def plugin_class(variant: str) -> type:
         ``principal_point_y``  float, px  the same from the upper edge                    centre
         ``focus_near``         float, mm  nearest distance along the ray that is sharp    0
         ``focus_far``          float, mm  farthest one                                    unlimited
+        ``k1``                 float      radial lens distortion, numerator               0
+        ``k2``                 float      the same, next order                            0
+        ``k3``                 float      the same, next order                            0
+        ``k4``                 float      radial lens distortion, denominator             0
+        ``k5``                 float      the same, next order                            0
+        ``k6``                 float      the same, next order                            0
+        ``p1``                 float      tangential lens distortion                      0
+        ``p2``                 float      the same                                        0
         ``scale``              float      factor on the film's width and height           1
         ``to_world``           transform  pose, in Mitsuba's convention (``lookat``)      identity
         =====================  =========  ==============================================  =========
 
-        A pinhole camera. Pixel ``i`` covers ``[i, i + 1)`` and its centre is ``i + 0.5``; OpenCV
-        counts centres as whole numbers, so add 0.5 to its principal point. ``first_hit`` asks for
-        rays in double precision (``rays64``); other integrators get the same in single precision.
-        No lens distortion, no aperture.
+        A pinhole camera with the lens distortion of Brown and Conrady in OpenCV's form: with
+        ``r2 = x x + y y`` a direction (x, y, 1) of the camera frame (x right, y down) is seen at
+        ``x R + 2 p1 x y + p2 (r2 + 2 x x)``, ``y R + p1 (r2 + 2 y y) + 2 p2 x y``, times the focal
+        length, where ``R = (1 + k1 r2 + k2 r2^2 + k3 r2^3) / (1 + k4 r2 + k5 r2^2 + k6 r2^3)``.
+        Rays are its inverse, by Newton's method, to 1e-10 px. Coefficients that fold the picture
+        (two directions at one place) are refused. Without them nothing of this is computed.
+
+        Pixel ``i`` covers ``[i, i + 1)`` and its centre is ``i + 0.5``; OpenCV counts centres as
+        whole numbers, so add 0.5 to its principal point. ``first_hit`` asks for rays in double
+        precision (``rays64``); other integrators get the same in single precision. No aperture.
 
         .. code-block:: xml
 
@@ -127,6 +143,16 @@ def plugin_class(variant: str) -> type:
                     number(props, "focus_far") if "focus_far" in props else math.inf,
                 ),
                 matrix=flip_axes(pose),
+                distortion=Distortion(
+                    k1=number(props, "k1", 0.0),
+                    k2=number(props, "k2", 0.0),
+                    p1=number(props, "p1", 0.0),
+                    p2=number(props, "p2", 0.0),
+                    k3=number(props, "k3", 0.0),
+                    k4=number(props, "k4", 0.0),
+                    k5=number(props, "k5", 0.0),
+                    k6=number(props, "k6", 0.0),
+                ),
             ).scaled(number(props, "scale", 1.0))
             if self._description.resolution != full:
                 self._resize(film, full)

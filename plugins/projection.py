@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from iriftrace.camera import Camera
+from iriftrace.distortion import distorted, fold_radius, newton_step
+
 
 def flip_axes(matrix: ArrayLike) -> NDArray[np.float64]:
     """Camera-to-world matrix from Mitsuba's convention to the camera frame's, and back."""
@@ -25,7 +28,7 @@ class Projection:
     ----------
     description : dict
         The values of ``iriftrace.camera.Camera.as_dict``: projection, focal_length_mm, sensor_mm,
-        resolution, principal_point_px and matrix (camera to world).
+        resolution, principal_point_px, matrix (camera to world) and distortion (none by default).
     """
 
     def __init__(self, description: dict[str, Any]) -> None:
@@ -48,6 +51,12 @@ class Projection:
             for size, count in zip(description["sensor_mm"], description["resolution"], strict=True)
         )
         self.focal_length = None if self.orthographic else opaque(description["focal_length_mm"])
+        self.coefficients = None
+        camera = Camera.from_dict(description)
+        if camera.distortion is not None:
+            self.coefficients = [opaque(value) for value in camera.distortion.coefficients]
+            self.rounds = camera.seen_field.rounds
+            self.fold_radius = opaque(fold_radius(camera.distortion))
 
     def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
         """Origins (Point3d, mm) and unit directions (Vector3d) through image positions, world."""
@@ -55,10 +64,28 @@ class Projection:
 
         across = (x - self.centre_x) * self.pitch_x
         along = (y - self.centre_y) * self.pitch_y
+        if self.coefficients is not None:
+            across, along = self._undistorted(across, along)
         offset = self.right * across + self.down * along
         if self.orthographic:
             return self.origin + offset, self.forward + 0 * offset
         return self.origin + 0 * offset, dr.normalize(offset + self.forward * self.focal_length)
+
+    def _undistorted(self, across: Any, along: Any) -> tuple[Any, Any]:
+        """Places on the sensor (mm from the axis) without distortion; NaN where nothing is seen."""
+        import drjit as dr
+
+        seen_x, seen_y = across / self.focal_length, along / self.focal_length
+        x, y = seen_x, seen_y
+        for _ in range(self.rounds):
+            x, y = newton_step(x, y, seen_x, seen_y, self.coefficients)
+        at_x, at_y = distorted(x, y, self.coefficients)
+        radius = dr.sqrt(x * x + y * y)
+        off = dr.sqrt(dr.square(at_x - seen_x) + dr.square(at_y - seen_y))
+        # The camera has refused pictures with such places; this is for positions beside them.
+        right = (off < 1e-14 * (1 + radius)) & (radius < self.fold_radius)
+        factor = dr.select(right, self.focal_length, dr.nan)
+        return x * factor, y * factor
 
     def project64(self, point: Any) -> tuple[Any, Any, Any]:
         """Image position of points (Point3d, mm, world).
@@ -67,7 +94,8 @@ class Projection:
         -------
         x, y : Float64, px
         in_front : Bool
-            Points for which the position means anything; always true for parallel projection.
+            Points for which the position means anything: before the pinhole, and not so far beside
+            the picture that the lens distortion turns back. Always true for parallel projection.
         """
         import drjit as dr
         import mitsuba as mi
@@ -78,7 +106,14 @@ class Projection:
         if not self.orthographic:
             depth = dr.dot(local, self.forward)
             in_front = depth > 0
-            magnification = self.focal_length / depth
-            across, along = across * magnification, along * magnification
+            if self.coefficients is None:
+                magnification = self.focal_length / depth
+                across, along = across * magnification, along * magnification
+            else:
+                across, along = across / depth, along / depth
+                in_front &= across * across + along * along < dr.square(self.fold_radius)
+                across, along = (
+                    seen * self.focal_length for seen in distorted(across, along, self.coefficients)
+                )
         x, y = across / self.pitch_x + self.centre_x, along / self.pitch_y + self.centre_y
         return x, y, in_front

@@ -75,6 +75,20 @@ def variables_of(definitions: list[str] | None) -> dict[str, str]:
     return values
 
 
+Wavelength = Annotated[
+    str | None,
+    Parameter(help='Wavelength of the light, "450 nm"; by default the one the scene was made for.'),
+]
+
+
+def scene_variables(definitions: list[str] | None, wavelength: str | None) -> dict[str, str]:
+    """Scene parameters by name, the wavelength (nm) among them if it is given."""
+    values = variables_of(definitions)
+    if wavelength is not None:
+        values["wavelength"] = f"{quantity(wavelength, 'nm', '--wavelength')!r}"
+    return values
+
+
 Statuses = Annotated[
     list[Whole] | None,
     Parameter(

@@ -12,7 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iriftrace.camera import Camera, look_at
+from iriftrace.distortion import Distortion
 from iriftrace.plugins.calibrated_camera import sensor_of
+from tests.lenses import LENSES, lens_camera
 from tests.small_scenes import camera, channels, film, part, scene, vector
 
 pytestmark = pytest.mark.usefixtures("variant")
@@ -289,3 +291,58 @@ def test_up_is_up_and_right_is_right_in_the_rendered_picture(
     hits = vector(pixels, "straight")
     assert (hits[cube == 0][:, 2] > 12).all()
     assert (hits[cube == 1] @ right > 17).all()
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+def test_distorting_lens_equals_the_numpy_camera(lens: Distortion) -> None:
+    """Rays, and their projection to 1e-10 px; test_distortion compares with OpenCV."""
+    described = lens_camera(lens)
+    by_hand = loaded(principal_point_x=1210.0, principal_point_y=1031.0, **lens.as_dict())
+    pixels = np.random.default_rng(1).uniform(0, (2448, 2048), (5000, 2))
+    pixels[: len(PIXELS)] = PIXELS
+    for sensor in (by_hand, sensor_of(described)):
+        assert Camera.from_dict(sensor.description()).distortion == lens
+        origins, directions = rays(sensor, pixels)
+        np.testing.assert_allclose(directions, described.rays(pixels)[1], rtol=0, atol=1e-15)
+        found, in_front = projected(sensor, origins + 200 * directions)
+        assert in_front.all()
+        np.testing.assert_allclose(found, pixels, rtol=0, atol=1e-10)
+
+
+def test_zero_coefficients_are_a_pinhole_to_the_last_bit() -> None:
+    zero = loaded(k1=0.0, k2=0.0, k3=0.0, k4=0.0, k5=0.0, k6=0.0, p1=0.0, p2=0.0)
+    pinhole = loaded()
+    assert zero.description() == pinhole.description()
+    np.testing.assert_array_equal(rays(zero, PIXELS)[1], rays(pinhole, PIXELS)[1])
+
+
+def test_a_moved_camera_keeps_its_lens() -> None:
+    import mitsuba as mi
+
+    sensor = loaded(k1=-0.2)
+    parameters = mi.traverse(sensor)
+    parameters["to_world"] = mi.Transform4d().look_at([20, 300, -5], [1, 0, 2], [0, 0, 1])
+    parameters.update()
+    assert sensor.description()["distortion"]["k1"] == -0.2
+    expected = rays(loaded((20.0, 300.0, -5.0), (1.0, 0.0, 2.0), k1=-0.2), PIXELS)
+    np.testing.assert_allclose(rays(sensor, PIXELS)[1], expected[1], rtol=0, atol=1e-13)
+
+
+def test_lenses_that_fold_the_picture_are_refused() -> None:
+    with pytest.raises(RuntimeError, match="turns back inside the picture"):
+        loaded(k1=-3.0)
+    with pytest.raises(RuntimeError, match="\"k6\" is '1', not a number"):
+        loaded(k6="1")
+
+
+def test_directions_beyond_the_fold_are_not_seen() -> None:
+    """k1 = -1 turns back at 30 degrees: what lies at 45 would be seen at the centre once more."""
+    narrow = {"sensor_width": 2.0, "sensor_height": 2.0, "film": film(200, 200)}
+    sensor = loaded((0, 0, 0), (0, 1, 0), k1=-1.0, **narrow)
+    position, in_front = projected(sensor, np.array([(0.0, 50.0, 0.0), (50.0, 50.0, 0.0)]))
+    np.testing.assert_allclose(position, [(100, 100), (100, 100)], atol=1e-9)
+    assert in_front.tolist() == [True, False]
+    # 2 mm beside the axis nothing is seen by any ray (the radius reaches 3.85 mm at most).
+    _, directions = rays(sensor, np.array([(199.5, 100.0), (100.0, 600.0)]))
+    assert np.isfinite(directions[0]).all()
+    assert np.isnan(directions[1]).all()

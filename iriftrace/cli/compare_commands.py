@@ -1,0 +1,133 @@
+"""The command ``iriftrace compare``: measured shifts against those of a rendering."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from iriftrace.cli.checks import check_input, check_output
+from iriftrace.cli.console import out, working
+from iriftrace.cli.options import Statuses, statuses
+from iriftrace.errors import InputError
+
+
+def compare(
+    image: Path,
+    measured: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    positions: Literal["cold", "hot"] = "cold",
+    include: Statuses = None,
+    figures: bool = True,
+) -> None:
+    """Compare measured pixel shifts between a cold and a hot picture with a rendering.
+
+    Shifts are positions in the hot picture minus positions in the cold one, u to the right and v
+    down. The residual, measured minus simulated, is split into what a small rigid motion of the
+    camera between the two pictures explains, and the rest.
+
+    Example: ``iriftrace compare out.exr markers.csv``
+
+    Parameters
+    ----------
+    image
+        The AOV EXR that ``iriftrace render`` wrote, at the camera's own resolution.
+    measured
+        A map of two channels (.exr, or .npy with the shape height, width, 2), or markers (.csv with
+        the columns u, v, du, dv; pixel centres are whole numbers, as OpenCV counts).
+    output
+        The JSON file; by default beside the EXR. The picture goes beside it.
+    positions
+        The picture in which the places were measured; most programs take the first, cold one.
+    include
+        Further status codes whose rays count, such as 5.
+    figures
+        Draw measured and simulated shifts and residuals.
+    """
+    from iriftrace.comparison import compare_shift
+    from iriftrace.comparison_report import comparison_report, write_comparison
+    from iriftrace.exr import read_exr
+    from iriftrace.measured_shift import read_measured_shift
+    from iriftrace.part_file import sha256_of
+
+    check_input(image, measured)
+    target = output or image.with_name(f"{image.stem}_comparison.json")
+    check_output(target, ".json", "comparison.json", make=False)
+    if target.resolve() == measured.resolve():
+        raise InputError(f"The output {target} would replace the measured shift; name another one.")
+    used = statuses(include)
+    rendering = read_exr(image)
+    missing = [key for key in ("camera", "assumptions") if key not in rendering.header]
+    if missing:
+        raise InputError(
+            f"{image} has no {', '.join(missing)} in its header, which the comparison needs; "
+            "render the scene again."
+        )
+    shifts = read_measured_shift(measured)
+    with working("Comparing"):
+        comparison = compare_shift(rendering, shifts, positions=positions, include=used)
+    file = {"path": str(image.resolve()), "sha256": sha256_of(image)}
+    report = comparison_report(comparison, rendering, file, shifts, positions)
+    written = [target]
+    if figures:
+        from iriftrace.comparison_figure import comparison_figure
+
+        picture = target.with_suffix(".png")
+        with working("Drawing"):
+            title = f"{measured.name} and {image.name}, {report['points']['compared']:,} places"
+            comparison_figure(comparison, shifts.resolution, title, picture)
+        written.append(picture)
+    write_comparison(target, report)
+    _print_report(report)
+    out.print("Files: " + ", ".join(map(str, written)), markup=False, soft_wrap=True)
+
+
+def _print_report(report: dict[str, Any]) -> None:
+    table = Table(title="Measured shift against simulated", title_justify="left", show_header=False)
+    table.add_column(style="bold")
+    table.add_column()
+    points = report["points"]
+    table.add_row(
+        "places",
+        f"{points['measured']:,} measured, {points['compared']:,} compared, "
+        f"{points['without_simulation']:,} not on good pixels of the part",
+    )
+    for name in ("measured", "simulated", "residual"):
+        values = report[f"{name}_px"]
+        table.add_row(
+            name, ", ".join(f"{key} {values[key]:.4g} px" for key in ("rms", "median", "p95"))
+        )
+    across, down = report["residual_px"]["bias"]
+    table.add_row("bias", f"{across:.4g} px across, {down:.4g} px down")
+    table.add_row("correlation", _number(report["correlation"]))
+    motion = report["camera_motion"]
+    if "reason" in motion:
+        table.add_row("camera motion", f"not known: {motion['reason']}")
+    else:
+        for what, key, unit in (
+            ("translation", "translation", "um"),
+            ("rotation", "rotation", "urad"),
+        ):
+            values, deviations = motion[f"{key}_{unit}"], motion[f"{key}_std_{unit}"]
+            table.add_row(
+                f"camera {what}",
+                ", ".join(
+                    f"{axis} {value:.4g} +- {deviation:.2g} {unit}"
+                    for axis, value, deviation in zip("xyz", values, deviations, strict=True)
+                ),
+            )
+        table.add_row(
+            "which explains",
+            f"{motion['explained']:.1%} of the residual's mean square: rms "
+            f"{motion['rms_before_px']:.4g} px before, {motion['rms_after_px']:.4g} px after, "
+            f"correlation {_number(motion['correlation_after'])} "
+            f"({motion['points']:,} places, {motion['outliers']:,} outliers left out)",
+        )
+    out.print(table)
+
+
+def _number(value: float | None) -> str:
+    return "n/a, one of them is constant" if value is None else f"{value:.4f}"

@@ -1,0 +1,171 @@
+"""Measured pixel shifts against those of a rendering: how far apart, and why.
+
+A camera that moves a little between the cold and the hot picture shifts all of the picture, often
+by more than the air does. So the residual is split into what a rigid motion of the camera explains
+and the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Literal
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.camera import Camera
+from iriftrace.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
+from iriftrace.displacement import good_mask
+from iriftrace.errors import InputError
+from iriftrace.exr import AovImage
+from iriftrace.measured_shift import MeasuredShift
+from iriftrace.status import Status
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Picture = Literal["cold", "hot"]
+
+
+@frozen(eq=False)
+class Comparison:
+    """Measured and simulated shifts at the n places that have both.
+
+    Attributes
+    ----------
+    places : (n, 2) array, px
+        Where they were measured.
+    measured, simulated : (n, 2) arrays, px
+    points : (n, 3) array, mm, world
+        What is seen there.
+    left_out : int
+        Places without a simulated shift: beside the part, or their ray does not count.
+    motion : CameraMotion or None
+        What explains the residual best.
+    no_motion : str
+        Why there is none; empty when there is one.
+    """
+
+    places: FloatArray
+    measured: FloatArray
+    simulated: FloatArray
+    points: FloatArray
+    left_out: int
+    motion: CameraMotion | None
+    no_motion: str
+
+    @property
+    def residual(self) -> FloatArray:
+        """(n, 2) array, px: measured minus simulated."""
+        return self.measured - self.simulated
+
+    @property
+    def remainder(self) -> FloatArray:
+        """(n, 2) array, px: what is left of the residual without the camera's motion."""
+        return self.residual if self.motion is None else self.residual - self.motion.shifts
+
+
+def compare_shift(
+    image: AovImage,
+    measured: MeasuredShift,
+    *,
+    positions: Picture = "cold",
+    include: Collection[int] = (Status.GOOD,),
+) -> Comparison:
+    """Compare measured shifts with the channel ``shift.px`` of a rendering.
+
+    Parameters
+    ----------
+    image : AovImage
+    measured : MeasuredShift
+    positions : str
+        The picture in which the places were measured: ``"cold"``, as in most correlation programs,
+        where the first picture is the reference, or ``"hot"``. The simulated shift is one of the
+        hot picture, so it is looked up where a place of the cold one is seen when hot.
+    include : collection of int
+        Status codes of the rays that count.
+
+    Raises
+    ------
+    InputError
+        A map has another size than the rendering, a marker lies outside it, or too few places have
+        a simulated shift.
+    """
+    if measured.resolution not in (None, image.resolution):
+        assert measured.resolution is not None
+        theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
+        raise InputError(
+            f"{measured.path} is a map of {theirs} pixels, but the rendering has {ours}, so pixels "
+            "do not correspond; render at the camera's resolution (-D scale=1)."
+        )
+    beyond = (measured.places < 0) | (measured.places > image.resolution)
+    outside = np.any(beyond, axis=1)
+    if outside.any():
+        u, v = measured.places[outside][0] - 0.5
+        width, height = image.resolution
+        raise InputError(
+            f"{outside.sum()} of {len(outside)} places of {measured.path} lie outside the "
+            f"rendering of {width} x {height} pixels, the first at ({u:g}, {v:g}), so they are "
+            "positions in another picture; render at the camera's resolution (-D scale=1)."
+        )
+    shift, points, known = _at_places(image, measured.places, positions, include)
+    count = int(known.sum())
+    if count < FEWEST_POINTS:
+        width, height = image.resolution
+        raise InputError(
+            f"Only {count} of {len(known)} measured places lie on good pixels of the part in the "
+            f"rendering of {width} x {height} pixels, but {FEWEST_POINTS} are needed; are the "
+            "positions in its pixels, and is the pose the measured one?"
+        )
+    residual = measured.shifts[known] - shift[known]
+    motion, reason = None, ""
+    try:
+        camera = Camera.from_dict(image.header["camera"])
+        motion = fit_camera_motion(camera, points[known], residual)
+    except InputError as error:
+        reason = str(error)
+    return Comparison(
+        places=measured.places[known],
+        measured=measured.shifts[known],
+        simulated=shift[known],
+        points=points[known],
+        left_out=len(known) - count,
+        motion=motion,
+        no_motion=reason,
+    )
+
+
+def _at_places(
+    image: AovImage, places: FloatArray, positions: Picture, include: Collection[int]
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Simulated shifts (n, 2) and refracted hits (n, 3) for places, and where they are known."""
+    good = good_mask(image, include)
+    values = np.concatenate((image.vector("shift.px"), image.vector("refracted")), axis=2)
+    found, known = _interpolated(values, good, places)
+    if positions == "cold":
+        # Twice: shifts change slowly, so that the second time is far below what is measured.
+        for _ in range(2):
+            found, known = _interpolated(values, good, places + found[:, :2])
+    return found[:, :2], found[:, 2:], known
+
+
+def _interpolated(
+    values: FloatArray, good: BoolArray, places: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Linear between pixel centres; known where all the pixels that count there are good."""
+    height, width = good.shape
+    across, down = places[:, 0] - 0.5, places[:, 1] - 0.5
+    column, row = np.floor(across), np.floor(down)
+    total = np.zeros((len(places), values.shape[2]))
+    known = np.ones(len(places), dtype=np.bool_)
+    for dy in (0, 1):
+        for dx in (0, 1):
+            weight = np.abs(1 - dx - (across - column)) * np.abs(1 - dy - (down - row))
+            i, j = row + dy, column + dx
+            counts = weight > 1e-9
+            inside = (i >= 0) & (i < height) & (j >= 0) & (j < width)
+            pixel = np.where(inside, i, 0).astype(int), np.where(inside, j, 0).astype(int)
+            usable = inside & good[pixel]
+            known &= usable | ~counts
+            total += np.where(usable & counts, weight, 0.0)[:, None] * values[pixel]
+    return np.where(known[:, None], total, 0.0), known

@@ -1,0 +1,122 @@
+"""Scenes whose camera comes from a calibration of OpenCV, or has a lens distortion typed in."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from conftest import Failing
+from hot_block import HotBlock
+
+from iriftrace.camera import Camera
+from iriftrace.cli import main
+from iriftrace.exr import read_exr
+
+MATRIX = np.array(((400.0, 0.0, 61.0), (0.0, 402.0, 48.5), (0.0, 0.0, 1.0)))
+COEFFICIENTS = np.array((-0.3, 0.2, 1e-3, -2e-3, 0.0))
+RVEC, TVEC = np.array((2.2, 0.1, -0.2)), np.array((0.0, 1.0, 100.0))
+
+
+def calibration(folder: Path, **more: np.ndarray) -> Path:
+    path = folder / "camera.yaml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 120)
+    storage.write("image_height", 100)
+    storage.write("camera_matrix", MATRIX)
+    storage.write("distortion_coefficients", COEFFICIENTS)
+    for name, value in more.items():
+        storage.write(name, value)
+    storage.release()
+    return path
+
+
+def test_calibration_goes_through_to_the_results(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Pixels of the rendered hits are where OpenCV projects the hits to; results say it."""
+    path, xml = calibration(tmp_path, rvec=RVEC, tvec=TVEC), tmp_path / "scene" / "scene.xml"
+    words = ["scene", hot.field, hot.part, "-o", xml, "--layers=3", "--calibration", path]
+    assert main([*map(str, words), "--pixel-size=5 um", "--scale=1"]) == 0
+    assert "Lens distortion k1 -0.3, k2 0.2, p1 0.001, p2 -0.002." in capsys.readouterr().out
+    assert main(["render", str(xml)]) == 0
+    image = read_exr(xml.with_suffix(".exr"))
+    assert image.header["assumptions"]["camera"].startswith("distorted: pinhole with Brown-Conrady")
+    camera = Camera.from_dict(image.header["camera"])
+    assert camera.focal_length_mm == pytest.approx(400 * 0.005)
+    good = image.status == 0
+    assert good.sum() > 500
+    hits, _ = cv2.projectPoints(image.vector("straight", good), RVEC, TVEC, MATRIX, COEFFICIENTS)
+    row, column = np.nonzero(good)
+    # OpenCV's (0, 0) is the first pixel's centre; hits are rounded to float32.
+    np.testing.assert_allclose(hits[:, 0], np.stack((column, row), axis=1), rtol=0, atol=1e-4)
+    metrics = json.loads(xml.with_suffix(".json").read_text())
+    assert metrics["camera"]["distortion"]["k1"] == -0.3
+
+
+def test_origin_takes_the_place_of_the_files_pose(hot: HotBlock, tmp_path: Path) -> None:
+    path, xml = calibration(tmp_path, rvec=RVEC, tvec=TVEC), tmp_path / "scene" / "scene.xml"
+    words = ["scene", hot.field, hot.part, "-o", xml, "--layers=1", "--calibration", path]
+    more = ["--pixel-size=5 um", "--origin=60,-45,70"]
+    assert main([*map(str, words), *more]) == 0
+    assert 'origin="60.0, -45.0, 70.0"' in xml.read_text()
+
+
+def test_distortion_may_be_typed_in(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    xml = tmp_path / "scene" / "scene.xml"
+    words = ["scene", hot.field, hot.part, "-o", xml, "--layers=1", "--distortion=-0.1,0.02,1e-3,0"]
+    assert main([*map(str, words)]) == 0
+    written = re.findall(r'<float name="([kp]\d)" value="(.*?)"', xml.read_text())
+    assert written == [("k1", "-0.1"), ("k2", "0.02"), ("p1", "0.001")]
+    # A distortion holds for the focal length that it was measured with.
+    words = ["sweep", xml, "-o", tmp_path / "a.nc", "--azimuth=0:90:2", "--focal-length=8,10"]
+    assert main([*map(str, words)]) == 2
+    assert "lens distortion was calibrated at 10 mm" in capsys.readouterr().err
+
+
+def test_views_of_a_board_are_no_pose(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = calibration(tmp_path, extrinsic_parameters=np.zeros((7, 6)))
+    words = ["scene", hot.field, hot.part, "-o", tmp_path / "scene.xml", "--layers=1"]
+    assert main([*map(str, words), f"--calibration={path}", "--pixel-size=5um"]) == 0
+    assert "has 7 views of a calibration board" in capsys.readouterr().err
+
+
+WRONG = {
+    "no pixel size": ("--calibration={file}", "--pixel-size"),
+    "pixel size of nothing": ("--calibration={file} --pixel-size=0", "Pixel size is 0"),
+    "pixel size without calibration": ("--pixel-size=3um", "belongs to --calibration"),
+    "no such file": ("--calibration=gone.yaml --pixel-size=3um", "gone.yaml"),
+    "another focal length": (
+        "--calibration={file} --pixel-size=3um --focal-length=8mm",
+        "--focal-length.*leave one",
+    ),
+    "another distortion": (
+        "--calibration={file} --pixel-size=3um --distortion=0,0,0,0",
+        "--distortion.*leave one",
+    ),
+    "unknown unit": (
+        "--calibration={file} --pixel-size=3um --calibration-length-unit=furlong",
+        "furlong",
+    ),
+    "three coefficients": ("--distortion=1,2,3", "3 coefficients"),
+    "coefficients of words": ("--distortion=a,b,c,d", "4 numbers"),
+    "a fold": ("--distortion=-3,0,0,0", "turns back inside the picture"),
+}
+
+
+@pytest.mark.parametrize(("options", "words"), WRONG.values(), ids=WRONG)
+def test_wrong_options(
+    fails: Failing, hot: HotBlock, tmp_path: Path, options: str, words: str
+) -> None:
+    path = calibration(tmp_path)
+    output = ("-o", "out/scene.xml", "--layers=1")
+    message = fails("scene", hot.field, hot.part, *output, *shlex.split(options.format(file=path)))
+    assert re.search(words, message)

@@ -1,0 +1,110 @@
+"""The command compare on a rendering, with markers and maps that were made of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Failing
+from hot_block import HotBlock
+from scipy.spatial.transform import Rotation
+
+from iriftrace.camera import Camera
+from iriftrace.cli import main
+from iriftrace.exr import read_exr
+
+MOTION = np.array((4e-3, -3e-3, 6e-3, 2e-5, -3e-5, 5e-5))
+NOISE = 5e-4
+
+
+def measurement(image_path: Path, seed: int = 1) -> np.ndarray:
+    """(h, w, 2) map: the rendering's shift, a rigid motion of the camera, and noise."""
+    image = read_exr(image_path)
+    camera = Camera.from_dict(image.header["camera"])
+    good = image.status == 0
+    hits = image.vector("refracted", good)
+    step = np.eye(4)
+    step[:3, :3] = Rotation.from_rotvec(MOTION[3:]).as_matrix()
+    step[:3, 3] = MOTION[:3]
+    rigid = camera.at(camera.matrix @ step).project(hits) - camera.project(hits)
+    field = np.full((*good.shape, 2), np.nan)
+    noise = np.random.default_rng(seed).normal(0, NOISE, rigid.shape)
+    field[good] = image.vector("shift.px", good) + rigid + noise
+    return field
+
+
+def test_map_and_markers_give_motion_and_noise_back(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Markers in OpenCV's pixels: (0, 0) is the first pixel's centre."""
+    field = measurement(hot.image)
+    np.save(tmp_path / "map.npy", field)
+    row, column = np.nonzero(np.isfinite(field[..., 0]))
+    chosen = np.random.default_rng(2).choice(len(row), 400, replace=False)
+    row, column = row[chosen], column[chosen]
+    table = np.column_stack((column, row, field[row, column]))
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="u,v,du,dv", comments="")
+    for name in ("map.npy", "m.csv"):
+        target = tmp_path / f"{name}.json"
+        words = ["compare", hot.image, tmp_path / name, "-o", target, "--positions=hot"]
+        assert main([*map(str, words)]) == 0
+        assert "which explains" in capsys.readouterr().out
+        assert target.with_suffix(".png").is_file()
+        report = json.loads(target.read_text())
+        assert report["schema"] == "iriftrace.comparison/1"
+        assert report["wavelength_nm"] == 633.0
+        found = report["camera_motion"]
+        got = np.array((*found["translation_um"], *found["rotation_urad"]))
+        deviations = np.array((*found["translation_std_um"], *found["rotation_std_urad"]))
+        expected = MOTION * np.array((1e3,) * 3 + (1e6,) * 3)
+        assert (np.abs(got - expected) < 4 * deviations + 1e-3 * np.abs(expected)).all()
+        assert found["rms_after_px"] == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
+        assert found["explained"] > 0.9
+        assert found["correlation_after"] > report["correlation"]
+
+
+def test_rendering_compared_with_itself_leaves_nothing(hot: HotBlock, tmp_path: Path) -> None:
+    """By default the files go beside the rendering; --no-figures leaves the picture out."""
+    image = tmp_path / "out.exr"
+    image.write_bytes(hot.image.read_bytes())
+    assert main(["compare", str(image), str(hot.image), "--positions=hot", "--no-figures"]) == 0
+    report = json.loads((tmp_path / "out_comparison.json").read_text())
+    assert report["residual_px"]["max"] == 0
+    assert report["points"]["without_simulation"] == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.exr", "out_comparison.json"]
+
+
+WRONG = {
+    "nothing measured": ("compare {image}", "needs MEASURED"),
+    "no such rendering": ("compare gone.exr m.csv", "gone.exr"),
+    "no such measurement": ("compare {image} gone.csv -o a.json", "gone.csv"),
+    "a folder": ("compare {image} here -o a.json", "here is a folder"),
+    "another kind": ("compare {image} {scene} -o a.json", "no measured shift that can be read"),
+    "no columns": ("compare {image} words.csv -o a.json", "u, v, du, dv"),
+    "markers elsewhere": (
+        "compare {image} far.csv -o a.json",
+        "5 of 5 places.*outside the rendering of 120 x 100",
+    ),
+    "markers beside the part": ("compare {image} near.csv -o a.json", "Only 0 of 5 measured"),
+    "map of another size": ("compare {image} small.npy -o a.json", "2 x 3 pixels"),
+    "output of another kind": ("compare {image} far.csv -o a.txt", r"\.json"),
+    "output in no folder": ("compare {image} far.csv -o gone/a.json", "gone does not exist"),
+    "unknown picture": ("compare {image} far.csv -o a.json --positions=warm", "cold"),
+    "status without shift": ("compare {image} near.csv -o a.json --include=3", "status 3"),
+    "metrics for an image": ("compare far.csv far.csv -o a.json", "not an OpenEXR file"),
+}
+
+
+@pytest.mark.parametrize(("line", "words"), WRONG.values(), ids=WRONG)
+def test_wrong_input(fails: Failing, hot: HotBlock, tmp_path: Path, line: str, words: str) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "words.csv").write_text("these are words\n")
+    (tmp_path / "far.csv").write_text("u,v,du,dv\n" + "9000,1,0,0\n" * 5)
+    (tmp_path / "near.csv").write_text("u,v,du,dv\n" + "1,1,0,0\n" * 5)
+    np.save(tmp_path / "small.npy", np.zeros((3, 2, 2)))
+    message = fails(*shlex.split(line.format(image=hot.image, scene=hot.scene)))
+    assert re.search(words, message)
