@@ -35,6 +35,8 @@ class Journal:
     folder : Path
     request : str
         Fingerprint of scenes, poses and options; a journal of another sweep is refused.
+    what : str
+        What it is of, in messages: a ``"sweep"``, or a ``"study"``, whose cases are the poses.
 
     Raises
     ------
@@ -42,8 +44,9 @@ class Journal:
         If the folder holds the journal of another sweep, or a damaged one.
     """
 
-    def __init__(self, folder: Path, request: str) -> None:
+    def __init__(self, folder: Path, request: str, what: str = "sweep") -> None:
         self.folder = folder
+        self._what = what
         self._request = request
         self._place: dict[int, int] = {}
         self._faces: dict[int, int] = {}
@@ -118,7 +121,7 @@ class Journal:
                 except (ValueError, TypeError, KeyError) as error:
                     raise InputError(
                         f"{file.name} is damaged ({error}); delete the folder {self.folder} to "
-                        "start the sweep again."
+                        f"start the {self._what} again."
                     ) from error
                 if self._end:
                     self._remember(pose, faces, len(line))
@@ -129,8 +132,8 @@ class Journal:
     def _check(self, request: str) -> None:
         if request != self._request:
             raise InputError(
-                f"{self.folder} belongs to a sweep of other poses, another scene or other options; "
-                "delete it, or give another name with -o."
+                f"{self.folder} belongs to a {self._what} of other poses, another scene or other "
+                "options; delete it, or give another name with -o."
             )
 
 
@@ -144,7 +147,7 @@ def remove_leftovers(folder: Path, request: str) -> None:
 
 
 @contextmanager
-def sole_writer(folder: Path) -> Iterator[None]:
+def sole_writer(folder: Path, what: str = "sweep") -> Iterator[None]:
     """Make sure that no other process goes on with the same journal.
 
     The lock ends with the process, however that ends. A folder without a finished pose is removed
@@ -160,13 +163,13 @@ def sole_writer(folder: Path) -> Iterator[None]:
         file = (folder / LOCK).open("ab")
     except OSError as error:
         raise InputError(
-            f"The sweep needs the folder {folder} while it runs, which cannot be made "
+            f"The {what} needs the folder {folder} while it runs, which cannot be made "
             f"({error.strerror}); remove what is there, or give another name with -o."
         ) from error
     locked = False
     try:
         with file:
-            _lock(file, folder)
+            _lock(file, folder, what)
             locked = True
             yield
     finally:
@@ -174,7 +177,7 @@ def sole_writer(folder: Path) -> Iterator[None]:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _lock(file: IO[bytes], folder: Path) -> None:
+def _lock(file: IO[bytes], folder: Path, what: str) -> None:
     try:
         if sys.platform == "win32":
             import msvcrt
@@ -186,7 +189,7 @@ def _lock(file: IO[bytes], folder: Path) -> None:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         raise InputError(
-            f"Another program is writing the sweep in {folder} ({error.strerror}); wait for it, "
+            f"Another program is writing the {what} in {folder} ({error.strerror}); wait for it, "
             "stop it, or give another name with -o."
         ) from error
 

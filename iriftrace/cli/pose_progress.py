@@ -27,23 +27,28 @@ class Rate(ProgressColumn):
 
 
 @contextmanager
-def pose_progress() -> Iterator[Callable[[int, int], None]]:
+def pose_progress(what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
     """Show a bar as soon as there is something to show.
+
+    Parameters
+    ----------
+    what : str
+        What is counted.
 
     Yields
     ------
     callable
-        To be called with the number of finished poses and of all poses.
+        To be called with the number of finished ones and of all.
     """
     columns = (
-        TextColumn("Poses"),
+        TextColumn(what),
         BarColumn(),
         MofNCompleteColumn(),
         Rate(),
         TimeRemainingColumn(),
     )
     bar = Progress(*columns, console=notes)
-    task = bar.add_task("Poses", total=None)
+    task = bar.add_task(what, total=None)
 
     def report(done: int, total: int) -> None:
         if not bar.live.is_started:

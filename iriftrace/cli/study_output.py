@@ -1,0 +1,76 @@
+"""Tables that the studies print."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+STAGES = ("straight", "metrics", "write", "load", "build")
+
+
+def print_comparison(console: Console, dataset: xr.Dataset) -> None:
+    """A table for each reference: differences of the hits in micrometres.
+
+    ``share`` is the median difference over the median displacement; ``trimmed`` is the rmse without
+    the 1 % of rays that differ most.
+    """
+    (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
+    for reference in dataset["reference"].values:
+        table = Table(title=f"Difference from {reference} / um", title_justify="left")
+        table.add_column(str(axis))
+        table.add_column("mode")
+        for heading in ("median", "share", "p95", "trimmed", "rmse"):
+            table.add_column(heading, justify="right")
+        table.add_column("unmatched", justify="right")
+        table.add_column("lost", justify="right")
+        for place in dataset[axis].values:
+            for mode in dataset["mode"].values:
+                case = dataset.sel({"mode": mode, axis: place})
+                some = case.sel(reference=reference)
+                if int(some["matched"]) < 0:
+                    table.add_row(str(place), str(mode), "no shell left")
+                    continue
+                table.add_row(
+                    str(place),
+                    str(mode),
+                    f"{1e3 * float(some['median']):.4f}",
+                    f"{float(some['median']) / float(case['displacement_median']):.2%}",
+                    *(f"{1e3 * float(some[name]):.4f}" for name in ("p95", "rmse_trimmed", "rmse")),
+                    str(int(some["only_here"]) + int(some["only_reference"])),
+                    str(int(case["rays_lost"])),
+                )
+        console.print(table)
+
+
+def print_timing(console: Console, dataset: xr.Dataset) -> None:
+    """Times as ratios: of stages to the refracted trace, and of this to the first case's."""
+    (axis,) = set(dataset["time_search"].dims) - {"mode"}
+    across = "rays" if dataset.attrs["study"] == "rays" else "triangles_per_shell"
+    for mode in dataset["mode"].values:
+        some = dataset.sel(mode=mode)
+        title = f"{mode}: times over that of the refracted trace"
+        table = Table(title=title, title_justify="left")
+        for heading in (across.replace("_", " "), "growth", "search", *STAGES):
+            table.add_column(heading, justify="right")
+        first = some.isel({axis: 0})
+        for place in range(some.sizes[axis]):
+            case = some.isel({axis: place})
+            refracted = float(case["time_refracted"])
+            same_run = int(case["process"]) == int(first["process"])
+            growth = refracted / float(first["time_refracted"])
+            table.add_row(
+                f"{int(case[across]):,}",
+                f"{growth:.2f}" if same_run else "other run",
+                f"{float(case['search_share']):.2f}",
+                *(f"{float(case[f'time_{stage}']) / refracted:.2f}" for stage in STAGES),
+            )
+        console.print(table)
+    console.print(
+        "growth: refracted trace over that of the first case, if one run measured both; search: "
+        "the intersection search of the refracted trace, the rest of it is refraction."
+    )

@@ -1,0 +1,6 @@
+"""Parameter studies: what the number of rays, shells and triangles, smoothing and cells change.
+
+Each study traces one camera's picture many times, compares the refracted hits (or the times), and
+writes a netCDF file and a figure. They repeat Section 4.1 of Kern et al. (2025) in two modes: ours,
+and that of the paper (:mod:`iriftrace.studies.mode`).
+"""

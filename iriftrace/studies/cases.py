@@ -1,0 +1,132 @@
+"""Case after case of a study, kept in a journal, so that it may be killed at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from iriftrace.errors import InputError
+from iriftrace.face_sightings import NOTHING_SEEN
+from iriftrace.sweep_journal import Journal, remove_leftovers, sole_writer
+from iriftrace.sweep_pose import PoseResult, fingerprint
+from iriftrace.whole_file import whole_file
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+SCHEMA = "iriftrace.study/1"
+
+Entry = dict[str, Any]
+
+
+def run_cases(
+    path: Path,
+    request: Mapping[str, Any],
+    count: int,
+    measure: Callable[[int], Entry],
+    dataset_of: Callable[[list[Entry]], xr.Dataset],
+    progress: Callable[[int, int], None] | None = None,
+) -> xr.Dataset:
+    """Measure every case and write the study's netCDF file.
+
+    Finished cases go into the journal of a sweep (:mod:`iriftrace.sweep_journal`), a case being a
+    pose of it: the same call goes on where an earlier one was interrupted or killed.
+
+    Parameters
+    ----------
+    path : Path
+        The netCDF file. If it is there and holds the same study, it is read and nothing is done.
+    request : mapping
+        Plain JSON values that tell this study from another.
+    count : int
+        Number of cases.
+    measure : callable
+        From a case's number to plain JSON values.
+    dataset_of : callable
+        From all cases' values, in order, to the result.
+    progress : callable, optional
+        Called with the number of finished cases and of all cases.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or belongs to another study.
+    """
+    if not path.parent.is_dir():
+        raise InputError(f"The folder {path.parent} does not exist; create it first.")
+    wanted = fingerprint(version("iriftrace"), dict(request))
+    folder = path.with_name(path.name + ".journal")
+    if path.is_file():
+        finished = _finished(path, wanted)
+        remove_leftovers(folder, wanted)
+        return finished
+    with sole_writer(folder, "study"):
+        journal = Journal(folder, wanted, "study")
+        if progress is not None:
+            progress(len(journal), count)
+        for number in range(count):
+            if number in journal:
+                continue
+            journal.add(PoseResult(number, measure(number), NOTHING_SEEN))
+            if progress is not None:
+                progress(len(journal), count)
+        dataset = dataset_of([journal.entry(number) for number in range(count)])
+        dataset.attrs |= {"schema": SCHEMA, "request": wanted}
+        with whole_file(path) as temporary:
+            dataset.to_netcdf(temporary, engine="h5netcdf")
+        journal.close()
+    return read_study(path)
+
+
+def read_study(path: str | Path) -> xr.Dataset:
+    """Read a study that :func:`run_cases` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, no netCDF, or of another program.
+    """
+    import xarray as xr
+
+    if not Path(path).is_file():
+        raise InputError(f"There is no study {path}; `iriftrace study` writes one.")
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as file:
+            dataset: xr.Dataset = file.load()
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{path} is no netCDF file ({error}); give a study.") from error
+    if dataset.attrs.get("schema") != SCHEMA:
+        raise InputError(
+            f"{path} has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is no "
+            "study of this version of iriftrace; run the study again."
+        )
+    return dataset
+
+
+def is_study(path: str | Path) -> bool:
+    """Whether a file is a study's and no other netCDF file."""
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as file:
+            return str(file.attrs.get("schema", "")).startswith(SCHEMA.partition("/")[0] + "/")
+    except (OSError, ValueError, KeyError):
+        return False
+
+
+def _finished(path: Path, wanted: str) -> xr.Dataset:
+    """The result of an earlier run, which is never replaced."""
+    advice = "delete it, or give another name with -o"
+    try:
+        dataset = read_study(path)
+    except InputError as error:
+        raise InputError(f"{path} is there already and is no study; {advice}.") from error
+    if dataset.attrs.get("request") != wanted:
+        raise InputError(f"{path} holds a study of other files or options; {advice}.")
+    return dataset

@@ -1,0 +1,87 @@
+"""One picture of a study: from shells, or the field itself, to its rays' hits."""
+
+from __future__ import annotations
+
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from attrs import frozen
+
+from iriftrace.camera import Camera
+from iriftrace.errors import IriftraceWarning
+from iriftrace.field import IndexField
+from iriftrace.part import Part
+from iriftrace.render import Rendering, render_scene
+from iriftrace.scene import LoadedScene, load_scene, write_scene
+from iriftrace.shell_stack import ShellStack
+from iriftrace.shells import contour_shells
+from iriftrace.studies.differences import Hits, hits_of
+from iriftrace.studies.mode import Mode
+
+
+@frozen(eq=False)
+class View:
+    """What all pictures of a study have in common.
+
+    Attributes
+    ----------
+    part : Part
+    camera : Camera
+        At the resolution that is traced.
+    variant : str
+        Mitsuba variant.
+    """
+
+    part: Part
+    camera: Camera
+    variant: str
+
+
+@contextmanager
+def loaded_shells(view: View, stack: ShellStack, mode: Mode) -> Iterator[LoadedScene]:
+    """A scene of a stack of shells, from files that are removed afterwards."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_scene(
+            folder, view.part, stack, view.camera, normals=mode.normals, paraview=False
+        )
+        scene = load_scene(path, variant=view.variant)
+        scene.integrator.inside_hit = mode.inside_hit
+        yield scene
+
+
+def picture_of_shells(view: View, stack: ShellStack, mode: Mode) -> Hits:
+    """Trace the picture through shells."""
+    with loaded_shells(view, stack, mode) as scene:
+        rendering = rendered(scene)
+    return hits_of(rendering.image, len(stack.shells), stack.triangles)
+
+
+def picture_of_field(view: View, field: IndexField, *, normals: str = "gradient") -> Hits:
+    """Trace the picture through the field itself, by the continuous engine.
+
+    Parameters
+    ----------
+    view : View
+    field : IndexField
+    normals : str
+        Which limit: the field to whose gradient shells with ``"gradient"`` normals converge, or
+        the one that is linear in each tetrahedron, to which ``"facet"`` normals do.
+    """
+    # The engine looks at no shell, but a scene of the program has some.
+    stack = contour_shells(field, 1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_scene(
+            folder, view.part, stack, view.camera, normals=normals, paraview=False, field=field
+        )
+        rendering = rendered(load_scene(path, variant=view.variant, engine="continuous"))
+    return hits_of(rendering.image)
+
+
+def rendered(scene: LoadedScene) -> Rendering:
+    """Render a scene without the searches for resolutions, and without warnings."""
+    with warnings.catch_warnings():
+        # A study has odd cases on purpose, and its table says what became of the rays.
+        warnings.simplefilter("ignore", IriftraceWarning)
+        return render_scene(scene, nearest=False, empty=True)

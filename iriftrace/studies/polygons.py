@@ -1,0 +1,116 @@
+"""The study ``polygons``: what the number of triangles costs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from attrs import evolve
+from scipy.spatial import cKDTree
+
+from iriftrace.errors import InputError
+from iriftrace.field import IndexField
+from iriftrace.scene import LoadedScene
+from iriftrace.shell_edit import subdivide_midpoint
+from iriftrace.shell_mesh import polydata
+from iriftrace.shell_stack import Shell, ShellStack
+from iriftrace.studies.comparison import Axis
+from iriftrace.studies.mode import Mode, some_shells_of
+from iriftrace.studies.pictures import View, loaded_shells
+from iriftrace.studies.timing import Timing
+
+SMALLEST = 4_700
+"""Triangles of a shell with which Kern et al. (2025) begin."""
+
+LARGEST = 320_000
+"""Triangles of a shell with which the study ends unless asked for more (theirs: 4.8 million)."""
+
+
+def polygons_study(
+    field: IndexField,
+    view: View,
+    modes: Sequence[Mode],
+    source: Mapping[str, Any],
+    *,
+    layers: int = 13,
+    smallest: int = SMALLEST,
+    largest: int = LARGEST,
+) -> Timing:
+    """Time the stages of one picture at several numbers of triangles.
+
+    Midpoint subdivision leaves the surfaces where they are, so all but the first step trace the
+    same rays through the same air.
+
+    Parameters
+    ----------
+    field : IndexField
+    view : View
+    modes : sequence of Mode
+    source : mapping
+        See :class:`iriftrace.studies.timing.Timing`.
+    layers : int
+        Number of shells.
+    smallest : int
+        Triangles of each shell to begin with; larger shells are thinned out to it.
+    largest : int
+        No more subdivisions than give this mean number of triangles for each shell.
+
+    Raises
+    ------
+    InputError
+        If the limits are not in order.
+    """
+    if not 100 <= smallest <= largest:
+        raise InputError(
+            f"Triangles of a shell from {smallest} to {largest} are no range; give at least 100 "
+            "and then more."
+        )
+    for mode in modes:
+        mode.check_layers(layers, 1)
+    started: dict[str, ShellStack] = {}
+
+    def start(mode: Mode) -> ShellStack:
+        if mode.name not in started:
+            started[mode.name] = thinned(some_shells_of(field, layers, mode), smallest)
+        return started[mode.name]
+
+    first = start(modes[0])
+    steps = int(np.log(largest * len(first.shells) / first.triangles) / np.log(4) + 1e-9)
+
+    @contextmanager
+    def scene(mode: Mode, position: int) -> Iterator[tuple[LoadedScene, int, int]]:
+        stack = subdivide_midpoint(start(mode), position)
+        shells, triangles = len(stack.shells), stack.triangles
+        with loaded_shells(view, stack, mode) as loaded:
+            # Millions of triangles need not be in memory twice.
+            del stack
+            yield loaded, shells, triangles
+
+    return Timing(
+        name="polygons",
+        axis=Axis("subdivisions", tuple(range(max(0, steps) + 1)), "midpoint subdivisions"),
+        modes=tuple(modes),
+        scene=scene,
+        source={**source, "layers": layers, "smallest": smallest},
+    )
+
+
+def thinned(stack: ShellStack, triangles: int) -> ShellStack:
+    """Shells with at most about a number of triangles each, by quadric edge collapse.
+
+    Each vertex gets the gradient normal of the nearest vertex of before.
+    """
+    return evolve(stack, shells=[_thinned(shell, triangles) for shell in stack.shells])
+
+
+def _thinned(shell: Shell, triangles: int) -> Shell:
+    if len(shell.faces) <= triangles:
+        return shell
+    mesh = polydata(shell.vertices, shell.faces).decimate(1.0 - triangles / len(shell.faces))
+    vertices = np.asarray(mesh.points, dtype=np.float32)
+    normals = None
+    if shell.normals is not None:
+        normals = shell.normals[cKDTree(shell.vertices).query(vertices)[1]]
+    return evolve(shell, vertices=vertices, faces=mesh.regular_faces, normals=normals)

@@ -1,0 +1,91 @@
+"""Modes: which shells they make, and what they refuse."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from attrs import asdict, evolve
+from shell_fields import AMBIENT, HOTTEST, sphere_field
+
+from iriftrace.errors import InputError
+from iriftrace.studies.mode import OURS, PAPERS, Mode, one_change_each, shells_of, some_shells_of
+
+
+def test_rules_place_the_shells_where_they_say() -> None:
+    e = np.linspace(AMBIENT, HOTTEST, 5)
+    ours = shells_of(sphere_field(), 4, OURS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        papers = shells_of(sphere_field(), 4, PAPERS)
+    assert ours is not None
+    assert papers is not None
+    np.testing.assert_allclose([s.refractivity for s in ours.shells], (e[1:] + e[:-1]) / 2)
+    # The fourth level is the hottest air itself, which is one point of this field.
+    np.testing.assert_allclose([s.refractivity for s in papers.shells], e[1:4])
+
+
+@pytest.mark.parametrize("mode", [OURS, PAPERS])
+def test_dropping_inner_shells_leaves_the_others_as_they_are(mode: Mode) -> None:
+    field = sphere_field()
+    whole = shells_of(field, 6, mode)
+    kept = shells_of(field, 6, evolve(mode, drop_inner=[2]))
+    assert whole is not None
+    assert kept is not None
+    assert [shell.layer for shell in kept.shells] == [1, 2, 3, 4]
+    for one, other in zip(whole.shells, kept.shells, strict=False):
+        assert (one.ext, one.int_) == (other.ext, other.int_)
+        np.testing.assert_array_equal(one.vertices, other.vertices)
+
+
+def test_each_field_can_drop_another_number() -> None:
+    mode = Mode("m", drop_inner=[3, 0])
+    assert (mode.dropped(0), mode.dropped(1)) == (3, 0)
+    assert Mode("m", drop_inner=[2]).dropped(5) == 2
+    with pytest.raises(InputError, match="2 numbers of inner shells"):
+        mode.check_fields(3)
+
+
+def test_no_shell_left_is_said_or_none() -> None:
+    field = sphere_field()
+    assert shells_of(field, 1, PAPERS) is None
+    assert shells_of(field, 3, evolve(OURS, drop_inner=[3])) is None
+    with pytest.raises(InputError, match="leaves none"):
+        some_shells_of(field, 3, evolve(OURS, drop_inner=[3]))
+    with pytest.raises(InputError, match="leaves none"):
+        PAPERS.check_layers(1, 1)
+    with pytest.raises(InputError, match="0 layers"):
+        shells_of(field, 0, OURS)
+
+
+def test_explaining_modes_change_one_choice_each_to_ours() -> None:
+    papers = evolve(PAPERS, drop_inner=[3])
+    ours = asdict(OURS)
+    changed = []
+    for mode in one_change_each(papers):
+        different = {
+            key: value
+            for key, value in asdict(mode).items()
+            if key != "name" and value != asdict(papers)[key]
+        }
+        ((key, value),) = different.items()
+        assert value == ours[key]
+        changed.append(key)
+    assert changed == ["normals", "index_rule", "inside_hit", "drop_inner"]
+    assert len(one_change_each(PAPERS)) == 3
+
+
+@pytest.mark.parametrize(
+    ("choices", "words"),
+    [
+        ({"normals": "smooth"}, "smooth"),
+        ({"index_rule": "custom"}, "custom"),
+        ({"inside_hit": "keep"}, "keep"),
+        ({"drop_inner": [-1]}, "-1"),
+        ({"drop_inner": []}, "give 0 or more"),
+    ],
+)
+def test_unknown_choices_are_refused(choices: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Mode("m", **choices)  # type: ignore[arg-type]

@@ -1,0 +1,190 @@
+"""The studies as a user runs them: files, tables, going on after a kill, and wrong input."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import hot_block
+import numpy as np
+import pytest
+from hot_block import HotBlock
+
+from iriftrace.cli import main
+from iriftrace.studies.cases import read_study
+
+Failing = Callable[..., str]
+
+CAMERA = [word for word in hot_block.CAMERA if not word.startswith(("--resolution", "--scale"))]
+SMALL = [*CAMERA, "--resolution=60,50", "--scale=1"]
+
+
+def ended(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+    """Run the program; returns its tables."""
+    capsys.readouterr()
+    code = main([str(word) for word in arguments])
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    return said.out
+
+
+def test_layers_write_a_file_and_a_figure_and_print_a_table(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "layers.nc"
+    words = ["study", "layers", hot.field, hot.part, "-o", out, "--layers=2:3", "--drop-inner=1"]
+    words += ["--reference=3", *SMALL]
+    said = ended(capsys, *words)
+    assert "Difference from 3" in said
+    assert out.with_suffix(".png").stat().st_size > 10_000
+    found = read_study(out)
+    assert list(found["mode"].values) == ["ours", "paper's"]
+    np.testing.assert_array_equal(found["layers"], [2, 3])
+    # One of two, and of three, is left out; the last level of the outer rule has no surface anyway.
+    np.testing.assert_array_equal(found["shells"], [[2, 3], [1, 2]])
+    assert "sha256" in found.attrs["fields"]
+    pictures = tmp_path / "figures"
+    assert "layers.png" in ended(capsys, "plot", out, "-o", pictures)
+    assert (pictures / "layers.png").read_bytes() == out.with_suffix(".png").read_bytes()
+    # The same command again only reads what is there.
+    written = out.stat().st_mtime_ns
+    assert ended(capsys, *words) == said
+    assert out.stat().st_mtime_ns == written
+
+
+@pytest.mark.parametrize(
+    ("line", "dimension", "length"),
+    [
+        ("smoothing {field} {part} {field} --iterations 0,2 --layers 2", "iterations", 2),
+        ("mesh {field} {part} {other} --layers 2 --split {field}", "field", 4),
+    ],
+)
+def test_studies_over_several_fields(
+    hot: HotBlock,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    line: str,
+    dimension: str,
+    length: int,
+) -> None:
+    other = tmp_path / "finer.vtu"
+    hot_block.air(12).save(other)
+    words = shlex.split(line.format(field=hot.field, part=hot.part, other=other))
+    out = tmp_path / "study.nc"
+    extra = ["-o", out, "--reference=same mode", "--inside-hit=refract", *SMALL]
+    said = ended(capsys, "study", *words, *extra)
+    assert "Difference from same mode" in said
+    found = read_study(out)
+    assert found.sizes[dimension] == length
+    assert "other" in found["mode"].values
+    assert out.with_suffix(".png").is_file()
+
+
+def test_times_are_printed_as_ratios(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "rays.nc"
+    words = ["--scales=0.5,1", "--layers=2", *SMALL]
+    said = ended(capsys, "study", "rays", hot.field, hot.part, "-o", out, *words)
+    assert "times over that of the refracted trace" in said
+    first, second = _rows(said)
+    assert (first[0], second[0]) == ("750", "3,000")
+    # The growth of the first case over itself.
+    assert first[1] == "1.00"
+    assert out.with_suffix(".png").is_file()
+
+
+def _rows(said: str) -> list[list[str]]:
+    """Cells of the rows of the first table that hold numbers."""
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+    return [row for row in rows if row and row[0][0].isdigit()][:2]
+
+
+def test_explain_adds_a_mode_for_every_choice(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "layers.nc"
+    words = ["--layers=3", "--reference=2", "--explain", *SMALL]
+    ended(capsys, "study", "layers", hot.field, hot.part, "-o", out, *words)
+    assert [str(name) for name in read_study(out)["mode"].values] == [
+        "ours",
+        "paper's",
+        "paper's but gradient normals",
+        "paper's but midpoint rule",
+        "paper's but inside hits refracted",
+    ]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")
+def test_a_killed_study_goes_on(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "layers.nc"
+    words = ["study", "layers", str(hot.field), str(hot.part), "-o", str(out), "--layers=1:4"]
+    words += ["--reference=3", *SMALL]
+    journal = tmp_path / "layers.nc.journal" / "poses.jsonl"
+    program = subprocess.Popen(
+        [sys.executable, "-m", "iriftrace.cli", *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ},
+    )
+    try:
+        while program.poll() is None and not (journal.is_file() and journal.stat().st_size > 900):
+            time.sleep(0.02)
+    finally:
+        program.send_signal(signal.SIGKILL)
+        program.wait()
+    assert not out.exists()
+    done = journal.read_bytes().count(b"\n") - 1
+    assert done >= 1
+    ended(capsys, *words)
+    again = tmp_path / "again.nc"
+    ended(capsys, *[word.replace("layers.nc", "again.nc") for word in words])
+    assert not journal.parent.exists()
+    for name, values in read_study(again).items():
+        np.testing.assert_array_equal(read_study(out)[name], values)
+
+
+LINES = {
+    "no part": ("layers {field}", "PART"),
+    "field that is gone": ("layers gone.vtu {part}", "gone.vtu"),
+    "output of another kind": ("layers {field} {part} -o a.csv", r"\.nc"),
+    "layers of words": ("layers {field} {part} --layers many", "many"),
+    "layers that fall": ("layers {field} {part} --layers 20:1", "20:1"),
+    "no layer": ("layers {field} {part} --layers 0", "0 shells"),
+    "the same layers twice": ("layers {field} {part} --layers 2,2", "each once"),
+    "another reference": ("layers {field} {part} --reference best", "best"),
+    "other normals": ("layers {field} {part} --normals smooth", "smooth"),
+    "negative inner shells": ("layers {field} {part} --drop-inner=-1", "-1"),
+    "inner shells of too many fields": ("layers {field} {part} --drop-inner 3,3", "2 numbers"),
+    "smoothing without the finest": ("smoothing {field} {part}", "FINEST"),
+    "negative iterations": ("smoothing {field} {part} {field} --iterations=-3", "-3"),
+    "all shells left out": (
+        "smoothing {field} {part} {field} --layers 3 --drop-inner 3",
+        "leaves none",
+    ),
+    "the same mesh twice": ("mesh {field} {part} {field}", "given twice"),
+    "one mesh": ("mesh {field} {part}", "at least two fields"),
+    "split of another field": ("mesh {field} {part} finer.vtu --split gone.vtu", "gone.vtu"),
+    "scales of words": ("rays {field} {part} --scales big", "big"),
+    "the same scale twice": ("rays {field} {part} --scales 1,1", "each different"),
+    "too few triangles": ("polygons {field} {part} --smallest 5", "at least 100"),
+    "iso-surfaces": ("layers {field} {part} --isosurfaces", "volume field"),
+    "another variant": ("layers {field} {part} --variant scalar_rgb", "scalar_rgb"),
+}
+
+
+@pytest.mark.parametrize("case", LINES)
+def test_wrong_input_is_refused(hot: HotBlock, fails: Failing, case: str) -> None:
+    line, words = LINES[case]
+    arguments = shlex.split(line.format(field=hot.field, part=hot.part))
+    message = fails("study", *arguments, *SMALL)
+    assert re.search(words, message), message
