@@ -14,3 +14,6 @@ CHANNELS: tuple[str, ...] = (
     "status.code",
 )
 """Millimetres and radians in the world's frame; ``shift.px`` in pixels."""
+
+ERROR_CHANNEL = "path.error"
+"""Estimated error of the refracted hit, mm; only the continuous engine delivers it."""

@@ -18,7 +18,7 @@ import OpenEXR
 from attrs import field, frozen
 from numpy.typing import NDArray
 
-from iriftrace.channels import CHANNELS
+from iriftrace.channels import CHANNELS, ERROR_CHANNEL
 from iriftrace.errors import InputError
 from iriftrace.whole_file import whole_file
 
@@ -26,6 +26,7 @@ SCHEMA = "iriftrace.aov/1"
 """Value of the header entry ``schema`` of the files this version writes and reads."""
 
 _PREFIX = "iriftrace."
+_KNOWN = (*CHANNELS, ERROR_CHANNEL)
 # More threads than this gain nothing for RLE: copying the pixels takes longer than packing them.
 _THREADS = min(4, os.cpu_count() or 1)
 
@@ -34,10 +35,10 @@ FloatImage = NDArray[np.float32]
 
 def _check_channels(channels: dict[str, FloatImage]) -> None:
     missing = [name for name in CHANNELS if name not in channels]
-    surplus = [name for name in channels if name not in CHANNELS]
+    surplus = [name for name in channels if name not in _KNOWN]
     if missing or surplus:
         raise InputError(
-            f"an AOV image has exactly the {len(CHANNELS)} channels of channels.CHANNELS; "
+            f"an AOV image has the {len(CHANNELS)} channels of channels.CHANNELS; "
             f"missing: {', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}."
         )
     shape = channels[CHANNELS[0]].shape
@@ -58,8 +59,8 @@ class AovImage:
     Attributes
     ----------
     channels
-        (height, width) float32 arrays by the names in `CHANNELS`; mm and rad, world frame; 0 where
-        a quantity does not exist.
+        (height, width) float32 arrays by the names in `CHANNELS`, and perhaps `ERROR_CHANNEL`; mm
+        and rad, world frame; 0 where a quantity does not exist.
     header
         Plain JSON values: schema, version, camera, pose, engine, part and the like.
 
@@ -142,7 +143,11 @@ def write_exr(path: str | Path, image: AovImage) -> None:
     }
     header.update({_PREFIX + key: _encode(key, value) for key, value in image.header.items()})
     # OpenEXR replaces the arrays of the dictionary that it is given, so it gets one of its own.
-    channels = {name: np.ascontiguousarray(image.channels[name]) for name in CHANNELS}
+    channels = {
+        name: np.ascontiguousarray(image.channels[name])
+        for name in _KNOWN
+        if name in image.channels
+    }
     with whole_file(path) as temporary:
         try:
             OpenEXR.File(header, channels, num_threads=_THREADS).write(str(temporary))
@@ -181,7 +186,7 @@ def read_exr(path: str | Path) -> AovImage:
             f"{name} has schema {schema!r} instead of {SCHEMA!r}, so it is no AOV image of this "
             "version of iriftrace; render the scene again."
         )
-    image = AovImage({key: channels[key] for key in CHANNELS if key in channels}, header)
+    image = AovImage({key: channels[key] for key in _KNOWN if key in channels}, header)
     _refuse_not_finite(image, f"in {name} is damaged")
     return image
 

@@ -6,23 +6,29 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from iriftrace.camera import Camera
 from iriftrace.part_file import sha256_of
 from iriftrace.scene import LoadedScene
 
+ENGINES = {
+    "shells": "nested iso-index shells, Snell's law at each",
+    "continuous": "ray equation through the field's own cells, order 4",
+}
 
-def provenance(scene: LoadedScene, projection: str) -> dict[str, Any]:
+
+def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
     """Version, scene, field, part and assumptions in force, as plain JSON values.
 
     Parameters
     ----------
     scene : LoadedScene
-    projection : str
-        Of the camera: ``"pinhole"`` or ``"orthographic"``.
+    camera : Camera
     """
     table = scene.shells_table
     part = scene.part
     notes = table.get("notes") or {}
     source = table.get("source")
+    wavelength = (table.get("air") or {}).get("wavelength_nm")
     return {
         "version": version("iriftrace"),
         "scene": {
@@ -30,10 +36,10 @@ def provenance(scene: LoadedScene, projection: str) -> dict[str, Any]:
             "sha256": sha256_of(scene.path),
             "variables": scene.variables,
         },
-        "engine": "shells",
+        "engine": scene.engine,
         "index_rule": scene.index_rule,
         "normals": scene.normals,
-        "wavelength_nm": (table.get("air") or {}).get("wavelength_nm"),
+        "wavelength_nm": wavelength,
         "field": source,
         "part": {
             "path": str(Path(part.path).resolve()),
@@ -44,7 +50,7 @@ def provenance(scene: LoadedScene, projection: str) -> dict[str, Any]:
         "variant": scene.variant,
         "length_unit": "mm",
         "assumptions": {
-            "engine": "nested iso-index shells, Snell's law at each",
+            "engine": ENGINES[scene.engine],
             "index_rule": scene.index_rule,
             "normals": scene.normals,
             "field_source": f"{source['quantity']} from {source['path']}"
@@ -53,7 +59,8 @@ def provenance(scene: LoadedScene, projection: str) -> dict[str, Any]:
             "field_time": notes.get("time", "not stated"),
             "field_symmetry": notes.get("symmetry", "not stated"),
             "open_boundary": "air beyond the data is not modelled",
-            "camera": f"{projection}, no lens distortion",
+            "camera": camera.lens,
+            "wavelength": "not stated" if wavelength is None else f"{wavelength:g} nm",
             "optics": "geometric optics, no diffraction",
             "sampling": "a single ray through each pixel's centre",
             "air": "static during the exposure",

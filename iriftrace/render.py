@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from iriftrace import runtime
 from iriftrace.camera import Camera
-from iriftrace.channels import CHANNELS
 from iriftrace.errors import InputError
 from iriftrace.exr import SCHEMA, AovImage, write_exr
 from iriftrace.metrics import pose_metrics, write_metrics
@@ -127,7 +126,7 @@ def render_scene(
         tensor, report = loaded.integrator.image(loaded.mitsuba_scene, sensor)
         # A view of Dr.Jit's memory where that is the processor's own.
         planes = tensor.numpy()
-    channels = dict(zip(CHANNELS, planes, strict=True))
+    channels = dict(zip(loaded.integrator.aov_names(), planes, strict=True))
     time_s = {
         "load": loaded.load_s,
         "build": loaded.build_s,
@@ -226,9 +225,11 @@ def trace_rays(
 def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
     """Whether points lie in the hot air or in the part, (n, 3) array, mm, world to (n,) array."""
     with runtime.using(scene.variant):
-        prepared = scene.integrator.prepare(scene.mitsuba_scene)
         positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        return np.array([prepared.surroundings(point) is not None for point in positions])
+        found = [
+            scene.integrator.surroundings_of(scene.mitsuba_scene, point) for point in positions
+        ]
+        return np.array([what is not None for what in found])
 
 
 def _bundle(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -292,15 +293,12 @@ def _header(
     camera = report["camera"]
     return {
         "schema": SCHEMA,
-        **provenance(loaded, camera["projection"]),
+        **provenance(loaded, Camera.from_dict(camera)),
         "camera": camera,
         "pose": {
             "origin_mm": [row[3] for row in camera["matrix"][:3]],
             "matrix": camera["matrix"],
         },
         "time_s": time_s,
-        "counts": {
-            "open_boundary": report["open_boundary"],
-            "shell_triangles_in_view": report["shell_triangles_in_view"],
-        },
+        "counts": report["counts"],
     }

@@ -21,6 +21,7 @@ from iriftrace.pose_text import PoseText, pose_text
 from iriftrace.status import Status
 from iriftrace.sweep_faces import has_faces
 from iriftrace.sweep_origin import attribute, scene_of
+from iriftrace.sweep_varied import setting_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -93,6 +94,7 @@ def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> Repo
     region = "" if plan.region == "part" else f", and of it the region {plan.region},"
     weights = plan.weights.as_dict()
     best = plan.best
+    setting = setting_of(summary.varied, best)
     return ReportContent(
         title=f"Where to put the camera: {part}",
         question=(
@@ -107,8 +109,8 @@ def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> Repo
             + f" of the normalised metrics, the smaller the better ({plan.statistic} displacement)."
         ),
         answer=(
-            f"Pose {best} is the best of {len(plan.order)} ranked poses, with the score "
-            f"{plan.score[best]:.3f}: "
+            f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} "
+            f"ranked poses, with the score {plan.score[best]:.3f}: "
             + ", ".join(
                 f"{quantity.title[0].lower()}{quantity.title[1:]} "
                 f"{quantity.values[best]:.4g} {quantity.unit}"
@@ -206,10 +208,11 @@ def _camera(camera: dict[str, Any], *, varied: bool) -> str:
     lens = "" if focal is None or varied else f"focal length {focal:g} mm, "
     near, far = camera["focus_mm"]
     depth = f"{near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
+    distorted = ", lens distortion" if camera.get("distortion") else ""
     (width, height), (columns, rows) = camera["sensor_mm"], camera["resolution"]
     return (
         f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
-        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}"
+        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}{distorted}"
     )
 
 

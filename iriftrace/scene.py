@@ -16,18 +16,28 @@ from numpy.typing import NDArray
 
 from iriftrace import runtime
 from iriftrace.camera import Camera
+from iriftrace.continuous_field import FIELD_FILE, save_field_file
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.part import Part, read_part, save_part
 from iriftrace.scene_file import SceneFile, read_scene_file, readable
+from iriftrace.scene_wavelength import (
+    dispersion,
+    of_the_file,
+    set_shells,
+    table_at,
+    wanted_wavelength,
+)
 from iriftrace.shell_io import save_shells
 from iriftrace.shell_stack import ShellStack
 from iriftrace.whole_file import whole_file
 
 if TYPE_CHECKING:
+    from iriftrace.field import IndexField
     from iriftrace.shell_report import ShellReport
 
 PART_FILE = "part.ply"
 SHELLS_FOLDER = "shells"
+ENGINES = ("shells", "continuous")
 
 
 @frozen(eq=False)
@@ -46,12 +56,16 @@ class LoadedScene:
         The scene's own (first) sensor.
     variables : dict of str
         Values that were given for the file's ``<default>`` parameters.
+    engine : str
+        ``"shells"`` or ``"continuous"``.
     normals : str
-        ``"gradient"`` or ``"facet"``, and for how many shells if not for all.
+        ``"gradient"`` or ``"facet"``, and for how many shells if not for all; for the continuous
+        engine where its gradient comes from.
     index_rule : str
         How surfaces and layers were chosen, and whether the scene still has all of them.
     shells_table : dict
-        The shells' JSON table (air, source, index rule); empty when the scene has none.
+        The shells' JSON table (air, source, index rule); empty when the scene has none. For the
+        continuous engine air and source of its field, and the notes of the shells' table.
     load_s, build_s : float
         Seconds for files and Mitsuba's acceleration structure, and for the tables.
     """
@@ -61,6 +75,7 @@ class LoadedScene:
     part_to_world: NDArray[np.float64]
     camera: Camera
     variables: dict[str, str]
+    engine: str
     normals: str
     index_rule: str
     shells_table: dict[str, Any]
@@ -83,8 +98,9 @@ def write_scene(
     report: Sequence[ShellReport] | None = None,
     notes: Mapping[str, str] | None = None,
     paraview: bool = True,
+    field: IndexField | None = None,
 ) -> Path:
-    """Write a complete scene folder: XML, part and shells.
+    """Write a complete scene folder: XML, part, shells and what the continuous engine needs.
 
     Parameters
     ----------
@@ -106,6 +122,8 @@ def write_scene(
         What is known of the field, such as ``{"time": "snapshot"}``; kept beside the shells.
     paraview : bool
         Whether to write ``shells.vtm`` too.
+    field : IndexField, optional
+        Written too, as `continuous_field.FIELD_FILE`, for the continuous engine.
 
     Returns
     -------
@@ -130,6 +148,8 @@ def write_scene(
     save_part(part, target / PART_FILE)
     files = save_shells(shells, target / SHELLS_FOLDER, report, notes=notes, paraview=paraview)
     meshes = [path for path in files if path.suffix == ".ply"]
+    if field is not None:
+        save_field_file(field, target / FIELD_FILE)
     with whole_file(target / name) as temporary:
         temporary.write_text(_xml(shells, meshes, camera, scale, normals), encoding="utf-8")
     return target / name
@@ -162,6 +182,11 @@ def _xml(stack: ShellStack, meshes: list[Path], camera: Camera, scale: float, no
         f'        <float name="sensor_height" value="{camera.sensor_mm[1]!r}"/>',
         f'        <float name="principal_point_x" value="{camera.principal_point_px[0]!r}"/>',
         f'        <float name="principal_point_y" value="{camera.principal_point_px[1]!r}"/>',
+        *(
+            f'        <float name="{name}" value="{value!r}"/>'
+            for name, value in (camera.distortion.as_dict() if camera.distortion else {}).items()
+            if value
+        ),
         f'        <float name="focus_near" value="{near!r}"/>',
         *([f'        <float name="focus_far" value="{far!r}"/>'] if np.isfinite(far) else []),
         '        <float name="scale" value="$scale"/>',
@@ -206,18 +231,25 @@ def _xml(stack: ShellStack, meshes: list[Path], camera: Camera, scale: float, no
 
 
 def load_scene(
-    path: str | Path, variables: Mapping[str, Any] | None = None, *, variant: str | None = None
+    path: str | Path,
+    variables: Mapping[str, Any] | None = None,
+    *,
+    variant: str | None = None,
+    engine: str | None = None,
 ) -> LoadedScene:
     """Load a scene's XML file into Mitsuba and build what every pose needs.
 
     Parameters
     ----------
     path : path
-        The XML file; its integrator must be ``first_hit``.
+        The XML file; its integrator must be ``first_hit`` or ``gradient_path``.
     variables : mapping, optional
-        Values for the file's ``<default>`` parameters, as Mitsuba's ``-D name=value``.
+        Values for the file's ``<default>`` parameters, as Mitsuba's ``-D name=value``; and
+        ``wavelength`` ("450 nm"), if it shall be another than the one the scene was made for.
     variant : str, optional
         Mitsuba variant; see :func:`iriftrace.runtime.ensure`.
+    engine : str, optional
+        ``"shells"`` or ``"continuous"``, whatever the XML's own integrator is.
 
     Raises
     ------
@@ -234,37 +266,51 @@ def load_scene(
     chosen = runtime.ensure(variant)
     import mitsuba as mi
 
-    from iriftrace.plugins.first_hit import camera_of
+    from iriftrace.plugins.aov_integrator import camera_of
 
     values = {name: _text(value) for name, value in (variables or {}).items()}
     started = time.perf_counter()
     file = read_scene_file(Path(path), values)
     try:
-        scene = mi.load_file(str(path), optimize=False, **values)  # type: ignore[arg-type]
+        scene = mi.load_file(
+            str(path),
+            optimize=False,
+            **of_the_file(values),  # type: ignore[arg-type]
+        )
     except (RuntimeError, ValueError) as error:
         raise InputError(readable(error)) from error
     loaded = time.perf_counter()
-    integrator = scene.integrator()
-    if not hasattr(integrator, "image"):
-        raise InputError(
-            f"{path} has the integrator {integrator.class_name()}, which computes light and not "
-            'hits; use <integrator type="first_hit"/>.'
-        )
+    integrator = _integrator(scene.integrator(), engine, Path(path))
     if not scene.sensors():
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
+    table = _shells_table(file)
+    wavelength = wanted_wavelength(values)
+    if wavelength is not None:
+        if integrator.engine == "continuous":
+            integrator.wavelength_nm = wavelength
+        else:
+            set_shells(scene, dispersion(table.get("air") or {}, wavelength))
+            table = table_at(table, wavelength)
     prepared = integrator.prepare(scene)
     part = read_part(file.part_path).transformed(file.part_to_world)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
-    table = _shells_table(file)
+    continuous = integrator.engine == "continuous"
+    if continuous:
+        table = _field_table(integrator.air.cells, table, Path(path))
     return LoadedScene(
         path=Path(path),
         part=part,
         part_to_world=file.part_to_world,
         camera=Camera.from_dict(camera_of(scene.sensors()[0]).description()),
         variables=values,
-        normals=_normals(integrator.normals, prepared.tables),
-        index_rule=_index_rule(Path(path), table, prepared.tables),
+        engine=integrator.engine,
+        normals=f"none, {integrator.gradient} gradient"
+        if continuous
+        else _normals(integrator.normals, prepared.tables),
+        index_rule="none, linear in each tetrahedron"
+        if continuous
+        else _index_rule(Path(path), table, prepared.tables),
         shells_table=table,
         load_s=loaded - started,
         build_s=built - loaded,
@@ -272,6 +318,45 @@ def load_scene(
         mitsuba_scene=scene,
         integrator=integrator,
     )
+
+
+def _integrator(own: Any, engine: str | None, path: Path) -> Any:
+    """The scene's own integrator, or one for the engine that is asked for."""
+    import mitsuba as mi
+
+    if engine is not None and engine not in ENGINES:
+        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(ENGINES)}.")
+    if not hasattr(own, "image"):
+        raise InputError(
+            f"{path} has the integrator {own.class_name()}, which computes light and not hits; use "
+            '<integrator type="first_hit"/>.'
+        )
+    if engine is None or engine == own.engine:
+        return own
+    # The two kinds of normals have their counterparts: each kind converges to its gradient.
+    smooth = own.normals == "gradient" if engine == "continuous" else own.gradient == "recovered"
+    if engine == "shells":
+        chosen = {"type": "first_hit", "normals": "gradient" if smooth else "facet"}
+    else:
+        chosen = {
+            "type": "gradient_path",
+            "field": str((path.parent / FIELD_FILE).resolve()),
+            "gradient": "recovered" if smooth else "constant",
+        }
+    return mi.load_dict({**chosen, "trace_all": own.trace_all})
+
+
+def _field_table(cells: Any, shells: dict[str, Any], path: Path) -> dict[str, Any]:
+    """What the field's file says of air and source, and the notes beside the shells."""
+    theirs = (shells.get("source") or {}).get("sha256", cells.source["sha256"])
+    if theirs != cells.source["sha256"]:
+        warnings.warn(
+            f"The shells of {path} were made from another field than its field file, so the two "
+            "engines trace different air; write the scene again.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    return {"air": cells.air, "source": cells.source, "notes": shells.get("notes")}
 
 
 def _normals(wanted: str, tables: Any) -> str:

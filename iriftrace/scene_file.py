@@ -14,6 +14,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.scene_wavelength import WAVELENGTH, of_the_file
 
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
@@ -58,6 +59,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
     if not path.is_file():
         raise InputError(f"There is no scene file {path}; `iriftrace scene` writes one.")
     _check_variables(path, values)
+    values = of_the_file(values)
     try:
         config = mi.parser.ParserConfig(str(mi.variant()))
         state = mi.parser.parse_file(config, str(path), **values)
@@ -125,7 +127,12 @@ def _check_variables(path: Path, values: Mapping[str, str]) -> None:
             f"{path} is no text in UTF-8 ({error.reason}); is it a scene's XML file?"
         ) from error
     known = re.findall(r'<default\s+name="([^"]+)"', text)
-    unknown = [name for name in values if name not in known]
+    if WAVELENGTH in values and WAVELENGTH in known:
+        raise InputError(
+            f'{path} has a parameter "{WAVELENGTH}" of its own, so it is not clear which one is '
+            "meant; give the file's another name."
+        )
+    unknown = [name for name in of_the_file(values) if name not in known]
     if unknown:
         raise InputError(
             f"{path} has no parameter {', '.join(unknown)}, so -D would change nothing; it has "

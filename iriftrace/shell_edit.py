@@ -149,8 +149,10 @@ def _sides_of_view(camera: Camera) -> tuple[FloatArray, FloatArray]:
     """A point on each plane around a camera's view and the planes' unit normals, inward.
 
     The four sides, and the plane through the origin across the line of sight. Works for pinhole and
-    orthographic cameras: a side holds the rays through two neighbouring corners of the picture.
+    orthographic cameras: a side holds the rays through two neighbouring corners of the picture (of
+    the smallest picture without distortion that holds all, where the lens distorts).
     """
+    camera = camera.without_distortion()
     width, height = camera.resolution
     corners = np.array([(0, 0), (width, 0), (width, height), (0, height)], dtype=float)
     origins, directions = camera.rays(corners)

@@ -154,7 +154,7 @@ def run_series(
             journal.add(result)
             if progress is not None:
                 progress(len(journal), total)
-        dataset = _dataset(series, journal, chosen, out, target)
+        dataset = _dataset(series, sources, journal, chosen, out, target)
         dataset.attrs["request"] = request
         write_sweep(out, dataset, (journal.sightings(pose) for pose in range(total)))
         journal.close()
@@ -222,6 +222,7 @@ def _exr_name(number: int) -> str:
 
 def _dataset(
     series: Sequence[Series],
+    sources: Sequence[SceneSource],
     journal: Journal,
     options: SweepOptions,
     out: Path,
@@ -248,9 +249,9 @@ def _dataset(
         },
         part.region_names,
         {
-            **provenance(first.scene, first.camera.projection),
+            **provenance(first.scene, first.camera),
             "camera": first.camera.as_dict(),
-            "scenes": scenes_attribute(series),
+            "scenes": scenes_attribute(series, sources),
             "include": list(options.include),
         },
     )

@@ -1,4 +1,4 @@
-"""The Mitsuba plugins ``iso_shell``, ``first_hit`` and ``calibrated_camera``.
+"""The Mitsuba plugins ``iso_shell``, ``first_hit``, ``gradient_path``, ``calibrated_camera``.
 
 >>> import mitsuba as mi
 >>> mi.set_variant("llvm_ad_mono")
@@ -45,12 +45,13 @@ def _on_variant(old: str | None, new: str | None) -> None:
 def _register(variant: str) -> None:
     import mitsuba as mi
 
-    from . import calibrated_camera, first_hit, iso_shell
+    from . import calibrated_camera, first_hit, gradient_path, iso_shell
 
     for kind, module in (
         (mi.register_bsdf, iso_shell),
         (mi.register_sensor, calibrated_camera),
         (mi.register_integrator, first_hit),
+        (mi.register_integrator, gradient_path),
     ):
         name = module.__name__.rpartition(".")[2]
         kind(name, module.plugin_class(variant))

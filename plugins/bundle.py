@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from iriftrace.status import Status
 
-from .aligned import aligned
 from .prepared import PreparedScene
-from .tracing import (
-    GAVE_UP,
-    HIT_BLOCKER,
-    HIT_PART,
-    RefractedHits,
-    refracted_hits,
-    straight_hits,
-)
-
-WITNESSES = 9
-"""Lines by which the layer at a hit is counted where a ray did not end in the usual one."""
+from .tracing import GAVE_UP, HIT_BLOCKER, HIT_PART, straight_hits
 
 
 class Trace(NamedTuple):
@@ -35,7 +23,7 @@ class Trace(NamedTuple):
     straight_outcome: Any  # UInt32
     straight_face: Any  # UInt32: face of the part
     incidence: Any  # Float64, rad
-    refracted: RefractedHits
+    refracted: Any  # RefractedHits or CurvedHits
     status: Any  # UInt32
     open_boundary: Any  # Bool
 
@@ -53,11 +41,11 @@ def trace_bundle(
     rays: Any,
     count: int,
     *,
+    bend: Callable[[Any, Any], Any],
+    check: Callable[[Any], tuple[Any, Any]],
     focus: tuple[float, float],
     coherent: bool,
     trace_all: bool,
-    gradient_normals: bool,
-    max_crossings: int,
 ) -> Bundle:
     """Trace a bundle of rays.
 
@@ -68,14 +56,17 @@ def trace_bundle(
         From ray numbers (UInt32) to origins (Point3d, mm) and unit directions (Vector3d).
     count : int
         Number of rays.
+    bend : callable
+        From origins and directions to where the bent rays end: RefractedHits or CurvedHits.
+    check : callable
+        From these to two masks (Bool): the index along the ray adds up; the ray came from ambient
+        air through no boundary of the data that is open.
     focus : (2,) float, mm
         Nearest and farthest length of a straight ray that counts as sharp.
     coherent : bool
         Neighbouring rays run alike.
     trace_all : bool
-        Refract every ray, not only those whose straight twin hits the part.
-    gradient_normals, max_crossings
-        See :func:`iriftrace.plugins.tracing.refracted_hits`.
+        Bend every ray, not only those whose straight twin hits the part.
     """
     import drjit as dr
     import mitsuba as mi
@@ -101,22 +92,12 @@ def trace_bundle(
     if dr.width(chosen) == 0:
         return Bundle(None, untraced, {"straight": straight_done - started, "refracted": 0.0})
     origin, direction = rays(chosen)
-    refracted = refracted_hits(
-        prepared.scene,
-        prepared.opaque,
-        tables,
-        origin,
-        direction,
-        coherent=coherent,
-        gradient_normals=gradient_normals,
-        max_crossings=max_crossings,
-        step=prepared.step,
-    )
+    refracted = bend(origin, direction)
     dr.eval(*refracted)
     dr.sync_thread()
     refracted_done = time.perf_counter()
 
-    trace = _judged(prepared, chosen, origin, direction, straight, refracted, focus)
+    trace = _judged(prepared, chosen, origin, direction, straight, refracted, check, focus)
     return Bundle(
         trace,
         untraced,
@@ -133,7 +114,8 @@ def _judged(
     origin: Any,
     direction: Any,
     straight: Any,
-    refracted: RefractedHits,
+    refracted: Any,
+    check: Callable[[Any], tuple[Any, Any]],
     focus: tuple[float, float],
 ) -> Trace:
     """Join both rays' hits and judge them."""
@@ -151,7 +133,7 @@ def _judged(
     incidence = dr.atan2(sine, dr.abs(dr.dot(direction, normal)))
 
     bent_hit = refracted.outcome == HIT_PART
-    consistent, from_outside = _index_check(prepared, refracted)
+    consistent, from_outside = check(refracted)
 
     near, far = (dr.opaque(mi.Float64, limit) for limit in focus)
     status = mi.UInt32(int(Status.GOOD))
@@ -181,55 +163,3 @@ def _judged(
         status=status,
         open_boundary=~from_outside & (status == int(Status.GOOD)),
     )
-
-
-def _index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any, Any]:
-    """Whether a ray's index steps lead to the layer at its hit, and start from ambient.
-
-    The steps of a ray and the index before the first of them give the layer in which it
-    ended. It must be one of those that touch the part there.
-    """
-    import drjit as dr
-    import mitsuba as mi
-
-    tables = prepared.tables
-    if tables.stock_shells:
-        # Mitsuba's dielectric knows ratios only, so its steps have no common scale.
-        return mi.Bool(True), mi.Bool(True)
-    hit = refracted.outcome == HIT_PART
-    face = refracted.face - tables.part_first_face
-    ambient, slack, open_steps = (
-        dr.opaque(mi.Float64, value)
-        for value in (tables.ambient, tables.half_step, tables.open_steps)
-    )
-    entry = dr.select(refracted.entry_index != 0, refracted.entry_index, ambient)
-    layer = entry + refracted.index_sum
-    usual = dr.gather(mi.Float64, prepared.usual_wall_index, face, hit)
-    missing = dr.abs(entry - ambient)
-    fits = dr.abs(layer - usual) < slack
-    # A ray without a crossing does not tell in which air it runs, unless that at the wall is cold.
-    silent = hit & (refracted.entry_index == 0) & (dr.abs(usual - ambient) > slack)
-    dr.eval(layer, missing, fits, silent)
-    doubtful = dr.compress(hit & (~fits | silent))
-    if dr.width(doubtful) > 0:
-        number = np.array(doubtful)
-        near = prepared.layers_near(*_hits(prepared, refracted, number), lines=WITNESSES)
-        right = (np.abs(np.array(layer)[number] - near) < tables.half_step).any(axis=0)
-        # It has come all its way in the air before the wall then, through an open end.
-        astray = np.array(silent)[number] & ~right
-        steps, exact = np.array(missing), np.array(fits)
-        steps[number[astray]] = np.abs(near[0, astray] - tables.ambient)
-        exact[number] = right | astray
-        missing, fits = mi.Float64(aligned(steps)), mi.Bool(aligned(exact))
-    return fits & (missing < open_steps + slack), missing < slack
-
-
-def _hits(prepared: PreparedScene, refracted: RefractedHits, number: Any) -> tuple[Any, Any]:
-    """Points (n, 3) and outward normals (n, 3) of some of the refracted hits."""
-    vertices, faces = prepared.tables.part_arrays()
-    face = np.array(refracted.face)[number] - prepared.tables.part_first_face
-    a, b, c = np.moveaxis(vertices[faces[face]], 1, 0)
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    # Axis by axis: Dr.Jit compiles a kernel for every length when it interleaves them.
-    return np.stack([np.array(axis)[number] for axis in refracted.point], axis=1), normals

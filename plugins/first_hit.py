@@ -2,53 +2,26 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-import numpy as np
-
-from iriftrace.camera import Camera
-from iriftrace.channels import CHANNELS
-from iriftrace.errors import InputError
-
-from .bundle import Bundle, Trace, trace_bundle
+from .aov_integrator import integrator_class
+from .index_check import index_check
 from .prepared import PreparedScene
 from .properties import choice, flag, whole_number
-from .stock_sensor import StockSensor
-from .tracing import HIT_PART
+from .tracing import refracted_hits
 
 NORMALS = ("gradient", "facet")
-
-
-def check_film(film: Any) -> None:
-    """Refuse films that would smear or round the channels."""
-    text = str(film)
-    if film.class_name() != "HDRFilm" or "component_format = float32" not in text:
-        raise InputError(
-            "The film must be an hdrfilm with component_format float32: half precision (its "
-            'default) rounds millimetres to 0.06; add <string name="component_format" '
-            'value="float32"/>.'
-        )
-    if not film.rfilter().is_box_filter():
-        raise InputError(
-            "The film's reconstruction filter mixes neighbouring pixels, so hits and misses would "
-            'blur into each other; use <rfilter type="box"/>.'
-        )
-
-
-def camera_of(sensor: Any) -> Any:
-    """The sensor itself if it gives rays in double precision, else an adapter."""
-    return sensor if hasattr(sensor, "rays64") else StockSensor(sensor)
+INSIDE_HITS = ("refract", "drop")
 
 
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
-    import drjit as dr
     import mitsuba as mi
 
-    class FirstHit(mi.SamplingIntegrator):  # type: ignore[misc]
+    class FirstHit(integrator_class(variant)):  # type: ignore[misc]
         r"""First hits, straight and refracted (``first_hit``).
 
         =================  =======  ==================================================  ========
@@ -59,6 +32,9 @@ def plugin_class(variant: str) -> type:
         ``max_crossings``  integer  a ray with more crossings gives up (status 6)       1000
         ``trace_all``      boolean  refract also the rays whose straight twin misses    false
                                     the part (then status 4 exists)
+        ``inside_hit``     string   ``drop`` gives a ray up (status 6) that meets a     refract
+                                    shell from its inside, as Kern et al. (2025)
+                                    do; for studies only
         =================  =======  ==================================================  ========
 
         One ray through every pixel's centre. A shape with an ``iso_shell`` bsdf (or Mitsuba's
@@ -87,167 +63,29 @@ def plugin_class(variant: str) -> type:
             self.normals = choice(props, "normals", NORMALS)
             self.max_crossings = whole_number(props, "max_crossings", 1000)
             self.trace_all = flag(props, "trace_all", False)
-            self._prepared: PreparedScene | None = None
-
-        def aov_names(self) -> list[str]:
-            return list(CHANNELS)
+            self.inside_hit = choice(props, "inside_hit", INSIDE_HITS)
 
         def to_string(self) -> str:
             return f"FirstHit[normals={self.normals}, max_crossings={self.max_crossings}]"
 
-        def prepare(self, scene: Any) -> PreparedScene:
-            """Tables and sub-scene of a scene; kept until another scene is given."""
-            if self._prepared is None or self._prepared.scene is not scene:
-                self._prepared = PreparedScene(scene)
-            return self._prepared
-
-        def surroundings(self, scene: Any, sensor: Any) -> str | None:
-            """What a sensor stands in: ``"part"``, ``"hot air"`` or None for neither."""
-            matrix = np.asarray(camera_of(sensor).description()["matrix"])
-            return self.prepare(scene).surroundings(matrix[:3, 3])
-
-        def trace(
-            self,
-            scene: Any,
-            rays: Any,
-            count: int,
-            *,
-            focus: tuple[float, float],
-            coherent: bool,
-            trace_all: bool,
-        ) -> Bundle:
-            """Trace a bundle of rays; see :func:`iriftrace.plugins.bundle.trace_bundle`."""
-            prepared = self.prepare(scene)
-            return trace_bundle(
-                prepared,
-                rays,
-                count,
-                focus=focus,
+        def bending(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
+            """Snell's law at every shell."""
+            tables = prepared.tables
+            return lambda origin, direction: refracted_hits(
+                prepared.scene,
+                prepared.opaque,
+                tables,
+                origin,
+                direction,
                 coherent=coherent,
-                trace_all=trace_all,
-                gradient_normals=self.normals == "gradient" and prepared.tables.has_normals,
+                gradient_normals=self.normals == "gradient" and tables.has_normals,
                 max_crossings=self.max_crossings,
+                step=prepared.step,
+                drop_inside_hits=self.inside_hit == "drop",
             )
 
-        def image(self, scene: Any, sensor: Any) -> tuple[Any, dict[str, Any]]:
-            """All channels of a sensor's picture.
-
-            Parameters
-            ----------
-            scene : mi.Scene
-            sensor : mi.Sensor
-
-            Returns
-            -------
-            channels : TensorXf, (c, h, w)
-                In the order of ``CHANNELS``, the crop window only.
-            report : dict
-                ``time_s`` per stage, ``open_boundary`` rays, ``shell_triangles_in_view`` and
-                ``camera`` of the crop window (as of ``iriftrace.camera.Camera.as_dict``).
-            """
-            film = sensor.film()
-            check_film(film)
-            camera = camera_of(sensor)
-            description = camera.description()
-            width, height = (int(n) for n in film.crop_size())
-            left, top = (int(n) for n in film.crop_offset())
-            columns = dr.opaque(mi.UInt32, width)
-
-            def rays(number: Any) -> tuple[Any, Any]:
-                x = mi.Float64(number % columns) + (left + 0.5)
-                y = mi.Float64(number // columns) + (top + 0.5)
-                return camera.rays64(x, y)
-
-            count = width * height
-            near, far = description["focus_mm"]
-            bundle = self.trace(
-                scene,
-                rays,
-                count,
-                focus=(near, float("inf") if far is None else far),
-                coherent=True,
-                trace_all=self.trace_all,
-            )
-            started = time.perf_counter()
-            trace = bundle.trace
-            pixels = dr.zeros(mi.Float, len(CHANNELS) * count)
-            everywhere = dr.arange(mi.UInt32, count)
-            status_row = len(CHANNELS) - 1
-            dr.scatter(pixels, mi.Float(bundle.status), everywhere + status_row * count)
-            dr.eval(pixels)
-            open_boundary = 0
-            if trace is not None:
-                for row, (value, exists) in enumerate(self._channel_values(trace, camera)):
-                    value = mi.Float(dr.select(exists, value, 0))
-                    dr.scatter(pixels, value, trace.ray + row * count)
-                dr.eval(pixels)
-                open_boundary = int(dr.count(trace.open_boundary)[0])
-            dr.sync_thread()
-            report = {
-                "time_s": {**bundle.time_s, "channels": time.perf_counter() - started},
-                "open_boundary": open_boundary,
-                "shell_triangles_in_view": self.prepare(scene).tables.triangles_in_view(
-                    camera.project64, (left, top), (left + width, top + height)
-                ),
-                "camera": Camera.from_dict(description).cropped(left, top, width, height).as_dict(),
-            }
-            return mi.TensorXf(pixels, (len(CHANNELS), height, width)), report
-
-        def _channel_values(self, trace: Trace, camera: Any) -> list[tuple[Any, Any]]:
-            """Value of each channel and where it exists, in the order of ``CHANNELS``."""
-            straight_hit = trace.straight_outcome == HIT_PART
-            bent_hit = trace.refracted.outcome == HIT_PART
-            both = straight_hit & bent_hit
-            point = trace.refracted.point
-            displacement = point - trace.straight
-            # A point of the straight ray at the depth of the refracted hit appears at the pixel's
-            # centre; projecting it too cancels what rounding the projection has.
-            unbent = trace.origin + trace.direction * dr.dot(point - trace.origin, trace.direction)
-            x_unbent, y_unbent, _ = camera.project64(unbent)
-            x, y, in_front = camera.project64(point)
-            visible = bent_hit & in_front
-            always = mi.Bool(True)
-            return [
-                *((value, straight_hit) for value in trace.straight),
-                *((value, bent_hit) for value in point),
-                *((value, both) for value in displacement),
-                (dr.norm(displacement), both),
-                (x_unbent - x, visible),
-                (y_unbent - y, visible),
-                (trace.incidence, straight_hit),
-                (trace.refracted.path_length, bent_hit),
-                (trace.refracted.crossings, always),
-                (trace.straight_face + 1, straight_hit),
-                (trace.status, always),
-            ]
-
-        def render(
-            self,
-            scene: Any,
-            sensor: Any = 0,
-            seed: Any = 0,
-            spp: int = 0,
-            develop: bool = True,
-            evaluate: bool = True,
-        ) -> Any:
-            """Picture of all channels, for ``mi.render``; the film keeps the channels' names."""
-            sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
-            film = sensor.film()
-            channels, _ = self.image(scene, sensor)
-            count, height, width = channels.shape
-            base = film.prepare(self.aov_names()) - count
-            block = film.create_block()
-            pixel = dr.arange(mi.UInt32, height * width)
-            position = mi.Point2f(
-                mi.Float(pixel % width) + 0.5 + film.crop_offset().x,
-                mi.Float(pixel // width) + 0.5 + film.crop_offset().y,
-            )
-            # The film's own channels come first: nothing in them but the weight, the last.
-            values = [mi.Float(0)] * (base - 1) + [mi.Float(1)]
-            for row in range(count):
-                values.append(dr.gather(mi.Float, channels.array, pixel + row * height * width))
-            block.put(position, values)
-            film.put_block(block)
-            return film.develop() if develop else mi.TensorXf()
+        def checking(self, prepared: PreparedScene) -> Callable[[Any], tuple[Any, Any]]:
+            """The index steps add up to the layer at the hit."""
+            return lambda hits: index_check(prepared, hits)
 
     return FirstHit

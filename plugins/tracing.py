@@ -77,7 +77,7 @@ def query_step(scene: Any) -> float:
     return RELATIVE_STEP * max(abs(x) for corner in (box.min, box.max) for x in corner)
 
 
-def _query_error(origin: Any, smallest_step: Any) -> Any:
+def query_error(origin: Any, smallest_step: Any) -> Any:
     """What a query from a point can be wrong by across the ray, mm; more from far away."""
     import drjit as dr
 
@@ -97,7 +97,8 @@ def _same_crossing(
     return repeated & (gap < SAME_CROSSING_STEPS * smallest_step)
 
 
-def _query(scene: Any, origin: Any, direction: Any, coherent: bool, active: Any) -> Any:
+def ray_query(scene: Any, origin: Any, direction: Any, coherent: bool, active: Any) -> Any:
+    """First triangle along rays, in single precision (PreliminaryIntersection3f)."""
     import drjit as dr
     import mitsuba as mi
 
@@ -130,14 +131,14 @@ def straight_hits(
     import drjit as dr
     import mitsuba as mi
 
-    preliminary = _query(opaque, origin, direction, coherent, mi.Bool(True))
+    preliminary = ray_query(opaque, origin, direction, coherent, mi.Bool(True))
     found = preliminary.is_valid()
     shape = tables.shape_number(preliminary, found)
     on_part = found & (tables.kind(shape, found) == PART)
     face = tables.face(shape, preliminary.prim_index, on_part)
     triangle, normal = tables.plane(face, on_part)
     rough = mi.Float64(preliminary.t)
-    tolerance = _query_error(origin, dr.opaque(mi.Float64, step))
+    tolerance = query_error(origin, dr.opaque(mi.Float64, step))
     exact = distance_to_plane(origin, direction, triangle, normal, rough, tolerance)
     face, exact = settle(tables, origin, direction, face, exact, on_part)
     outcome = dr.select(on_part, mi.UInt32(HIT_PART), dr.select(found, HIT_BLOCKER, ESCAPED))
@@ -159,6 +160,7 @@ def refracted_hits(
     gradient_normals: bool,
     max_crossings: int,
     step: float,
+    drop_inside_hits: bool = False,
 ) -> RefractedHits:
     """Ends of rays that are refracted at every shell.
 
@@ -179,6 +181,8 @@ def refracted_hits(
         Rays with more crossings give up.
     step : float, mm
         From :func:`query_step`.
+    drop_inside_hits : bool
+        Rays that meet a shell from its inside give up there.
     """
     import drjit as dr
     import mitsuba as mi
@@ -208,7 +212,7 @@ def refracted_hits(
 
     def advance(*values: Any) -> tuple[Any, ...]:
         s = State(*values)
-        preliminary = _query(scene, s.start, s.direction, coherent, s.active)
+        preliminary = ray_query(scene, s.start, s.direction, coherent, s.active)
         found = s.active & preliminary.is_valid()
         shape = tables.shape_number(preliminary, found)
         kind = tables.kind(shape, found)
@@ -225,7 +229,7 @@ def refracted_hits(
         again = on_shell & ((face == s.face) | same)
         crossed = on_shell & ~again
 
-        tolerance = _query_error(s.point, smallest_step)
+        tolerance = query_error(s.point, smallest_step)
         distance = dr.select(
             flat,
             distance_to_plane(s.point, s.direction, triangle, normal, rough, tolerance),
@@ -254,6 +258,8 @@ def refracted_hits(
 
         crossings = s.crossings + dr.select(crossed, mi.UInt32(1), 0)
         gave_up = crossed & (crossings >= limit)
+        if drop_inside_hits:
+            gave_up |= crossed & outward
         outcome = dr.select(on_part, mi.UInt32(HIT_PART), s.outcome)
         outcome = dr.select(blocked, mi.UInt32(HIT_BLOCKER), outcome)
         outcome = dr.select(gave_up, mi.UInt32(GAVE_UP), outcome)
@@ -295,11 +301,11 @@ def refracted_hits(
         )
     )
     hits = RefractedHits(*end[:8])
-    return _settled(tables, _back_on_front(opaque, tables, hits, end.segment, coherent, step))
+    return settled(tables, _back_on_front(opaque, tables, hits, end.segment, coherent, step))
 
 
-def _settled(tables: SceneTables, hits: RefractedHits) -> RefractedHits:
-    """Hits near an edge on the face that is really met."""
+def settled(tables: SceneTables, hits: Any) -> Any:
+    """Hits (RefractedHits or CurvedHits) near an edge on the face that is really met."""
     import drjit as dr
     import mitsuba as mi
 
@@ -335,7 +341,7 @@ def _back_on_front(
     slipped = on_part & (dr.dot(hits.direction, normal) > 0)
     smallest_step = dr.opaque(mi.Float64, step)
     back = -hits.direction
-    preliminary = _query(opaque, hits.point + back * smallest_step, back, coherent, slipped)
+    preliminary = ray_query(opaque, hits.point + back * smallest_step, back, coherent, slipped)
     found = slipped & preliminary.is_valid()
     shape = tables.shape_number(preliminary, found)
     found &= tables.kind(shape, found) == PART
@@ -343,7 +349,7 @@ def _back_on_front(
     triangle, normal = tables.plane(face, found)
     found &= dr.dot(hits.direction, normal) < 0
     rough = mi.Float64(preliminary.t) + smallest_step
-    tolerance = _query_error(hits.point, smallest_step)
+    tolerance = query_error(hits.point, smallest_step)
     distance = distance_to_plane(hits.point, back, triangle, normal, rough, tolerance)
     # Where the front lies, counted from the last crossing (the length of the last segment).
     depth = segment - distance
@@ -389,7 +395,7 @@ def crossed_steps(
     def advance(*values: Any) -> tuple[Any, ...]:
         s = State(*values)
         start = origin + direction * s.travelled
-        preliminary = _query(scene, start, direction, False, s.active)
+        preliminary = ray_query(scene, start, direction, False, s.active)
         found = s.active & preliminary.is_valid()
         shape = tables.shape_number(preliminary, found)
         on_shell = found & (tables.kind(shape, found) == SHELL)

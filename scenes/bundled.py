@@ -63,6 +63,7 @@ def write_bundled(folder: str | Path) -> list[Path]:
                 report=report,
                 notes=NOTES[name],
                 paraview=False,
+                field=field if name == "cylinder" else None,
             )
         )
     return written

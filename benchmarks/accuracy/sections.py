@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from benchmarks.accuracy import air_effects, exact_shells, ledger, naive, noise_floor
+from benchmarks.accuracy import agreement, air_effects, exact_shells, ledger, naive, noise_floor
 
 SECTIONS = tuple(
-    module.SECTION for module in (exact_shells, noise_floor, ledger, air_effects, naive)
+    module.SECTION for module in (exact_shells, noise_floor, agreement, ledger, air_effects, naive)
 )

@@ -65,6 +65,9 @@ def doctor() -> int:
 for _command in (shells, scene, render, metrics, demo):
     app.command(_command)
 
+# A command of commands.
+app.command("iriftrace.cli.study_commands:study", name="study")
+
 # By name, so that they are imported when they are called.
 for _module, _name, _help, _example in (
     (
@@ -90,6 +93,12 @@ for _module, _name, _help, _example in (
         "report",
         "Write what a sweep found out as one HTML page that needs neither Python nor a network.",
         "sweep.nc -o report.html",
+    ),
+    (
+        "compare_commands",
+        "compare",
+        "Compare measured pixel shifts with a rendering: bias, residual, motion of the camera.",
+        "out.exr markers.csv",
     ),
 ):
     app.command(

@@ -129,6 +129,7 @@ def scene(
         normals=normals,
         report=reports,
         notes=field_options.notes(),
+        field=volume,
     )
     print_shells(out, stack, reports, field_options.field_length_unit)
     if fit is not None:

@@ -95,6 +95,8 @@ def print_camera(console: Console, camera: Camera, scale: float) -> None:
         f"Camera at ({x}, {y}, {z}) mm, focal length {camera.focal_length_mm:g} mm, "
         f"{width} x {height} px, focus {near:g} to {far:g} mm."
     )
+    if camera.distortion is not None:
+        console.print(f"Lens distortion {camera.distortion}.")
 
 
 def print_summary(console: Console, metrics: dict[str, Any]) -> None:

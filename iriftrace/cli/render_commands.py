@@ -6,13 +6,13 @@ import json
 import shutil
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from iriftrace.cli.checks import check_folder, check_input, check_output, removed_on_failure
 from iriftrace.cli.console import out, show_warning, working
-from iriftrace.cli.options import Statuses, Variables, statuses, variables_of
+from iriftrace.cli.options import Statuses, Variables, Wavelength, scene_variables, statuses
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +27,9 @@ def render(
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     define: Variables = None,
+    wavelength: Wavelength = None,
     variant: str | None = None,
+    engine: Literal["shells", "continuous"] | None = None,
     figures: bool = True,
     include: Statuses = None,
 ) -> None:
@@ -43,8 +45,13 @@ def render(
         The EXR file; by default the scene's name with .exr. JSON and PNG go beside it.
     define
         Scene parameter, name=value; repeatable.
+    wavelength
+        Wavelength of the light, "450 nm"; by default the one the scene was made for.
     variant
         Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
+    engine
+        Bend rays at the shells, or along their curved path through the field itself, which needs
+        the field.npz that ``iriftrace scene`` writes; by default what the scene's file says.
     figures
         Draw the displacement picture.
     include
@@ -56,7 +63,8 @@ def render(
     exr = scene.with_suffix(".exr") if output is None else output
     check_output(exr, ".exr", "out.exr", make=False)
     used = statuses(include)
-    rendering, _ = _render(scene, exr, variables_of(define), variant, used, figures)
+    values = scene_variables(define, wavelength)
+    rendering, _ = _render(scene, exr, values, variant, used, figures, engine)
     print_summary(out, rendering.metrics)
     _list_files(exr, figures)
 
@@ -120,6 +128,7 @@ def demo(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("out"),
     define: Variables = None,
+    wavelength: Wavelength = None,
     variant: str | None = None,
 ) -> None:
     """Run the bundled scene of a hot cylinder, from scene to pictures and metrics.
@@ -132,6 +141,8 @@ def demo(
         Folder for the results; the scene is copied there, ready to be changed.
     define
         Scene parameter, name=value; repeatable.
+    wavelength
+        Wavelength of the light, "450 nm"; by default the one the scene was made for.
     variant
         Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     """
@@ -139,7 +150,7 @@ def demo(
     from iriftrace.scenes import folder_of
 
     check_folder(output)
-    values = variables_of(define)
+    values = scene_variables(define, wavelength)
     copy = output / "scene"
     _keep_edited_scene(copy / "scene.xml", folder_of(DEMO) / "scene.xml")
     exr = output / f"{DEMO}.exr"
@@ -172,13 +183,14 @@ def _render(
     variant: str | None,
     include: tuple[int, ...],
     figures: bool,
+    engine: str | None = None,
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.render import render_scene
     from iriftrace.scene import load_scene
 
     with working("Loading the scene"):
-        loaded = load_scene(scene, variables, variant=variant)
+        loaded = load_scene(scene, variables, variant=variant, engine=engine)
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
     if figures:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import notes, out
-from iriftrace.cli.options import Statuses, Variables, Whole, statuses, variables_of
+from iriftrace.cli.options import Statuses, Variables, Wavelength, Whole, scene_variables, statuses
 from iriftrace.cli.orbit_options import OrbitOptions, different_lengths
 from iriftrace.cli.pose_progress import pose_progress
 from iriftrace.errors import InputError
@@ -34,6 +34,7 @@ def sweep(
     orbit: OrbitOptions = OrbitOptions(),
     focal_length: str | None = None,
     define: Variables = None,
+    wavelength: Wavelength = None,
     variant: str | None = None,
     nearest: bool = False,
     exr: bool = False,
@@ -62,6 +63,8 @@ def sweep(
         In place of the sensor's focal length: one or several, "8mm,10mm".
     define
         Scene parameter, name=value; repeatable.
+    wavelength
+        Wavelength of the light, "450 nm"; by default the one the scenes were made for.
     variant
         Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     nearest
@@ -86,7 +89,7 @@ def sweep(
     if workers is not None and scheduler is None:
         scheduler = "local"
     _check(scenes, output, export, surface, scheduler, workers)
-    series = _series(scenes, orbit, focal_length, variables_of(define), variant)
+    series = _series(scenes, orbit, focal_length, scene_variables(define, wavelength), variant)
     options = SweepOptions(nearest, statuses(include), exr)
     target = orbit.look_at(series[0].scene)
     with _renderer(scheduler, workers) as render, pose_progress() as report:
@@ -153,7 +156,7 @@ def _series(
             scene = load_scene(path, variables, variant=variant)
         cameras = _cameras(scene.camera, focal_length)
         orbits = [
-            (stand_off, poses if orbit.poses is not None else _outside(scene, poses))
+            (stand_off, _placed(scene, poses, listed=orbit.poses))
             for stand_off, poses in orbit.pose_sets(scene, scene.camera)
         ]
         series += [
@@ -175,12 +178,37 @@ def _cameras(camera: Camera, focal_length: str | None) -> list[Camera]:
             f"--focal-length is {focal_length}, but the scene's camera is {camera.projection} and "
             "has none; leave it out."
         )
+    if camera.distortion is not None:
+        raise InputError(
+            f"--focal-length is {focal_length}, but the scene's lens distortion was calibrated at "
+            f"{camera.focal_length_mm:g} mm and is another at other lengths; leave one of them out."
+        )
     lengths = different_lengths(focal_length, "--focal-length")
     return [evolve(camera, focal_length_mm=length) for length in lengths]
 
 
+def _placed(scene: LoadedScene, poses: PoseSet, *, listed: Path | None) -> PoseSet:
+    """Poses where cameras can stand: an orbit's out of the hot air, a list's as they are."""
+    from iriftrace.enclosure import inside_closed
+
+    part = scene.part
+    inside = part.closed and inside_closed(poses.origins, part.vertices, part.faces)
+    # A list may name some by mistake, which fail without stopping the rest.
+    if listed is not None and np.all(inside):
+        raise InputError(
+            f"All {len(poses)} poses of {listed} stand inside the part, where there is nothing to "
+            "see; check its positions, and its unit with --length-unit."
+        )
+    if listed is None and np.any(inside):
+        raise InputError(
+            f"{np.sum(inside)} of {len(poses)} poses of the orbit stand inside the part, where "
+            "there is nothing to see; give larger semi-axes."
+        )
+    return poses if listed is not None else _outside(scene, poses)
+
+
 def _outside(scene: LoadedScene, poses: PoseSet) -> PoseSet:
-    """Poses inside hot air or part moved back out of it, which is reported."""
+    """Poses inside the hot air moved back out of it, which is reported."""
     from iriftrace.pose_set import push_out
     from iriftrace.render import is_inside
 
@@ -188,8 +216,8 @@ def _outside(scene: LoadedScene, poses: PoseSet) -> PoseSet:
         free, moved = push_out(poses, lambda points: is_inside(scene, points))
     if moved.any():
         notes.print(
-            f"[bold yellow]warning:[/] {moved.sum()} of {len(poses)} poses stood in the hot air or "
-            "the part and were moved back along their line of sight.",
+            f"[bold yellow]warning:[/] {moved.sum()} of {len(poses)} poses stood in the hot air "
+            "and were moved back along their line of sight.",
             soft_wrap=True,
         )
     return free

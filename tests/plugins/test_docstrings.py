@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from iriftrace.camera import look_at
-from iriftrace.plugins import calibrated_camera, first_hit, iso_shell
+from iriftrace.plugins import calibrated_camera, first_hit, gradient_path, iso_shell
 
-MODULES = (iso_shell, first_hit, calibrated_camera)
+MODULES = (iso_shell, first_hit, gradient_path, calibrated_camera)
 
 
 def document(module: ModuleType, variant: str) -> str:
@@ -62,6 +62,8 @@ def test_examples_mean_the_same_in_both_languages(variant: str) -> None:
     xml, python = (load(iso_shell, variant) for load in (from_xml, from_python))
     assert (xml.ext_ior, xml.int_ior) == (python.ext_ior, python.int_ior) == (1.0002718, 1.0002553)
     xml, python = (load(first_hit, variant) for load in (from_xml, from_python))
+    assert str(xml) == str(python)
+    xml, python = (load(gradient_path, variant) for load in (from_xml, from_python))
     assert str(xml) == str(python)
     xml, python = (load(calibrated_camera, variant) for load in (from_xml, from_python))
     assert xml.description()["resolution"] == [1224, 1024]

@@ -13,8 +13,8 @@ from iriftrace.camera import Camera, look_at
 from iriftrace.channels import CHANNELS
 from iriftrace.errors import InputError
 from iriftrace.plugins.aligned import BYTES, aligned
+from iriftrace.plugins.aov_integrator import camera_of
 from iriftrace.plugins.calibrated_camera import sensor_of
-from iriftrace.plugins.first_hit import camera_of
 from iriftrace.plugins.projection import flip_axes
 from tests.small_scenes import (
     camera,
@@ -303,13 +303,13 @@ def test_sensors_without_a_picture_plane_are_refused(shapes: dict[str, Any]) -> 
 def test_report_counts_and_describes(shapes: dict[str, Any]) -> None:
     loaded = scene(shapes)
     _, report = loaded.integrator().image(loaded, loaded.sensors()[0])
-    assert report["open_boundary"] == 0
+    assert report["counts"]["open_boundary"] == 0
     # All shells are in view: three icospheres of 1280 triangles; only half would be without sides.
-    assert report["shell_triangles_in_view"] == 3 * 1280
+    assert report["counts"]["shell_triangles_in_view"] == 3 * 1280
     assert Camera.from_dict(report["camera"]).resolution == (48, 40)
     assert set(report["time_s"]) == {"straight", "refracted", "channels"}
     away = sensor_of(camera_in_numpy((0.0, -100.0, 0.0), (0.0, -200.0, 0.0)))
-    assert loaded.integrator().image(loaded, away)[1]["shell_triangles_in_view"] == 0
+    assert loaded.integrator().image(loaded, away)[1]["counts"]["shell_triangles_in_view"] == 0
 
 
 @pytest.fixture

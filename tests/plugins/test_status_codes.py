@@ -218,7 +218,7 @@ def air_with_a_hole(folder: Path, holed: str) -> dict[str, np.ndarray]:
     tensor, report = loaded.integrator().image(loaded, loaded.sensors()[0])
     return {
         **dict(zip(CHANNELS, np.array(tensor), strict=True)),
-        "open_boundary": np.array(report["open_boundary"]),
+        "open_boundary": np.array(report["counts"]["open_boundary"]),
     }
 
 
@@ -297,13 +297,13 @@ def test_open_boundary_counts_rays_that_enter_through_the_open_end(tmp_path: Pat
     assert expected.sum() > 50
     assert (good & lateral & ~expected).sum() > 20
     # The tubes' facets and the bending decide for the rays at their rims.
-    assert report["open_boundary"] == pytest.approx(expected.sum(), abs=3)
+    assert report["counts"]["open_boundary"] == pytest.approx(expected.sum(), abs=3)
 
 
 def test_closed_shells_have_no_open_boundary(tmp_path: Path) -> None:
     loaded = scene(shapes(tmp_path))
     _, report = loaded.integrator().image(loaded, loaded.sensors()[0])
-    assert report["open_boundary"] == 0
+    assert report["counts"]["open_boundary"] == 0
 
 
 def test_order_of_the_codes(tmp_path: Path) -> None:

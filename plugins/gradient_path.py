@@ -1,0 +1,157 @@
+"""The integrator ``gradient_path``: rays through the field itself, without shells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.channels import CHANNELS, ERROR_CHANNEL
+from iriftrace.continuous_field import FieldCells, load_field_file
+from iriftrace.errors import InputError
+
+from .aov_integrator import Window, integrator_class
+from .bundle import Trace
+from .curved_path import CurvedHits, curved_hits
+from .prepared import PreparedScene
+from .properties import choice, flag, whole_number
+from .tetrahedral_air import TetrahedralAir
+from .tracing import HIT_PART
+
+GRADIENTS = ("recovered", "constant")
+
+
+@cache
+def plugin_class(variant: str) -> type:
+    """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
+    import drjit as dr
+    import mitsuba as mi
+
+    class GradientPath(integrator_class(variant)):  # type: ignore[misc]
+        r"""First hits, straight and along the curved path (``gradient_path``).
+
+        =================  =======  ==================================================  =========
+        Parameter          Type     Meaning                                             Default
+        =================  =======  ==================================================  =========
+        ``field``          string   field file that ``iriftrace scene`` writes, as      field.npz
+                                    seen from the scene's file
+        ``gradient``       string   gradient of the index: ``recovered`` at the cells'  recovered
+                                    corners and interpolated, or ``constant`` in each
+                                    tetrahedron
+        ``max_steps``      integer  a ray with more steps gives up (status 6)           100000
+        ``trace_all``      boolean  bend also the rays whose straight twin misses the   false
+                                    part (then status 4 exists)
+        =================  =======  ==================================================  =========
+
+        Solves the ray equation d/ds (n dr/ds) = grad n from cell to cell of the solver's own mesh,
+        one step of order 4 in each tetrahedron; shells in the scene are not looked at. The shape
+        with id ``part`` is the measured part, any other shape that is no shell blocks the view.
+        Film, sensor and channels are those of ``first_hit``, with ``path.crossings`` the number
+        of tetrahedra passed and one channel more, ``path.error``: an estimate of the hit's error
+        in mm, which is where the ray would meet the part with the other kind of gradient (that one
+        is good for the ``constant`` kind and several times too large for ``recovered``), and what
+        the steps' own error may come to.
+
+        A ray outside the data runs straight. Where the data end in air that is not ambient, the
+        ray is not refracted, and counts as ``open_boundary``; between the data's inner boundary
+        and the part, it runs straight too.
+
+        Limits: as for ``first_hit``; the index between the corners of a tetrahedron is linear.
+
+        .. code-block:: xml
+
+            <integrator type="gradient_path">
+                <string name="field" value="field.npz"/>
+                <string name="gradient" value="recovered"/>
+            </integrator>
+
+        .. code-block:: python
+
+            mi.load_dict({"type": "gradient_path", "field": "field.npz"})
+        """
+
+        engine = "continuous"
+
+        def __init__(self, props: mi.Properties) -> None:
+            super().__init__(props)
+            named = props.get("field", "field.npz")
+            if not isinstance(named, str):
+                raise InputError(
+                    f'"field" is {named!r}; write <string name="field" value="field.npz"/>.'
+                )
+            # Mitsuba's resolver knows the folder of the scene's file while that is read.
+            self.field = Path(str(mi.file_resolver().resolve(named)))
+            self.gradient = choice(props, "gradient", GRADIENTS)
+            self.max_steps = whole_number(props, "max_steps", 100_000)
+            self.trace_all = flag(props, "trace_all", False)
+            self.wavelength_nm: float | None = None
+            self._air: TetrahedralAir | None = None
+
+        def aov_names(self) -> list[str]:
+            return [*CHANNELS, ERROR_CHANNEL]
+
+        def to_string(self) -> str:
+            return f"GradientPath[field={self.field}, gradient={self.gradient}]"
+
+        @property
+        def air(self) -> TetrahedralAir:
+            """The field's tetrahedra; the file is read at the first need."""
+            if self._air is None:
+                cells = load_field_file(self.field)
+                if self.wavelength_nm is not None:
+                    cells = cells.at_wavelength(self.wavelength_nm)
+                self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
+            return self._air
+
+        @property
+        def cells(self) -> FieldCells:
+            """What the field's file holds."""
+            return self.air.cells
+
+        def prepare(self, scene: Any) -> PreparedScene:
+            """Tables and sub-scene of a scene, and the field; kept until another scene is given."""
+            assert self.air is not None
+            return super().prepare(scene)
+
+        def surroundings_of(self, scene: Any, point: NDArray[np.float64]) -> str | None:
+            """What a point lies in; which air it is, the field says, and not the shells."""
+            if self.prepare(scene).surroundings(point) == "part":
+                return "part"
+            return "hot air" if self.air.is_hot(point) else None
+
+        def bending(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
+            """The ray equation."""
+            return lambda origin, direction: curved_hits(
+                prepared.opaque,
+                prepared.tables,
+                self.air,
+                origin,
+                direction,
+                coherent=coherent,
+                max_steps=self.max_steps,
+                step=prepared.step,
+            )
+
+        def checking(self, prepared: PreparedScene) -> Callable[[CurvedHits], tuple[Any, Any]]:
+            """There are no index steps that could be missed."""
+            return lambda hits: (mi.Bool(True), ~hits.opened)
+
+        def channel_values(self, trace: Trace, camera: Any) -> list[tuple[Any, Any]]:
+            """Those of both integrators, and the error."""
+            bent_hit = trace.refracted.outcome == HIT_PART
+            return [*super().channel_values(trace, camera), (trace.refracted.error, bent_hit)]
+
+        def counts(self, trace: Trace) -> dict[str, int]:
+            """Also the rays whose tetrahedron had to be sought on the way."""
+            relocated = int(dr.count(trace.refracted.relocations > 0)[0])
+            return {**super().counts(trace), "relocated": relocated}
+
+        def shell_triangles(self, scene: Any, camera: Any, window: Window) -> int:
+            """None: shells are not looked at."""
+            return 0
+
+    return GradientPath

@@ -1,0 +1,297 @@
+"""The integrator gradient_path: from XML and by option, its channels, and what it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyvista as pv
+import trimesh
+from attrs import evolve
+
+from iriftrace.camera import Camera, look_at
+from iriftrace.channels import CHANNELS, ERROR_CHANNEL
+from iriftrace.continuous_cells import tetrahedra_of
+from iriftrace.continuous_field import FIELD_FILE, cells_of, load_field_file, save_field_file
+from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.exr import read_exr
+from iriftrace.part import Part, part_of_mesh
+from iriftrace.plugins.calibrated_camera import sensor_of
+from iriftrace.render import is_inside, render_scene, trace_rays
+from iriftrace.scene import load_scene, write_scene
+from iriftrace.shells import contour_shells
+from iriftrace.status import Status
+from tests.shell_fields import AMBIENT, field_of, hexahedra, sphere_field
+
+pytestmark = pytest.mark.usefixtures("variant")
+
+CAMERA = Camera(
+    focal_length_mm=10.0,
+    sensor_mm=(6.0, 5.0),
+    resolution=(192, 160),
+    matrix=look_at((0.0, -60.0, 5.0), (0.0, 0.0, 0.0)),
+)
+
+
+@pytest.fixture(scope="module")
+def part() -> Part:
+    ball = trimesh.creation.icosphere(2, 4.0)
+    return part_of_mesh(ball.vertices, ball.faces, name="ball")
+
+
+@pytest.fixture(scope="module")
+def xml(tmp_path_factory: pytest.TempPathFactory, part: Part) -> Path:
+    """A ball in air that is hottest in its centre, with 8 shells and the field itself."""
+    field = sphere_field(16)
+    shells = contour_shells(field, 8)
+    return write_scene(
+        tmp_path_factory.mktemp("ball"), part, shells, CAMERA, paraview=False, field=field
+    )
+
+
+def without_field(xml: Path, folder: Path, integrator: str = "") -> Path:
+    """A copy of the scene, without its field file, with another integrator if one is given."""
+    import shutil
+
+    shutil.copytree(xml.parent, folder, dirs_exist_ok=True)
+    (folder / FIELD_FILE).unlink()
+    copy = folder / "scene.xml"
+    if integrator:
+        text = copy.read_text()
+        start, end = text.index("<integrator"), text.index("</integrator>")
+        text = text[:start] + integrator + text[end + len("</integrator>") :]
+        copy.write_text(text.replace('    <default name="normals" value="gradient"/>\n', ""))
+    return copy
+
+
+def test_engines_agree_on_the_ball(xml: Path) -> None:
+    shells = render_scene(load_scene(xml)).image
+    continuous = render_scene(load_scene(xml, engine="continuous")).image
+    np.testing.assert_array_equal(shells.status, continuous.status)
+    good = (shells.status == 0) & (shells.channels["incidence.angle"] < np.radians(70))
+    assert good.sum() > 600
+    for name in ("straight.X", "incidence.angle", "part.face"):
+        np.testing.assert_array_equal(shells.channels[name], continuous.channels[name])
+    norm = continuous.channels["displacement.norm"][good]
+    off = np.linalg.norm(
+        shells.vector("displacement", good) - continuous.vector("displacement", good), axis=1
+    )
+    # Cells of 1.5 mm around a ball of 4 mm: both are several per cent off the truth.
+    assert np.median(off) < 0.05 * np.median(norm)
+    error = continuous.channels[ERROR_CHANNEL]
+    assert (error[continuous.status == Status.MISSED] == 0).all()
+    assert 0.001 * np.median(norm) < np.median(error[good]) < 0.3 * np.median(norm)
+    assert (continuous.channels["path.crossings"][good] > 10).all()
+
+
+def test_faceted_shells_of_the_engines_own_cells_converge_to_the_constant_gradient(
+    tmp_path: Path, part: Part
+) -> None:
+    """Eight times as many shells take at least a quarter of the difference away."""
+    field = sphere_field(10)
+    corners = tetrahedra_of(field.grid).corners.astype(np.int64)
+    grid = pv.UnstructuredGrid({pv.CellType.TETRA: corners}, np.asarray(field.grid.points))
+    field = evolve(field, grid=grid)
+    random = np.random.default_rng(0)
+    origins = np.column_stack((random.uniform(-2, 2, (1000, 2)), np.full(1000, 60.0)))
+    directions = np.tile((0.0, 0.0, -1.0), (1000, 1))
+
+    def hits(layers: int, engine: str) -> np.ndarray:
+        shells = contour_shells(field, layers, min_size_mm=0.0)
+        folder = tmp_path / str(layers)
+        xml = write_scene(folder, part, shells, CAMERA, paraview=False, field=field)
+        scene = load_scene(xml, {"normals": "facet"}, engine=engine)
+        return trace_rays(scene, origins, directions).refracted
+
+    limit = hits(10, "continuous")
+    few, many = (np.median(np.linalg.norm(hits(n, "shells") - limit, axis=1)) for n in (10, 80))
+    assert many < 0.75 * few
+
+
+def test_xml_names_the_integrator_and_a_field_beside_it(xml: Path, tmp_path: Path) -> None:
+    """The file is found as seen from the scene, and gives what the option gives."""
+    copy = without_field(
+        xml,
+        tmp_path,
+        '<integrator type="gradient_path"><string name="field" value="air/my.npz"/></integrator>',
+    )
+    (tmp_path / "air").mkdir()
+    (tmp_path / "air" / "my.npz").write_bytes((xml.parent / FIELD_FILE).read_bytes())
+    own, asked = (
+        render_scene(load_scene(p, engine=e)).image for p, e in ((copy, None), (xml, "continuous"))
+    )
+    assert own.header["engine"] == asked.header["engine"] == "continuous"
+    for name, plane in own.channels.items():
+        np.testing.assert_array_equal(plane, asked.channels[name])
+    # And back to shells by option.
+    assert load_scene(copy, engine="shells").engine == "shells"
+
+
+@pytest.mark.parametrize(
+    ("normals", "gradient"), [("gradient", "recovered"), ("facet", "constant")]
+)
+def test_each_kind_of_normals_has_its_gradient(xml: Path, normals: str, gradient: str) -> None:
+    loaded = load_scene(xml, {"normals": normals}, engine="continuous")
+    assert loaded.integrator.gradient == gradient
+    assert loaded.normals == f"none, {gradient} gradient"
+
+
+def test_error_channel_survives_the_file(xml: Path, tmp_path: Path) -> None:
+    rendering = render_scene(load_scene(xml, engine="continuous"))
+    exr, _ = rendering.save(tmp_path / "out.exr")
+    back = read_exr(exr)
+    assert tuple(back.channels) == (*CHANNELS, ERROR_CHANNEL)
+    np.testing.assert_array_equal(
+        back.channels[ERROR_CHANNEL], rendering.image.channels[ERROR_CHANNEL]
+    )
+
+
+def test_mitsuba_renders_all_channels(xml: Path) -> None:
+    import mitsuba as mi
+
+    loaded = load_scene(xml, engine="continuous")
+    planes = np.array(mi.render(loaded.mitsuba_scene, integrator=loaded.integrator))
+    image = render_scene(loaded).image
+    for k, name in enumerate(image.channels):
+        np.testing.assert_array_equal(planes[..., k + 1], image.channels[name])
+
+
+def test_scene_without_a_field_file_says_how_to_get_one(xml: Path, tmp_path: Path) -> None:
+    copy = without_field(xml, tmp_path)
+    with pytest.raises(InputError, match=r"no field file .*field\.npz.*`iriftrace scene"):
+        load_scene(copy, engine="continuous")
+    assert load_scene(copy).engine == "shells"
+
+
+@pytest.mark.parametrize(
+    ("integrator", "message"),
+    [
+        ('<float name="field" value="1"/>', '"field" is'),
+        ('<string name="gradient" value="smooth"/>', "recovered, constant"),
+        ('<integer name="max_steps" value="0"/>', "max_steps"),
+    ],
+)
+def test_wrong_parameters_are_refused(
+    xml: Path, tmp_path: Path, integrator: str, message: str
+) -> None:
+    copy = without_field(
+        xml, tmp_path, f'<integrator type="gradient_path">{integrator}</integrator>'
+    )
+    with pytest.raises(InputError, match=message):
+        load_scene(copy)
+
+
+def test_unknown_engine_is_refused(xml: Path) -> None:
+    with pytest.raises(InputError, match="no engine 'fast'; use one of shells, continuous"):
+        load_scene(xml, engine="fast")
+
+
+def test_shells_of_another_field_are_warned_of(xml: Path, tmp_path: Path) -> None:
+    copy = without_field(xml, tmp_path)
+    field = sphere_field(8)
+    object.__setattr__(field.source, "sha256", "1" * 64)
+    try:
+        save_field_file(field, tmp_path / FIELD_FILE)
+    finally:
+        object.__setattr__(field.source, "sha256", "0" * 64)
+    with pytest.warns(IriftraceWarning, match="from another field"):
+        load_scene(copy, engine="continuous")
+
+
+def test_field_file_holds_the_field_bit_for_bit(tmp_path: Path) -> None:
+    field = sphere_field(6)
+    before, after = cells_of(field), load_field_file(save_field_file(field, tmp_path / "f.npz"))
+    for name in ("points", "refractivity", "celltypes", "cell_offsets", "cell_connectivity"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+        assert getattr(after, name).dtype == getattr(before, name).dtype
+    np.testing.assert_array_equal(after.cell_offsets, field.grid.cell_offsets)
+    assert (after.air, after.ambient, after.source) == (before.air, before.ambient, before.source)
+    assert after.ambient == AMBIENT
+
+
+@pytest.mark.parametrize("kept", [0, 10, 500, 0.5, 0.999])
+def test_damaged_field_file_is_refused(xml: Path, tmp_path: Path, kept: float) -> None:
+    whole = (xml.parent / FIELD_FILE).read_bytes()
+    size = kept if isinstance(kept, int) else int(kept * len(whole))
+    (tmp_path / "f.npz").write_bytes(whole[:size])
+    with pytest.raises(InputError, match="damaged or no field file"):
+        load_field_file(tmp_path / "f.npz")
+
+
+def test_field_file_whose_cells_lack_points_is_refused(xml: Path, tmp_path: Path) -> None:
+    with np.load(xml.parent / FIELD_FILE) as content:
+        arrays = dict(content)
+    arrays["points"] = arrays["points"][:-1]
+    np.savez(tmp_path / "f.npz", **arrays)
+    with pytest.raises(InputError, match="its cells do not fit its points"):
+        load_field_file(tmp_path / "f.npz")
+
+
+def test_camera_in_the_datas_cool_corner_sees_what_one_outside_sees(
+    tmp_path: Path, part: Part
+) -> None:
+    """The field, not the shells, tells whether the camera stands in hot air."""
+    field = sphere_field(24, half=40.0)
+    xml = write_scene(tmp_path, part, contour_shells(field, 5), CAMERA, paraview=False, field=field)
+    loaded = load_scene(xml, engine="continuous")
+    places = [(0.0, -60.0, 0.0), (0.0, -30.0, 0.0), (0.0, -8.0, 1.0), (0.0, 0.0, 1.0)]
+    np.testing.assert_array_equal(is_inside(loaded, places), (False, False, True, True))
+    directions = np.array([[0.0, 1.0, 0.0], [0.02, 1.0, 0.03], [-0.05, 1.0, 0.01]])
+    far, near = (
+        trace_rays(loaded, directions * (at / directions[:, 1:2]), directions)
+        for at in (-60.0, -30.0)
+    )
+    assert (near.status == 0).all()
+    np.testing.assert_allclose(near.refracted, far.refracted, atol=1e-9)
+    assert np.linalg.norm(near.displacement[1:], axis=1).min() > 1e-6
+    with pytest.raises(InputError, match="inside the hot air"):
+        render_scene(loaded, camera=CAMERA.at(look_at((0, -8.0, 0), (0, 0, 0))))
+    with pytest.raises(InputError, match="inside the part"):
+        render_scene(loaded, camera=CAMERA.at(look_at((0, -2.0, 0), (0, 0, 0))))
+
+
+def test_plume_that_leaves_the_data_is_counted(tmp_path: Path, part: Part) -> None:
+    """Rays that come in through the top, where the air is hot, are marked and stay good."""
+
+    def hot_above(points: np.ndarray) -> np.ndarray:
+        height = np.clip((points[:, 2] + 12) / 24, 0, 1)
+        return AMBIENT * (1 - 0.5 * height)
+
+    field = field_of(hexahedra(12, 12.0), hot_above)
+    camera = CAMERA.at(look_at((0.0, -30.0, 50.0), (0.0, 0.0, 0.0)))
+    xml = write_scene(tmp_path, part, contour_shells(field, 5), camera, paraview=False, field=field)
+    image = render_scene(load_scene(xml, engine="continuous")).image
+    assert (image.status == 0).sum() > 600
+    assert image.header["counts"]["open_boundary"] == (image.status == 0).sum()
+
+
+@pytest.fixture
+def kernel_history() -> Iterator[Any]:
+    """Function that returns the kernels launched since its last call."""
+    import drjit as dr
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        yield lambda: [k for k in dr.kernel_history() if k["type"] == dr.KernelType.JIT]
+
+
+def test_second_pose_compiles_no_kernel(xml: Path, kernel_history: Any) -> None:
+    loaded = load_scene(xml, engine="continuous")
+    scene, integrator = loaded.mitsuba_scene, loaded.integrator
+
+    def look(origin: tuple[float, float, float]) -> None:
+        sensor = sensor_of(CAMERA.at(look_at(origin, (0.0, 0.0, 0.0))))
+        assert integrator.surroundings(scene, sensor) is None
+        integrator.image(scene, sensor)
+
+    look((0.0, -60.0, 5.0))
+    look((30.0, -40.0, 15.0))
+    kernel_history()
+    for x in range(4):
+        look((-50.0, 10.0 * x, 40.0))
+    launched = kernel_history()
+    assert len(launched) > 10
+    assert not [k for k in launched if not k["cache_hit"] or k["cache_disk"]]
