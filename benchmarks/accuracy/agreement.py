@@ -143,8 +143,8 @@ SECTION = Section(
     "Shells with gradient normals come to 2 % of the recovered gradient's solution and stay there, "
     "whatever their number: they take the direction of that gradient, but the step of the index "
     "from the solver's cells. Faceted shells converge to the solution of the field that is linear "
-    "in each cell, slowly. That the two solutions differ by 8 to 80 % is what this coarse mesh leaves "
-    "open; finer meshes bring them together (`iriftrace study mesh`).",
+    "in each cell, slowly. That the two solutions differ by 8 to 80 % is what this coarse mesh "
+    "leaves open.",
     _lines,
     picture=PICTURE,
 )
