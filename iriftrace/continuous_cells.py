@@ -21,6 +21,9 @@ BOUNDARY = 0x80000000
 MOST_TETRAHEDRA = 2**28
 """More would not leave room for a face's number beside the tetrahedron's in 32 bits."""
 
+RANDOM_SHARE = 0.2
+"""So near one half, the share of volume that is negative tells that the order is random."""
+
 # Faces of each cell type by VTK's corner numbers; quadrilaterals in cyclic order.
 _FACES: dict[int, tuple[tuple[int, ...], ...]] = {
     10: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)),
@@ -93,15 +96,19 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
 
 
 def _right_handed(corners: IntArray, points: FloatArray) -> IntArray:
-    """Turn all tetrahedra of one cell type if most of their volume is negative.
+    """Turn tetrahedra of one cell type whose volume is negative for no reason of their shape.
 
-    Solvers do not agree on the order of a wedge's corners, and a mirrored field has the other hand
-    throughout. Then those still negative are really turned inside out.
+    Solvers do not agree on the order of a wedge's corners, a mirrored field has the other hand
+    throughout, and some programs number tetrahedra at random. What is negative besides is really
+    turned inside out.
     """
-    first, *edges = (points[corners[:, k]] for k in range(4))
-    edges = [edge - first for edge in edges]
-    volume = np.einsum("ij,ij->", np.cross(edges[0], edges[1]), edges[2])
-    return corners if volume >= 0 else corners[:, (0, 2, 1, 3)]
+    edges = points[corners[:, 1:]] - points[corners[:, :1]]
+    volume = np.einsum("ij,ij->i", np.cross(edges[:, 0], edges[:, 1]), edges[:, 2])
+    negative = volume < 0
+    share = -volume[negative].sum() / max(np.abs(volume).sum(), np.finfo(float).tiny)
+    random = abs(share - 0.5) < RANDOM_SHARE
+    turned = negative if random else np.full(len(corners), share > 0.5)
+    return np.where(turned[:, None], corners[:, (0, 2, 1, 3)], corners)
 
 
 def _cones(cells: IntArray, kind: int) -> IntArray:

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
 from iriftrace.cli.camera_options import CameraOptions
-from iriftrace.cli.checks import check_input, check_output
-from iriftrace.cli.console import out, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.options import Whole, numbers
-from iriftrace.cli.pose_progress import pose_progress
+from iriftrace.cli.study_inputs import StudyInputs, short_names
 from iriftrace.cli.study_options import ModeOptions, whole_numbers
+from iriftrace.cli.study_output import compare, measure
 from iriftrace.errors import InputError
-
-if TYPE_CHECKING:
-    from iriftrace.field import IndexField
-    from iriftrace.studies.pictures import View
 
 study = App(
     name="study",
@@ -74,9 +68,9 @@ def layers(
 
     counts = whole_numbers(layers, "--layers")
     modes = mode_options.modes()
-    inputs = _Inputs([field], part, output, air, field_options, part_options, variant)
+    inputs = StudyInputs([field], part, output, air, field_options, part_options, variant)
     view = inputs.view(camera_options)
-    _compare(
+    compare(
         layers_study(
             inputs.fields[0],
             view,
@@ -139,9 +133,9 @@ def smoothing(
 
     counts = whole_numbers(iterations, "--iterations")
     modes = [*mode_options.modes(), Mode("ours but facet normals", normals="facet")]
-    inputs = _Inputs([field, finest], part, output, air, field_options, part_options, variant)
+    inputs = StudyInputs([field, finest], part, output, air, field_options, part_options, variant)
     view = inputs.view(camera_options)
-    _compare(
+    compare(
         smoothing_study(
             inputs.fields[0],
             inputs.fields[1],
@@ -204,16 +198,16 @@ def mesh(
 
     modes = mode_options.modes()
     paths = [field, *finer]
-    names = _names(paths)
+    names = short_names(paths)
     twice = [path for path in paths if paths.count(path) > 1]
     if twice:
         raise InputError(f"{twice[0]} is given twice, so it would be compared twice; remove one.")
     for path in split or []:
         if path not in paths:
             raise InputError(f"--split {path} is none of the study's fields; name one of them.")
-    inputs = _Inputs(paths, part, output, air, field_options, part_options, variant)
+    inputs = StudyInputs(paths, part, output, air, field_options, part_options, variant)
     view = inputs.view(camera_options)
-    _compare(
+    compare(
         mesh_study(
             dict(zip(names, inputs.fields, strict=True)),
             view,
@@ -265,9 +259,9 @@ def rays(
 
     factors = numbers(scales, scales.count(",") + 1, "--scales")
     modes = mode_options.modes()
-    inputs = _Inputs([field], part, output, air, field_options, part_options, variant)
+    inputs = StudyInputs([field], part, output, air, field_options, part_options, variant)
     view = inputs.view(camera_options)
-    _time(
+    measure(
         rays_study(inputs.fields[0], view, factors, modes, inputs.source(view), layers=layers),
         output,
     )
@@ -314,9 +308,9 @@ def polygons(
     from iriftrace.studies.polygons import polygons_study
 
     modes = mode_options.modes()
-    inputs = _Inputs([field], part, output, air, field_options, part_options, variant)
+    inputs = StudyInputs([field], part, output, air, field_options, part_options, variant)
     view = inputs.view(camera_options)
-    _time(
+    measure(
         polygons_study(
             inputs.fields[0],
             view,
@@ -328,99 +322,3 @@ def polygons(
         ),
         output,
     )
-
-
-class _Inputs:
-    """Fields and part of a study, read after every option was looked at."""
-
-    def __init__(
-        self,
-        fields: Sequence[Path],
-        part: Path,
-        output: Path,
-        air: AirOptions,
-        field_options: FieldOptions,
-        part_options: PartOptions,
-        variant: str | None,
-    ) -> None:
-        from iriftrace import runtime
-
-        check_input(*fields, part)
-        check_output(output, ".nc", "study.nc", make=False)
-        if field_options.isosurfaces:
-            raise InputError(
-                "A study contours the field anew for each case, so it needs the volume field and "
-                "no ready-made iso-surfaces."
-            )
-        self.variant = runtime.ensure(variant)
-        self.part = part_options.read(part)
-        self.notes = field_options.notes()
-        with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
-            self.fields: list[IndexField] = [field_options.read(path, air.air()) for path in fields]
-
-    def view(self, options: CameraOptions) -> View:
-        """The camera at its traced resolution, with part and variant."""
-        from iriftrace.shells import contour_shells
-        from iriftrace.studies.pictures import View
-        from iriftrace.viewpoint import refuse_camera_inside
-
-        finest = self.fields[-1]
-        stack = contour_shells(finest, 1)
-        camera = options.camera(self.part, finest, stack)
-        refuse_camera_inside(camera.origin, self.part, stack, finest)
-        return View(self.part, camera.scaled(options.scale), self.variant)
-
-    def source(self, view: View) -> dict[str, Any]:
-        """Where the study comes from, as plain JSON values."""
-        from importlib.metadata import version
-
-        from attrs import asdict
-
-        return {
-            "version": version("iriftrace"),
-            "fields": [asdict(field.source) for field in self.fields],
-            "part": {"path": str(self.part.path), "sha256": self.part.sha256},
-            "air": asdict(self.fields[0].air),
-            "camera": view.camera.as_dict(),
-            "notes": self.notes,
-            "variant": view.variant,
-            "length_unit": "mm",
-        }
-
-
-def _names(paths: Sequence[Path]) -> list[str]:
-    """Short names of files: their stems where these differ."""
-    stems = [path.stem for path in paths]
-    return stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
-
-
-def _compare(comparison: Any, output: Path) -> None:
-    from iriftrace.cli.study_output import print_comparison
-    from iriftrace.studies.comparison import run_comparison
-
-    _run(run_comparison, comparison, output, print_comparison)
-
-
-def _time(timing: Any, output: Path) -> None:
-    from iriftrace.cli.study_output import print_timing
-    from iriftrace.studies.timing import run_timing
-
-    _run(run_timing, timing, output, print_timing)
-
-
-def _run(
-    run: Callable[..., Any],
-    what: Any,
-    output: Path,
-    show: Callable[[Any, Any], None],
-) -> None:
-    from iriftrace.figure_file import write_png
-    from iriftrace.studies.figure import study_figure
-
-    with pose_progress("Cases") as report:
-        dataset = run(what, output, report)
-    show(out, dataset)
-    picture = output.with_suffix(".png")
-    with working("Drawing"):
-        write_png(study_figure(dataset), picture)
-    out.print(f"Study in {output}, figure in {picture}", markup=False, soft_wrap=True)

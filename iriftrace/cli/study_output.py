@@ -1,16 +1,56 @@
-"""Tables that the studies print."""
+"""Runs a study behind a progress bar, prints its tables and draws its figure."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
 
+from iriftrace.cli.console import out, working
+from iriftrace.cli.pose_progress import pose_progress
+
 if TYPE_CHECKING:
     import xarray as xr
 
+    from iriftrace.studies.comparison import Comparison
+    from iriftrace.studies.timing import Timing
+
 STAGES = ("straight", "metrics", "write", "load", "build")
+
+
+def compare(comparison: Comparison, output: Path) -> None:
+    """Run a study of hits and show what it found."""
+    from iriftrace.studies.comparison import run_comparison
+
+    _run(run_comparison, comparison, output, print_comparison)
+
+
+def measure(timing: Timing, output: Path) -> None:
+    """Run a study of times and show what it found."""
+    from iriftrace.studies.timing import run_timing
+
+    _run(run_timing, timing, output, print_timing)
+
+
+def _run(
+    run: Callable[..., Any],
+    what: Any,
+    output: Path,
+    show: Callable[[Any, Any], None],
+) -> None:
+    from iriftrace.figure_file import write_png
+    from iriftrace.studies.figure import study_figure
+
+    with pose_progress("Cases") as report:
+        dataset = run(what, output, report)
+    show(out, dataset)
+    picture = output.with_suffix(".png")
+    with working("Drawing"):
+        write_png(study_figure(dataset), picture)
+    out.print(f"Study in {output}, figure in {picture}", markup=False, soft_wrap=True)
 
 
 def print_comparison(console: Console, dataset: xr.Dataset) -> None:

@@ -1,4 +1,11 @@
-"""The study ``layers``: what the number of shells changes."""
+"""The study ``layers``: what the number of shells changes.
+
+Against a stack of 20 shells with facet normals, the difference has a local maximum at six shells,
+which is no property of six. By the outer rule shell k of N lies at the share k / N of the index
+range, so all shells of 4, 5 or 10 are shells of the 20 too, with the same facets and the same
+errors of these, which cancel. Six is the first number after a dip; against 24 shells the dips are
+at 6, 8 and 12, and against the continuous engine, or with gradient normals, there are none.
+"""
 
 from __future__ import annotations
 

@@ -87,9 +87,6 @@ def test_gradient_shells_converge_to_the_recovered_gradient(images: Images) -> N
     for layers in LAYERS:
         near = np.median(difference_um(images, (layers, "gradient"), limit))
         assert near < 0.15 * np.median(difference_um(images, (layers, "gradient"), other))
-    # What is left with many shells is not the layers' error any more.
-    off = [np.quantile(difference_um(images, (n, "gradient"), limit), 0.95) for n in LAYERS]
-    assert off[2] < 0.9 * off[0]
 
 
 def test_no_ray_is_lost(images: Images) -> None:

@@ -26,6 +26,18 @@ def test_rules_place_the_shells_where_they_say() -> None:
     np.testing.assert_allclose([s.refractivity for s in papers.shells], e[1:4])
 
 
+def test_by_the_outer_rule_some_stacks_are_part_of_the_reference() -> None:
+    """All shells of 5 are among those of 20, facet by facet; of 6 only the one in the middle is."""
+    field = sphere_field()
+    reference = shells_of(field, 20, PAPERS)
+    assert reference is not None
+    known = {shell.vertices.tobytes() for shell in reference.shells}
+    for layers, shared in ((4, 3), (5, 4), (6, 1), (7, 0), (10, 9)):
+        stack = shells_of(field, layers, PAPERS)
+        assert stack is not None
+        assert sum(shell.vertices.tobytes() in known for shell in stack.shells) == shared
+
+
 @pytest.mark.parametrize("mode", [OURS, PAPERS])
 def test_dropping_inner_shells_leaves_the_others_as_they_are(mode: Mode) -> None:
     field = sphere_field()
