@@ -121,3 +121,31 @@ def test_duplicate_cells_are_refused() -> None:
     )
     with pytest.raises(InputError, match="share one face"):
         tetrahedra_of(grid)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_order_of_corners_does_not_look_like_cells_turned_inside_out(mirrored: bool) -> None:
+    """Wedges in the other of the two usual orders, a mirrored field, tetrahedra in any order."""
+    grid = mixed()
+    cells = np.array(grid.cells)
+    wedge = slice(10, 16)
+    cells[wedge] = cells[wedge][[3, 4, 5, 0, 1, 2]]
+    points = np.asarray(grid.points) * (-1 if mirrored else 1, 1, 1)
+    other = pv.UnstructuredGrid(cells, grid.celltypes, points)
+    assert volumes(other, tetrahedra_of(other)).min() > 0.01
+    random = np.random.default_rng(0)
+    corners = tetrahedra_of(shuffled(hexahedra(3, 10.0), 1)).corners.astype(np.int64)
+    points = np.asarray(shuffled(hexahedra(3, 10.0), 1).points)
+    anyhow = pv.UnstructuredGrid({pv.CellType.TETRA: random.permuted(corners, axis=1)}, points)
+    assert volumes(anyhow, tetrahedra_of(anyhow)).min() > 0.01
+
+
+def test_cells_that_are_inside_out_stay_so() -> None:
+    grid = hexahedra(6, 10.0)
+    points = np.array(grid.points)
+    middle = int(np.linalg.norm(points, axis=1).argmin())
+    points[middle] += (5.0, 0.5, 0.3)
+    grid.points = points
+    found = volumes(grid, tetrahedra_of(grid))
+    assert 0 < (found < 0).sum() < 10
+    assert found.sum() == pytest.approx(8000)
