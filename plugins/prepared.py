@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .aligned import aligned
+from .counting import crossed_steps
 from .geometry import PART, SceneTables, shell_indices
-from .tracing import crossed_steps, query_step
+from .tracing import query_step
 
 SAMPLES_PER_DIAGONAL = 50
 """Wall samples along the part's diagonal, by which the layer at the wall is found."""

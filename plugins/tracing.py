@@ -35,9 +35,6 @@ Rays turned into a triangle's plane are such: of those that look down along a pl
 the next triangle of the shell once more, or not at all.
 """
 
-MOST_STEPS = 30_000
-"""Crossings of a straight line after which it is not followed any farther."""
-
 LEAST_STEP = 0.02
 """Smallest step, as a share of the step at the scene's largest coordinate."""
 
@@ -85,7 +82,7 @@ def query_error(origin: Any, smallest_step: Any) -> Any:
     return QUERY_ERROR_STEPS * dr.maximum(spacing, smallest_step)
 
 
-def _same_crossing(
+def same_crossing(
     shape: Any, outward: Any, last_shape: Any, last_outward: Any, gap: Any, smallest_step: Any
 ) -> Any:
     """Whether a crossing is the last one met again.
@@ -224,7 +221,7 @@ def refracted_hits(
         outward = dr.dot(s.direction, normal) > 0
         step = dr.dot(s.start - s.point, s.direction)
         rough = mi.Float64(preliminary.t) + step
-        same = _same_crossing(shape, outward, s.shape, s.outward, rough, smallest_step)
+        same = same_crossing(shape, outward, s.shape, s.outward, rough, smallest_step)
         # Then look again from further along.
         again = on_shell & ((face == s.face) | same)
         crossed = on_shell & ~again
@@ -361,81 +358,3 @@ def _back_on_front(
         path_length=hits.path_length - distance,
         face=dr.select(found, face, hits.face),
     )
-
-
-def crossed_steps(
-    scene: Any, tables: SceneTables, origin: Any, direction: Any, step: float
-) -> tuple[Any, Any]:
-    """Index steps along straight lines to infinity, opaque shapes being transparent.
-
-    Returns
-    -------
-    start_index : Float64
-        Index of the layer at the start: what remains outside less the steps on the way there;
-        0 for a line without crossing, or with too many (``MOST_STEPS``) to be believed.
-    enclosed : Bool
-        The first shell on the way is crossed from inside.
-    """
-    import drjit as dr
-    import mitsuba as mi
-
-    smallest_step = dr.opaque(mi.Float64, step)
-
-    class State(NamedTuple):
-        travelled: Any
-        gap: Any  # since the last crossing
-        index_sum: Any
-        last_index: Any
-        enclosed: Any
-        shape: Any
-        outward: Any
-        count: Any
-        active: Any
-
-    def advance(*values: Any) -> tuple[Any, ...]:
-        s = State(*values)
-        start = origin + direction * s.travelled
-        preliminary = ray_query(scene, start, direction, False, s.active)
-        found = s.active & preliminary.is_valid()
-        shape = tables.shape_number(preliminary, found)
-        on_shell = found & (tables.kind(shape, found) == SHELL)
-        face = tables.face(shape, preliminary.prim_index, on_shell)
-        _, normal = tables.plane(face, on_shell)
-        outside, inside = tables.sides(shape, on_shell)
-        outward = dr.dot(direction, normal) > 0
-        move = dr.select(found, mi.Float64(preliminary.t) + smallest_step, 0)
-        gap = s.gap + move
-        crossed = on_shell & ~_same_crossing(shape, outward, s.shape, s.outward, gap, smallest_step)
-        near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
-        first = crossed & (s.last_index == 0)
-        return (
-            s.travelled + move,
-            dr.select(crossed, 0, gap),
-            s.index_sum + dr.select(crossed, far - near, 0),
-            dr.select(crossed, far, s.last_index),
-            (first & outward) | (s.enclosed & ~first),
-            dr.select(crossed, shape, s.shape),
-            dr.select(crossed, outward, s.outward),
-            s.count + 1,
-            found & (s.count < MOST_STEPS),
-        )
-
-    width = dr.width(origin, direction)
-    state = (
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.full(mi.Bool, False, width),
-        dr.full(mi.UInt32, 0xFFFFFFFF, width),
-        dr.full(mi.Bool, False, width),
-        dr.zeros(mi.UInt32, width),
-        dr.full(mi.Bool, True, width),
-    )
-    end = State(
-        *dr.while_loop(
-            state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
-        )
-    )
-    known = end.count <= MOST_STEPS
-    return dr.select(known, end.last_index - end.index_sum, 0), end.enclosed & known
