@@ -29,7 +29,8 @@ def index_levels(
     layers : int
         Number of shells N.
     rule : str
-        ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, second order in 1/N.
+        ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, second order in 1/N where the air
+        ends somewhere, first order where its outer tail fades exponentially.
         ``"outer"``: shell k lies at ``e_k``, so that each layer has the value of its outer
         surface; first order (5 to 6 % off with 13 shells), for studies only. Its last shell is the
         hottest air itself and so normally empty.

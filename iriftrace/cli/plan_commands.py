@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 VIEWS = Group("Several views", sort_key=2)
 REFINE = Group("Refinement", sort_key=3)
+POSES = Group("Poses for other programs", sort_key=4)
 
 EVALUATIONS = 80
 
@@ -38,6 +39,10 @@ def plan(
     refine: Annotated[bool, Parameter(group=REFINE, negative=())] = False,
     evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
+    save_poses: Annotated[Path | None, Parameter(group=POSES)] = None,
+    convention: Annotated[
+        Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None, Parameter(group=POSES)
+    ] = None,
 ) -> None:
     """Rank the poses of a sweep by the combined metric and print the best one.
 
@@ -64,6 +69,10 @@ def plan(
         Most poses that the search renders, 80 by default.
     output
         Write the refined pose to this .json file.
+    save_poses
+        Write the poses of the printed ranking, best first, to this .csv, .json, .npy or .txt file.
+    convention
+        Camera axes in that file, opencv (x right, y down, z forward) by default.
     """
     from iriftrace.cli.plan_output import print_plan, print_refined, print_views
     from iriftrace.plan_table import ranking_table
@@ -77,6 +86,7 @@ def plan(
         views is not None,
         {"--max-displacement": max_displacement, "--max-incidence": max_incidence},
     )
+    _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
     limits = ViewLimits(
         displacement_mm=math.inf
@@ -100,6 +110,8 @@ def plan(
     if refine:
         check_evaluations(count)
         swept = _scene_of(dataset, summary.plan.best)
+    if save_poses is not None:
+        _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
     # All that can be wrong has been found by now, so that nothing is printed in vain.
     print_plan(out, summary, table)
     if views is not None:
@@ -110,6 +122,19 @@ def plan(
         if output is not None:
             write_refined(output, refined, summary.plan, dataset)
             out.print(f"Refined pose in {output}", markup=False, soft_wrap=True)
+    if save_poses is not None:
+        out.print(f"Ranked poses in {save_poses}", markup=False, soft_wrap=True)
+
+
+def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None:
+    from iriftrace.pose_files import write_poses
+    from iriftrace.pose_set import PoseSet
+
+    if not path.parent.is_dir():
+        raise InputError(f"The folder {path.parent} does not exist; create it first.")
+    chosen = dataset.isel(pose=list(ranked))
+    poses = PoseSet(chosen["matrix"].values, chosen["azimuth"].values, chosen["elevation"].values)
+    write_poses(path, poses, convention)
 
 
 def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:

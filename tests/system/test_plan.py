@@ -15,6 +15,7 @@ from page import read_page
 
 from iriftrace.camera import look_at
 from iriftrace.cli import main
+from iriftrace.pose_files import read_poses
 from iriftrace.sweep_store import read_sweep
 
 ANGLES = ["--azimuth", "0:90:3", "--elevation", "-60:60:3"]
@@ -52,6 +53,48 @@ def test_the_best_pose_is_printed_in_three_forms(
     np.testing.assert_allclose(look_at(*vectors), matrix, atol=1e-5)
     plain = re.search(r"^Look-at: origin \((.*?)\) mm", text, re.MULTILINE)
     assert plain[1] == xml[1]
+
+
+def test_ranked_poses_are_saved_for_other_programs(
+    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """ROS: x forward, y left, z up; and read back, the poses of the ranking, best first."""
+    file = tmp_path / "poses.json"
+    text = printed(capsys, "plan", sweep, "--top=3", "--save-poses", file, "--convention", "ros")
+    best = int(re.search(r"^Best pose (\d+)", text, re.MULTILINE)[1])
+    own = read_sweep(sweep)["matrix"].values[best]
+    saved = json.loads(file.read_text())
+    first = np.array(saved["matrices"][0])
+    np.testing.assert_array_equal(first[:3, :3], own[:3, [2, 0, 1]] * (1, -1, -1))
+    np.testing.assert_array_equal(first[:3, 3], own[:3, 3])
+    back = read_poses(file, "ros")
+    assert len(back) == 3
+    np.testing.assert_allclose(back.matrices[0], own, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--convention=ros"], "--convention is given without --save-poses"),
+        (["--save-poses=poses.xlsx"], "ending"),
+        (["--save-poses=gone/poses.csv"], "does not exist"),
+    ],
+)
+def test_poses_that_cannot_be_saved_are_refused(
+    words: list[str],
+    said: str,
+    sweep: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    assert main(["plan", str(sweep), *words]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert said in captured.err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_pose_is_named_with_its_lens(
