@@ -65,8 +65,17 @@ def doctor() -> int:
 for _command in (shells, scene, render, metrics, demo):
     app.command(_command)
 
-# A command of commands.
-app.command("iriftrace.cli.study_commands:study", name="study")
+# Commands of commands.
+app.command(
+    "iriftrace.cli.study_commands:study",
+    name="study",
+    help="Vary one thing (rays, polygons, layers, smoothing, mesh) and draw what it does.",
+)
+app.command(
+    "iriftrace.cli.field_app:field",
+    name="field",
+    help="Make a temperature field for a part, or check one.",
+)
 
 # By name, so that they are imported when they are called.
 for _module, _name, _help, _example in (

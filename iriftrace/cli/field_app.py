@@ -1,0 +1,43 @@
+"""The commands ``iriftrace field ...``: making, judging and looking into temperature fields."""
+
+from __future__ import annotations
+
+from cyclopts import App
+
+field = App(
+    name="field",
+    help="Make a temperature field for a part, or check one.",
+    help_format="rst",
+)
+
+for _module, _name, _help, _example in (
+    (
+        "simulate_commands",
+        "simulate",
+        "Simulate the hot air around a part with OpenFOAM and write the field.",
+        'part.stl -o case --wall-temperature "1100 degC" --resolution coarse',
+    ),
+    (
+        "simulate_commands",
+        "doctor",
+        "Find the OpenFOAM of this machine, test whether its solvers compute right, say what to do.",
+        "",
+    ),
+    (
+        "synthetic_commands",
+        "synthetic",
+        "Write a synthetic boundary layer and plume around a part, for tests and quick looks.",
+        "part.ply -o field.vtu",
+    ),
+    (
+        "field_check_commands",
+        "check",
+        "Check a field against its part: wall, boundary layer, heat balance, gradients.",
+        "field.vtu part.ply",
+    ),
+):
+    field.command(
+        f"iriftrace.cli.{_module}:{_name}",
+        name=_name,
+        help=f"{_help}\n\nExample: ``iriftrace field {_name} {_example}".rstrip() + "``",
+    )
