@@ -11,6 +11,13 @@ from typing import Any, NamedTuple
 GRAZING = 1e-9
 """Sine of the angle at which a ray leaves a triangle that it would not have left by itself."""
 
+GRADUAL = 0.1
+"""Cosine between ray and interpolated normal below which a crossing leaves Snell's law with it.
+
+Differences from the continuous engine with 40 shells, 95th percentile, for 0, 0.1 and 0.3, in per
+cent of that of the displacement: wishbone 42, 14, 15; gear 14, 10, 10; cylinder 2.6, 2.8, 3.9.
+"""
+
 
 class Triangle(NamedTuple):
     """Corners of one triangle per ray (Point3d, mm, world)."""
@@ -83,15 +90,45 @@ def interpolated_normal(point: Any, triangle: Triangle, normals: Triangle, facet
     return dr.select(length > 1e-3, normal / length, facet)
 
 
-def _snell(direction: Any, normal: Any, ratio: Any) -> tuple[Any, Any]:
-    """Refracted direction for a normal that faces the ray, and whether it exists."""
+def _push(cosine: Any, step: Any) -> tuple[Any, Any]:
+    """Push along a normal by which a direction of length one gains ``step`` in squared length.
+
+    The gain is that of the cosine's square alone. Returns the push, and whether there is one: a
+    loss of more than the square itself means total reflection.
+    """
     import drjit as dr
 
-    cos_in = -dr.dot(direction, normal)
-    cos_out_squared = 1 - ratio * ratio * (1 - cos_in * cos_in)
-    cos_out = dr.sqrt(dr.select(cos_out_squared > 0, cos_out_squared, 0))
-    refracted = ratio * direction + (ratio * cos_in - cos_out) * normal
-    return refracted, (cos_in > 0) & (cos_out_squared > 0)
+    squared = cosine * cosine + step
+    root = dr.sqrt(dr.select(squared > 0, squared, 0))
+    total = cosine + dr.select(cosine < 0, -root, root)
+    return dr.select(total != 0, step / total, 0), squared > 0
+
+
+def _gradual_push(direction: Any, flat: Any, smooth: Any, step: Any) -> tuple[Any, Any]:
+    """Vector that is added to a direction of length one at a triangle with interpolated normals.
+
+    The rule of :func:`cross_surface`, for the ray's mean direction before and behind the triangle,
+    so that a ray that is sent back takes the same way: a guess of the push gives the mean.
+    """
+    import drjit as dr
+
+    lean = dr.dot(flat, smooth)
+    cos_flat = dr.dot(direction, flat)
+    push, exists = dr.zeros(type(lean)), None
+    for _ in range(2):
+        mean = dr.normalize(direction + 0.5 * push * smooth)
+        cosine = dr.dot(mean, smooth)
+        share = cosine / (cosine * cosine + GRADUAL * GRADUAL)
+        factor = lean + share * (dr.dot(mean, flat) - cosine * lean)
+        # The push that changes the flat cosine as Snell's law would with this part of the step.
+        push, exists = _push(cos_flat, step * factor * lean)
+        push = dr.select(lean != 0, push / lean, 0)
+    alone, smooth_exists = _push(dr.dot(direction, smooth), step)
+    push = dr.select(exists, push, alone)
+    mean = direction + 0.5 * push * smooth
+    # What is missing in length changes no direction, but would if it were added on one side only.
+    stretch = (0.5 * step - push * dr.dot(mean, smooth)) / dr.squared_norm(mean)
+    return push * smooth + stretch * mean, exists | smooth_exists
 
 
 def cross_surface(
@@ -99,12 +136,19 @@ def cross_surface(
 ) -> tuple[Any, Any]:
     """Direction behind a surface between two media, by Snell's law.
 
-    The interpolated normal decides where there is one. If the direction it gives would leave the
-    triangle on the side the ray came from, it is turned into the triangle's plane, by less than the
-    deflection itself: falling back to the triangle's own normal would bend a ray that grazes a
-    badly placed triangle by a hundred times too much. Only where Snell's law has no solution with
-    the interpolated normal does the triangle's normal decide, and where neither has one the ray is
-    totally reflected by the triangle.
+    With an interpolated normal N, the ray is bent along N. By how much is a question of how often
+    the ray meets shells: the shells are triangles, so the rate is that of their normals F, and the
+    step dn of the index at each is worth an impulse dn (F.m) / (F.d) N with any m that has N.m = 1.
+    Then the impulses per length are (g.m) N, where g is the gradient in the solver's cell, which
+    the triangle cuts at a right angle: whatever the cells' noise, its mean is the mean gradient.
+    Snell's law with N is m = d / (N.d). It makes the most of each triangle, since the noise of g.d
+    sums up to that of n, which is none; but where a ray turns round in the air, N.d is about zero
+    and the noise is multiplied without limit. There m = N is best, which keeps the noise as it is.
+    So m goes from the one to the other where the cosine N.d falls below ``GRADUAL``. Where
+    triangles lie at right angles to N, all of this is Snell's law.
+
+    Where that has no solution the interpolated normal alone decides, and where neither has one the
+    ray is totally reflected by the triangle. No ray leaves a triangle on the side it came from.
 
     Parameters
     ----------
@@ -126,16 +170,19 @@ def cross_surface(
     """
     import drjit as dr
 
-    facing = dr.select(outward, -facet, facet)
-    refracted, exists = _snell(direction, facing, ratio)
-    if shading is not None:
+    flat = dr.select(outward, facet, -facet)
+    # What the squared length of "index times direction" gains, in units of the index before.
+    step = 1 / (ratio * ratio) - 1
+    if shading is None:
+        push, exists = _push(dr.dot(direction, flat), step)
+        refracted = direction + push * flat
+    else:
         # Coarse cells leave steps in a shell, whose risers a ray may cross backwards. There too the
-        # step of the index acts along grad(n), so the normal faces the ray by itself: the crossings
-        # of a step then cancel but for one, as they should.
-        against = dr.select(dr.dot(direction, shading) > 0, -shading, shading)
-        smooth, smooth_exists = _snell(direction, against, ratio)
-        beyond = dr.maximum(dr.dot(smooth, facing) + GRAZING, 0)
-        refracted = dr.select(smooth_exists, smooth - beyond * facing, refracted)
-        exists |= smooth_exists
-    mirrored = direction - 2 * dr.dot(direction, facing) * facing
+        # step of the index acts along grad(n), and the crossings of a step cancel but for one, as
+        # they should.
+        smooth = dr.select(outward, shading, -shading)
+        change, exists = _gradual_push(direction, flat, smooth, step)
+        refracted = direction + change
+        refracted += dr.maximum(GRAZING - dr.dot(refracted, flat), 0) * flat
+    mirrored = direction - 2 * dr.dot(direction, flat) * flat
     return dr.normalize(dr.select(exists, refracted, mirrored)), ~exists
