@@ -16,11 +16,13 @@ FloatArray = NDArray[np.float64]
 
 MOST_LAYERS = 10_000
 
+RULES = ("graded", "midpoint", "outer")
+
 
 def index_levels(
-    ambient: float, hottest: float, layers: int = 13, rule: str = "midpoint"
+    ambient: float, hottest: float, layers: int = 13, rule: str = "graded"
 ) -> tuple[FloatArray, FloatArray]:
-    """Refractivities of shells and layers at equal steps.
+    """Refractivities of shells and layers from ambient to the hottest air.
 
     Parameters
     ----------
@@ -29,11 +31,15 @@ def index_levels(
     layers : int
         Number of shells N.
     rule : str
-        ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, second order in 1/N where the air
-        ends somewhere, first order where its outer tail fades exponentially.
-        ``"outer"``: shell k lies at ``e_k``, so that each layer has the value of its outer
-        surface; first order (5 to 6 % off with 13 shells), for studies only. Its last shell is the
-        hottest air itself and so normally empty.
+        ``"graded"``: shell k lies at ``(e_{k-1} + e_k) / 2``, and the steps of ``e`` are the mean
+        of equal ones and of the cosine's: half an equal step at both ends, 1.3 times one in the
+        middle. What the innermost layer does to rays that graze the part, and the outermost one to
+        all, makes most of the error; see the accuracy page for its comparison with equal steps.
+        ``"midpoint"``: the same with equal steps; second order in 1/N where the air ends
+        somewhere, first order where its outer tail fades exponentially.
+        ``"outer"``: shell k lies at ``e_k``, in equal steps, so that each layer has the value of
+        its outer surface; first order (5 to 6 % off with 13 shells), for studies only. Its last
+        shell is the hottest air itself and so normally empty.
 
     Returns
     -------
@@ -55,12 +61,13 @@ def index_levels(
             f"{layers} layers take longer than their error is worth, which falls with the square "
             f"of their number; give at most {MOST_LAYERS}."
         )
-    e = np.linspace(ambient, hottest, layers + 1)
-    if rule == "midpoint":
-        return 0.5 * (e[:-1] + e[1:]), e
-    if rule == "outer":
-        return e[1:].copy(), e
-    raise InputError(f"Unknown rule '{rule}' for equal steps; use midpoint or outer.")
+    if rule not in RULES:
+        raise InputError(f"Unknown rule '{rule}' for index steps; use one of {', '.join(RULES)}.")
+    share = np.linspace(0.0, 1.0, layers + 1)
+    if rule == "graded":
+        share = 0.5 * share + 0.25 * (1.0 - np.cos(np.pi * share))
+    e = ambient + (hottest - ambient) * share
+    return e[1:].copy() if rule == "outer" else 0.5 * (e[:-1] + e[1:]), e
 
 
 def layers_between(

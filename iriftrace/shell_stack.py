@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 
 from iriftrace.air import Air
 from iriftrace.errors import InputError
+from iriftrace.shell_levels import RULES
 from iriftrace.shell_mesh import AnyIntArray, Float32Array, FloatArray
 
 if TYPE_CHECKING:
     from iriftrace.field import FieldSource
 
-RULES = ("midpoint", "outer", "custom", "imported")
+KINDS = (*RULES, "custom", "imported")
 
 
 def _float32(values: ArrayLike) -> Float32Array:
@@ -139,8 +140,8 @@ class ShellStack:
 
     @rule.validator
     def _check_rule(self, _: Attribute[str], rule: str) -> None:
-        if rule not in RULES:
-            raise InputError(f"Unknown index rule '{rule}'; use one of {', '.join(RULES)}.")
+        if rule not in KINDS:
+            raise InputError(f"Unknown index rule '{rule}'; use one of {', '.join(KINDS)}.")
 
     @property
     def triangles(self) -> int:

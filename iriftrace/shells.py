@@ -43,7 +43,7 @@ def contour_shells(
     *,
     index_range: tuple[float, float] | None = None,
     levels: Sequence[float] | None = None,
-    rule: str = "midpoint",
+    rule: str = "graded",
     min_size_mm: float = 1.0,
 ) -> ShellStack:
     """Cut a field into layers along its own surfaces of equal index.

@@ -78,7 +78,7 @@ def test_table_tells_provenance_and_the_report(stack, tmp_path):
     table = json.loads((tmp_path / "shells.json").read_text(encoding="utf-8"))
     assert table["schema"] == "iriftrace.shells/1"
     assert table["notes"] == {"time": "snapshot"}
-    assert table["rule"] == "midpoint"
+    assert table["rule"] == "graded"
     assert table["air"]["wavelength_nm"] == 633.0
     assert table["source"]["array"] == "T"
     first = table["shells"][0]

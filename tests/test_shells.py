@@ -37,9 +37,26 @@ from iriftrace.shells import (
 
 def test_midpoint_levels_by_hand():
     # By hand with e = 10, 8, 6, 4 (1e-5): surfaces midway.
-    surfaces, e = index_levels(10e-5, 4e-5, layers=3)
+    surfaces, e = index_levels(10e-5, 4e-5, layers=3, rule="midpoint")
     assert_allclose(e, [10e-5, 8e-5, 6e-5, 4e-5])
     assert_allclose(surfaces, [9e-5, 7e-5, 5e-5])
+
+
+def test_graded_levels_by_hand():
+    # The cosine's steps of a range of 6 are 1.5, 3 and 1.5, equal ones 2; half of each is taken.
+    surfaces, e = index_levels(10e-5, 4e-5, layers=3)
+    assert_allclose(e, [10e-5, 8.25e-5, 5.75e-5, 4e-5])
+    assert_allclose(surfaces, [9.125e-5, 7e-5, 4.875e-5])
+
+
+@given(st.integers(1, 200))
+def test_graded_steps_fill_the_range_evenly_to_both_sides(layers):
+    steps = -np.diff(index_levels(10e-5, 4e-5, layers)[1]) * layers / 6e-5
+    assert_allclose(steps, steps[::-1], rtol=1e-9)
+    assert_allclose(steps.mean(), 1)
+    # Half an equal step at the ends, where the cosine is flat, and (1 + pi / 2) / 2 in the middle.
+    assert steps[0] == pytest.approx(0.5 + (1 - np.cos(np.pi / layers)) * layers / 4)
+    assert steps.max() <= 0.5 + np.pi / 4 + 1e-9
 
 
 def test_outer_levels_by_hand():
@@ -66,7 +83,7 @@ def test_impossible_levels_are_refused(arguments, message):
 
 @given(st.integers(1, 200), st.floats(0, 2.6e-4), st.floats(2.65e-4, 3e-4))
 def test_reversed_midpoint_rule_gives_equal_steps_back(layers, hottest, ambient):
-    surfaces, e = index_levels(ambient, hottest, layers)
+    surfaces, e = index_levels(ambient, hottest, layers, "midpoint")
     sorted_back, e_back = layers_between(surfaces[::-1], ambient)
     assert_allclose(sorted_back, surfaces)
     assert_allclose(e_back, e, atol=1e-15)
@@ -124,7 +141,7 @@ def test_layers_of_a_stack_join_without_a_gap(spheres):
     assert [s.layer for s in spheres.shells] == [1, 2, 3, 4, 5]
     assert_allclose([s.ext for s in spheres.shells], e[:-1], rtol=1e-15)
     assert_allclose([s.int_ for s in spheres.shells], e[1:], rtol=1e-15)
-    assert spheres.rule == "midpoint"
+    assert spheres.rule == "graded"
     assert spheres.source.sha256 == "0" * 64
     assert spheres.crumbs == ()
 

@@ -12,7 +12,7 @@ from iriftrace.errors import InputError
 if TYPE_CHECKING:
     from iriftrace.studies.mode import Mode
 
-MODE = Group("Second mode, compared with ours (gradient, midpoint, refract, 0)", sort_key=0)
+MODE = Group("Second mode, compared with ours (gradient, graded, refract, 0)", sort_key=0)
 
 
 @Parameter(name="*", group=MODE)
@@ -35,7 +35,7 @@ class ModeOptions:
     """
 
     normals: Literal["gradient", "facet"] = "facet"
-    index_rule: Literal["midpoint", "outer"] = "outer"
+    index_rule: Literal["graded", "midpoint", "outer"] = "outer"
     inside_hit: Literal["refract", "drop"] = "drop"
     drop_inner: str = "0"
     explain: Annotated[bool, Parameter(negative=())] = False

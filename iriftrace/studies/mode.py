@@ -9,11 +9,11 @@ from attrs import Attribute, asdict, evolve, field, frozen
 
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field import IndexField
+from iriftrace.shell_levels import RULES
 from iriftrace.shell_stack import ShellStack
 from iriftrace.shells import contour_shells
 
 NORMALS = ("gradient", "facet")
-RULES = ("midpoint", "outer")
 INSIDE_HITS = ("refract", "drop")
 
 
@@ -40,7 +40,7 @@ class Mode:
 
     name: str
     normals: str = field(default="gradient")
-    index_rule: str = field(default="midpoint")
+    index_rule: str = field(default="graded")
     inside_hit: str = field(default="refract")
     drop_inner: tuple[int, ...] = field(default=(0,), converter=tuple[int, ...])
 
@@ -119,7 +119,7 @@ def one_change_each(papers: Mode) -> list[Mode]:
     """The paper's mode with one of its choices at a time replaced by ours, to see which matters."""
     changes = {
         "normals": "gradient normals",
-        "index_rule": "midpoint rule",
+        "index_rule": "graded rule",
         "inside_hit": "inside hits refracted",
         "drop_inner": "all shells",
     }
