@@ -96,37 +96,32 @@ def test_rays_that_run_down_along_the_plume_are_counted_right(
     assert rays["index_mismatch"] == 0
 
 
-@pytest.mark.parametrize(("coarse", "fine"), [(13, 40), (40, 80), (13, 80)])
-@pytest.mark.parametrize("statistic", [np.mean, np.median], ids=["mean", "median"])
+VIEWS = {
+    "of the bundled scene": (150.0, -100.0, 120.0),
+    "from above": (0.0, -160.0, 160.0),
+    "oblique": (60.0, -190.0, 110.0),
+    "along the axis": (235.0, 0.0, 0.0),
+    "lateral": (0.0, -230.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("origin", VIEWS.values(), ids=VIEWS)
 def test_displacement_does_not_depend_on_the_number_of_shells(
-    images: dict[tuple[int, str], AovImage], coarse: int, fine: int, statistic: np.ufunc
+    scenes: dict[tuple[int, str], LoadedScene], origin: tuple[float, float, float]
 ) -> None:
-    """On this view; see the next test for one on which 13 shells are not enough for the mean."""
-    values = [statistic(good_um(images[layers, "gradient"])) for layers in (coarse, fine)]
-    assert values[0] == pytest.approx(values[1], rel=0.01)
+    """Mean and median with 13, 40 and 80 shells lie within 1 %.
 
-
-def test_mean_of_the_bundled_pose_needs_more_than_13_shells(
-    scenes: dict[tuple[int, str], LoadedScene],
-) -> None:
-    """Known shortfall: from 13 to 40 shells the mean changes by 1.5 %, where 1 % is wanted.
-
-    Seven tenths of it come from rays that meet the part at more than 75 degrees. The median, and
-    the mean from 40 shells on, stay within 1 %.
+    At equal steps of the index the mean would change by 1.6 % (bundled scene) and 4.4 % (above):
+    rays that graze the part run through the innermost layer, which the default makes thinner.
     """
-    pose = look_at((150.0, -100.0, 120.0), (0.0, 0.0, 0.0))
-    values = {}
+    statistics = []
     for layers in (13, 40, 80):
         scene = scenes[layers, "gradient"]
-        values[layers] = good_um(
-            render_scene(scene, camera=scene.camera.at(pose), nearest=False).image
-        )
-    mean = {layers: float(np.mean(v)) for layers, v in values.items()}
-    median = {layers: float(np.median(v)) for layers, v in values.items()}
-    assert 0.01 < abs(mean[13] / mean[40] - 1) < 0.02
-    assert mean[40] == pytest.approx(mean[80], rel=0.01)
-    assert median[13] == pytest.approx(median[40], rel=0.01)
-    assert median[13] == pytest.approx(median[80], rel=0.01)
+        camera = scene.camera.at(look_at(origin, (0.0, 0.0, 0.0)))
+        values = good_um(render_scene(scene, camera=camera, nearest=False).image)
+        statistics.append((values.mean(), np.median(values)))
+    for values in np.transpose(statistics):
+        assert np.ptp(values) < 0.01 * values.min()
 
 
 @pytest.mark.parametrize("layers", [13, 40, 80])
