@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test lint bench accuracy clean llvm
+.PHONY: help demo test lint bench accuracy statements clean llvm openfoam
 .DEFAULT_GOAL := help
 
 help:
@@ -15,6 +15,8 @@ help:
 	@echo 'make lint    check format, style and types'
 	@echo 'make bench   print the speed ratios'
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
+	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and mend it where needed'
+	@echo 'make statements  compute docs/parts.md anew: what the paper says of its components'
 	@echo 'make clean   remove build folders and caches; .venv and out/ stay'
 
 demo: $(VENV)/installed $(VENV)/drawing llvm
@@ -33,6 +35,9 @@ bench: $(VENV)/installed llvm
 
 accuracy: $(VENV)/installed-dev llvm
 	$(BIN)/python -m benchmarks.accuracy $(PARTS)
+
+statements: $(VENV)/installed $(VENV)/drawing llvm
+	$(BIN)/python -m benchmarks.statements
 
 clean:
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -72,3 +77,16 @@ $(VENV)/drawing: $(VENV)/installed
 	@$(DRAWS) 2>/dev/null || $(call apt_install,libegl1 libgl1-mesa-dri) || \
 	    echo 'No OpenGL driver: 3-D pictures are left out (iriftrace doctor says how to mend it)' >&2
 	@touch $@
+
+# Debian 12's solvers are miscompiled: then one of them is built anew from the package's source, into
+# the user's own data folder. The package itself says whether that is needed.
+FINDS_FOAM = $(BIN)/python -c 'from iriftrace.openfoam.installation import find_openfoam as f; f()'
+COMPUTES_RIGHT = $(BIN)/iriftrace field doctor >/dev/null 2>&1
+
+openfoam: $(VENV)/installed $(VENV)/drawing llvm
+	@$(FINDS_FOAM) 2>/dev/null || $(call apt_install,openfoam) || { \
+	    echo 'OpenFOAM is missing and cannot be installed here with apt: sudo apt-get install openfoam,' \
+	        'or a package of openfoam.com' >&2; exit 1; }
+	@$(COMPUTES_RIGHT) || command -v g++ >/dev/null || $(call apt_install,g++) || { \
+	    echo 'g++ is missing, which builds the solver anew: sudo apt-get install g++' >&2; exit 1; }
+	@$(BIN)/iriftrace field doctor --mend

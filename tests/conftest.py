@@ -87,5 +87,9 @@ def _jit_memory_returned() -> Iterator[None]:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> Iterator[None]:
     """Say last, below the failures, what this machine could not test."""
     yield
-    if not CUDA.devices:
-        terminalreporter.write_line("cuda_ad_mono not tested: no CUDA device")
+    left_out = [] if CUDA.devices else ["cuda_ad_mono not tested: no CUDA device"]
+    reasons = [report.longrepr[2] for report in terminalreporter.stats.get("skipped", [])]
+    plain = [reason.removeprefix("Skipped: ") for reason in reasons]
+    left_out += dict.fromkeys(reason for reason in plain if "not tested" in reason)
+    if left_out:
+        terminalreporter.write_line("; ".join(left_out))

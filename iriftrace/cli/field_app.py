@@ -20,7 +20,7 @@ for _module, _name, _help, _example in (
     (
         "simulate_commands",
         "doctor",
-        "Find the OpenFOAM of this machine, test whether its solvers compute right, say what to do.",
+        "Find OpenFOAM on this machine and test whether its solvers compute right.",
         "",
     ),
     (
@@ -39,5 +39,5 @@ for _module, _name, _help, _example in (
     field.command(
         f"iriftrace.cli.{_module}:{_name}",
         name=_name,
-        help=f"{_help}\n\nExample: ``iriftrace field {_name} {_example}".rstrip() + "``",
+        help=f"{_help}\n\nExample: ``{' '.join(('iriftrace field', _name, _example)).rstrip()}``",
     )

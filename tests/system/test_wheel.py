@@ -82,8 +82,8 @@ def test_the_wheel_holds_code_plugins_and_whole_scenes(wheel: Path) -> None:
     }
     assert {path.as_posix() for path in code} <= names
     assert {f"iriftrace/{path.as_posix()}" for path in plugins | scenes} <= names
-    templates = (CHECKOUT / "iriftrace" / "templates").iterdir()
-    assert {f"iriftrace/templates/{path.name}" for path in templates} <= names
+    templates = (CHECKOUT / "iriftrace").rglob("*.jinja")
+    assert {path.relative_to(CHECKOUT).as_posix() for path in templates} <= names
     assert "iriftrace/py.typed" in names
     assert {name.split("/")[0].split("-")[0] for name in names} == {"iriftrace"}
 

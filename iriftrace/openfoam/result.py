@@ -1,0 +1,155 @@
+"""Reads a solved case and writes the field around the whole part, in mm, with its origin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from iriftrace.errors import SetupError
+from iriftrace.field_origin import WALL_HEAT, state_origin
+from iriftrace.openfoam import air
+from iriftrace.openfoam.case import Case
+from iriftrace.openfoam.installation import SOLVER
+from iriftrace.openfoam.mesh import wall_patch
+from iriftrace.openfoam.steadiness import Steadiness
+from iriftrace.openfoam.symmetry import mirrored_grid
+from iriftrace.openfoam.wall import wall_temperature
+from iriftrace.readers import openfoam_case
+from iriftrace.whole_file import whole_file
+
+FloatArray = NDArray[np.float64]
+
+_MM = 1000.0
+
+
+def write_mean(
+    case: Case, folder: Path, file: Path, averaged: float, steadiness: Steadiness | None
+) -> pv.UnstructuredGrid:
+    """Write the field whose temperature has the time average of the density.
+
+    The refractive index follows the density, so this, and not the mean temperature, is what a
+    long exposure sees.
+
+    Parameters
+    ----------
+    case, folder
+        The case and its folder.
+    file
+        The .vtu to write.
+    averaged
+        Seconds over which the density was averaged.
+    steadiness
+        Over that time.
+
+    Returns
+    -------
+    pyvista.UnstructuredGrid
+        What was written: mm, world, point data ``T`` in K, field data `field_origin.WALL_HEAT`.
+    """
+    grid, moment = _read(folder, -1)
+    if "rhoMean" not in grid.point_data:
+        raise SetupError(f"the case {folder} has no mean density at t = {moment:g} s.")
+    density = np.asarray(grid.point_data["rhoMean"], dtype=np.float64)
+    kelvin = air.temperature_of_density(density, case.pressure_pa)
+    state = "" if steadiness is None else f", {steadiness.text}"
+    how = f"density averaged over {averaged:.3g} s up to t = {moment:.3g} s{state}"
+    whole = _whole(case, folder, grid, kelvin)
+    if steadiness is not None:
+        whole.field_data[WALL_HEAT] = [steadiness.heat_w]
+    _write(case, whole, file, how)
+    return whole
+
+
+def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Path]:
+    """Write the last states one by one and a .pvd that lists them with their times.
+
+    Parameters
+    ----------
+    case, folder
+        The case and its folder.
+    file
+        The .pvd; the states are ``NAME_01.vtu`` and so on beside it.
+    count
+        How many.
+
+    Returns
+    -------
+    list of Path
+        The states' files.
+    """
+    entries, files = [], []
+    for number in range(1, count + 1):
+        grid, moment = _read(folder, number - 1 - count)
+        kelvin = np.asarray(grid.point_data["T"], dtype=np.float64)
+        target = file.with_name(f"{file.stem}_{number:0{len(str(count))}d}.vtu")
+        _write(case, _whole(case, folder, grid, kelvin), target, f"snapshot at t = {moment:.4g} s")
+        files.append(target)
+        entries.append(f'    <DataSet timestep="{moment:.9g}" part="0" file="{target.name}"/>')
+    with whole_file(file) as temporary:
+        temporary.write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+            + "\n".join(entries)
+            + "\n  </Collection>\n</VTKFile>\n"
+        )
+    return files
+
+
+def _read(folder: Path, member: int) -> tuple[Any, float]:
+    """One state of the case at its points, in m, and its time."""
+    states = openfoam_case.states(folder)
+    number = range(len(states))[member]
+    return openfoam_case.read(folder, number).data, float(states[number][1] or 0.0)
+
+
+def _with_wall(
+    case: Case, folder: Path, piece: pv.UnstructuredGrid, kelvin: FloatArray
+) -> FloatArray:
+    """Temperatures at the points, with those asked for on the wall.
+
+    The reader gives points on the wall the mean of the faces around them, which widens a transition
+    by a cell.
+    """
+    if len(case.wall.of_regions(case.part)) == 1:
+        return kelvin
+    wall = np.asarray(wall_patch(folder).points, dtype=np.float64) * _MM
+    numbers = cKDTree(np.asarray(piece.points)).query(wall)[1]
+    placed = kelvin.copy()
+    placed[numbers] = wall_temperature(case.wall, case.part, wall)
+    return placed
+
+
+def _whole(case: Case, folder: Path, grid: Any, kelvin: FloatArray) -> pv.UnstructuredGrid:
+    """What is kept of the computed piece, in mm, with its mirror images."""
+    domain = case.domain
+    piece = pv.UnstructuredGrid()
+    piece.copy_structure(grid)
+    piece.points = np.asarray(grid.points, dtype=np.float64) * _MM
+    piece.point_data["T"] = _with_wall(case, folder, piece, kelvin)
+    centres = np.asarray(piece.cell_centers().points)
+    kept = ((centres > domain.kept_lower) & (centres < domain.kept_upper)).all(axis=1)
+    numbers: Any = np.flatnonzero(kept)
+    piece = piece.extract_cells(numbers)
+    for name, position in domain.planes.items():
+        piece = mirrored_grid(piece, "xy".index(name), position)
+    return piece
+
+
+def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
+    mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
+    parts = [f"OpenFOAM {SOLVER}", case.size.name, how]
+    if mirrored:
+        parts.append(f"mirrored at {' and '.join(mirrored)}")
+    output = pv.UnstructuredGrid(
+        grid.cells, grid.celltypes, np.asarray(grid.points, dtype=np.float32)
+    )
+    output.point_data["T"] = np.asarray(grid.point_data["T"], dtype=np.float32)
+    for name in grid.field_data:
+        output.field_data[name] = grid.field_data[name]
+    state_origin(output, ", ".join(parts))
+    with whole_file(file) as temporary:
+        output.save(temporary)

@@ -1,0 +1,92 @@
+"""Whether a part is its own mirror image, and how a field of a half becomes that of the whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+
+from iriftrace.errors import InputError
+from iriftrace.openfoam.surface import distance_from
+from iriftrace.part import Part
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_TOLERANCE = 5e-3
+"""Share of the part's size by which the mirrored surface may lie beside it."""
+_SAMPLES = 2000
+
+# Corner numbers of each kind of cell that turn it outside in, which mirroring undoes.
+_TURNED = {
+    10: (0, 2, 1, 3),
+    12: (0, 3, 2, 1, 4, 7, 6, 5),
+    13: (3, 4, 5, 0, 1, 2),
+    14: (0, 3, 2, 1, 4),
+}
+
+
+def symmetric_axes(part: Part) -> str:
+    """Axes (of "xy") along which the part is its own mirror image about its centre."""
+    return "".join(name for name in "xy" if _deviation(part, name) <= _TOLERANCE)
+
+
+def check_mirrors(part: Part, mirrors: str) -> None:
+    """Refuse mirror planes that the part does not have.
+
+    Raises
+    ------
+    InputError
+    """
+    if mirrors not in ("", "x", "y", "xy"):
+        raise InputError(f'there is no symmetry "{mirrors}"; it is x, y, xy or none.')
+    for name in mirrors:
+        if _deviation(part, name) > _TOLERANCE:
+            raise InputError(
+                f"{part.path} is not symmetric about {name} = {part.centre['xy'.index(name)]:g} "
+                f"mm, so half of the air is not enough; leave {name} out of --symmetry."
+            )
+
+
+def _deviation(part: Part, name: str) -> float:
+    """Largest distance of mirrored points of the surface from it, in sizes of the part."""
+    axis = "xy".index(name)
+    points = np.concatenate((part.vertices[np.unique(part.faces)], part.face_centres))
+    if len(points) > _SAMPLES:
+        points = points[np.random.default_rng(0).choice(len(points), _SAMPLES, replace=False)]
+    mirrored = points.copy()
+    mirrored[:, axis] = 2.0 * part.centre[axis] - mirrored[:, axis]
+    size = float(np.ptp(part.bounds, axis=0).max())
+    return float(distance_from(mirrored, part).max()) / size
+
+
+def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.UnstructuredGrid:
+    """A half and its mirror image as one grid, joined at the points in the plane.
+
+    Parameters
+    ----------
+    grid
+        Tetrahedra, hexahedra, wedges and pyramids beside the plane, mm; scalar point data.
+    axis
+        0 for x, 1 for y.
+    position
+        Of the plane, mm.
+    """
+    points = np.array(grid.points, dtype=np.float64)
+    # What the mesher left a rounding error beside the plane lies in it.
+    in_plane = np.abs(points[:, axis] - position) < 1e-3
+    points[in_plane, axis] = position
+    beside = np.flatnonzero(~in_plane)
+    twin = np.arange(len(points))
+    twin[beside] = len(points) + np.arange(len(beside))
+    image = points[beside].copy()
+    image[:, axis] = 2.0 * position - image[:, axis]
+    cells: dict[int, IntArray] = {}
+    for kind, corners in grid.cells_dict.items():
+        turned = twin[np.asarray(corners, dtype=np.int64)][:, list(_TURNED[int(kind)])]
+        cells[int(kind)] = np.concatenate((corners, turned))
+    whole = pv.UnstructuredGrid(cells, np.concatenate((points, image)))
+    for name in grid.point_data:
+        values = np.asarray(grid.point_data[name])
+        whole.point_data[name] = np.concatenate((values, values[beside]))
+    return whole

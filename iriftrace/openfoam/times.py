@@ -1,0 +1,93 @@
+"""How long a simulation runs, over what time it is averaged, and when it writes."""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.errors import InputError
+
+_END, _AVERAGING_SHARE = 2.0, 0.25
+# The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
+_REFERENCE_HEAT, _REFERENCE_LENGTH = 3.68, 170.0
+_STAGES_WRITTEN = 4
+
+
+@frozen
+class Times:
+    """Times of a simulation in s.
+
+    Attributes
+    ----------
+    end
+        Last time.
+    averaging
+        The density is averaged over the last so many seconds.
+    snapshots
+        Number of states that are kept from that interval besides; 0 for none.
+    """
+
+    end: float
+    averaging: float
+    snapshots: int = 0
+
+    def __attrs_post_init__(self) -> None:
+        """Refuse what is no course of time."""
+        if not 0.0 < self.end < np.inf:
+            raise InputError(
+                f"an end time of {self.end:g} s is no simulation; give a positive one."
+            )
+        if not 0.0 < self.averaging <= self.end:
+            raise InputError(
+                f"the field cannot be averaged over {self.averaging:g} s of {self.end:g} s; give a "
+                "positive time that is not longer than the end time."
+            )
+        if self.snapshots < 0:
+            raise InputError(
+                f"there are no {self.snapshots} snapshots; give a positive number, or 0."
+            )
+
+    @property
+    def settled(self) -> float:
+        """When averaging begins."""
+        return self.end - self.averaging
+
+    @property
+    def settling_interval(self) -> float:
+        """Seconds between two states on disk before averaging, from which a run can go on."""
+        return self.settled / _STAGES_WRITTEN
+
+    @property
+    def averaging_interval(self) -> float:
+        """Seconds between two states on disk while averaging."""
+        return self.averaging / (self.snapshots or _STAGES_WRITTEN)
+
+
+def natural_times(
+    longest_mm: float,
+    hottest_k: float,
+    ambient_k: float,
+    *,
+    end: float | None = None,
+    averaging: float | None = None,
+    snapshots: int = 0,
+) -> Times:
+    """Times for a part, where the user does not say otherwise.
+
+    Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so larger and cooler parts need
+    longer; the paper's cylinder at 1100 degC needs 2 s.
+
+    Parameters
+    ----------
+    longest_mm
+        Longest extent of the part.
+    hottest_k, ambient_k
+        Temperatures of wall and air.
+    end, averaging, snapshots
+        As for `Times`.
+    """
+    if end is None:
+        heat = (hottest_k - ambient_k) / ambient_k
+        length = max(1.0, longest_mm / _REFERENCE_LENGTH)
+        end = round(_END * max(1.0, float(np.sqrt(length * _REFERENCE_HEAT / heat))), 2)
+    return Times(end, end * _AVERAGING_SHARE if averaging is None else averaging, snapshots)

@@ -1,0 +1,174 @@
+"""From a part to its field with OpenFOAM, on a mesh coarser than any that a user would take."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+import trimesh
+from attrs import frozen
+
+from iriftrace.cli import main
+from iriftrace.convection import nusselt_horizontal_cylinder
+from iriftrace.errors import SetupError
+from iriftrace.field import read_field
+from iriftrace.openfoam.case import Case
+from iriftrace.openfoam.installation import find_openfoam
+from iriftrace.openfoam.log import read_steps
+from iriftrace.openfoam.mesh import make_mesh, wall_patch
+from iriftrace.openfoam.resolution import mesh_size
+from iriftrace.openfoam.simulate import check_solver, prepare
+from iriftrace.openfoam.times import Times
+from iriftrace.openfoam.wall import WallTemperatures
+from iriftrace.part import read_part
+
+WALL, AMBIENT = 1373.15, 293.15
+DIAMETER, LENGTH = 27.0, 80.0
+TIMES = ("--end-time=0.25s", "--average-time=0.05s")
+LATER = ("--end-time=0.35s", "--average-time=0.1s", "--snapshots=2")
+
+
+@frozen
+class Run:
+    """A case and its part."""
+
+    case: Path
+    part: Path
+
+
+def cylinder(folder: Path) -> Path:
+    mesh = trimesh.creation.cylinder(DIAMETER / 2, LENGTH, sections=32)
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
+    path = folder / "part.stl"
+    mesh.export(path)
+    return path
+
+
+def options(part: Path, case: Path) -> list[str]:
+    return [
+        *("field", "simulate", str(part), "-o", str(case), "--symmetry=xy"),
+        *("--wall-temperature=1100 degC", "--background-cell=40mm"),
+    ]
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The case, run to 0.25 s and then, by a second call, on to 0.35 s."""
+    try:
+        check_solver(find_openfoam())
+    except SetupError as error:
+        pytest.skip(f"OpenFOAM not tested: {error}")
+    folder = tmp_path_factory.mktemp("simulated")
+    part, case = cylinder(folder), folder / "case"
+    assert main([*options(part, case), *TIMES]) == 0
+    shutil.copytree(case, folder / "first", ignore=shutil.ignore_patterns("polyMesh"))
+    assert main([*options(part, case), *LATER]) == 0
+    return Run(case, part)
+
+
+def test_wall_has_its_temperature(simulated: Run) -> None:
+    """Within 0.5 K; the mean density is that of the pressure at the part's height."""
+    field = read_field(simulated.case / "field.vtu")
+    wall = field.wall
+    assert wall.n_points > 100
+    kelvin = field.air.temperature(np.asarray(wall.point_data["refractivity"]))
+    assert kelvin == pytest.approx(WALL, abs=0.5)
+    radius = np.hypot(wall.points[:, 1], wall.points[:, 2])
+    assert radius.max() == pytest.approx(DIAMETER / 2, abs=0.1), "the wall is the part's, in mm"
+    assert field.temperature_k.min() == pytest.approx(AMBIENT, abs=1.0)
+
+
+def test_field_reaches_as_far_as_promised_and_is_symmetric(simulated: Run) -> None:
+    field = pv.read(simulated.case / "field.vtu")
+    bounds = np.array(field.bounds).reshape(3, 2).T
+    half = np.array([LENGTH, DIAMETER, DIAMETER]) / 2
+    cell = 40.0 / 2
+    assert (bounds[1] > half + np.array([60, 60, 150]) - cell).all()
+    assert (bounds[0] < -half - 60 + cell).all()
+    points = np.asarray(field.points)
+    hot = points[np.asarray(field.point_data["T"]) > 600.0]
+    assert len(hot) > 200
+    assert hot[:, :2].mean(axis=0) == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert (hot[:, 2] > half[2]).sum() > (hot[:, 2] < -half[2]).sum(), "hot air rises"
+
+
+def test_heat_flow_is_plausible(simulated: Run) -> None:
+    """Within half and twice the rule for a long cylinder; this mesh is far too coarse for more."""
+    heat = np.loadtxt(simulated.case / "postProcessing/heat/0.25/surfaceFieldValue.dat")
+    area = np.pi * DIAMETER * (LENGTH + DIAMETER / 2) * 1e-6
+    expected = nusselt_horizontal_cylinder(DIAMETER, WALL, AMBIENT).heat_flux * area
+    assert 0.5 < 4.0 * heat[-1, 1] / expected < 2.0
+    (written,) = pv.read(simulated.case / "field.vtu").field_data["wall_heat_flow_w"]
+    assert written == pytest.approx(4.0 * heat[:, 1].mean(), rel=0.02), "of all four quarters"
+
+
+def test_second_call_went_on_where_the_first_had_stopped(simulated: Run) -> None:
+    steps = read_steps((simulated.case / "log.buoyantPimpleFoam").read_text())
+    assert steps.times[0] >= 0.25
+    assert steps.times[-1] == pytest.approx(0.35)
+    first = read_field(simulated.case.parent / "first/field.vtu")
+    assert first.grid.n_cells == read_field(simulated.case / "field.vtu").grid.n_cells
+
+
+def test_origin_says_what_the_field_is(simulated: Run) -> None:
+    """Solver, mesh, averaging, mirror planes, and that a flow of 0.35 s is not steady."""
+    (origin,) = pv.read(simulated.case / "field.vtu").field_data["field_origin"]
+    for words in (
+        "OpenFOAM buoyantPimpleFoam",
+        "background cells of 40 mm",
+        "density averaged over 0.1 s up to t = 0.35 s",
+        "NOT STEADY",
+        "mirrored at x = 0 mm and y = 0 mm",
+    ):
+        assert words in origin
+
+
+def test_snapshots_are_states_of_their_own(simulated: Run) -> None:
+    """Their mean differs from each of them, and the list has their times."""
+    listed = (simulated.case / "field_snapshots.pvd").read_text()
+    times = [float(time) for time in re.findall(r'timestep="([^"]+)"', listed)]
+    assert times == pytest.approx([0.3, 0.35])
+    names = re.findall(r'file="([^"]+)"', listed)
+    one, two = (np.asarray(pv.read(simulated.case / name)["T"]) for name in names)
+    mean = np.asarray(pv.read(simulated.case / "field.vtu")["T"])
+    assert one.shape == two.shape == mean.shape
+    assert np.abs(one - two).max() > 1.0
+    assert np.abs(two - mean).max() > 1.0
+
+
+def test_field_becomes_shells(simulated: Run, tmp_path: Path) -> None:
+    field = simulated.case / "field.vtu"
+    arguments = ["shells", str(field), "-o", str(tmp_path), "--part", str(simulated.part)]
+    assert main([*arguments, "--layers=5"]) == 0
+    assert len(list(tmp_path.glob("*.ply"))) == 5
+
+
+def test_each_face_of_the_wall_has_the_temperature_of_its_region(
+    simulated: Run, tmp_path: Path
+) -> None:
+    """In the order of OpenFOAM's own mesh, which reads them back; halfway in the transition."""
+    part = read_part(simulated.part)
+    wall = WallTemperatures(WALL, {"head +x": 723.15}, 10.0)
+    size = mesh_size("normal", np.ptp(part.bounds, axis=0), 40.0)
+    hybrid = Case(part, wall, size, Times(1.0, 0.5), mirrors="y")
+    prepare(hybrid, tmp_path)
+    make_mesh(hybrid, tmp_path, find_openfoam(), lambda text: None)
+    patch = wall_patch(tmp_path)
+    kelvin = np.asarray(patch.cell_data["T"])
+    x = np.asarray(patch.cell_centers().points)[:, 0] * 1000.0
+    assert kelvin[x < 20.0] == pytest.approx(WALL, abs=1.0)
+    assert kelvin[x > 39.9].max() < (WALL + 723.15) / 2
+    assert kelvin[x > 39.9].min() == pytest.approx(723.15, abs=10.0)
+
+
+def test_other_options_for_the_same_folder_are_refused(
+    simulated: Run, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    arguments = [*options(simulated.part, simulated.case), *LATER, "--ambient=30 degC"]
+    assert main(arguments) == 2
+    assert "differs in ambient_k" in capsys.readouterr().err
