@@ -12,9 +12,9 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.air import Air
+from iriftrace.array_units import SI, converted
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field_cells import point_mean
-from iriftrace.units import parse_quantity
 
 FloatArray = NDArray[np.float64]
 
@@ -84,17 +84,16 @@ def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) 
 
 def other_index(grid: Any) -> str | None:
     """Name of an index array under one of its usual names, or None."""
-    exact = [name for name in _scalar_names(grid) if _plain(name) in _EXACT["index"]]
+    exact = [name for name in _scalar_names(grid) if _is_usual(name, "index")]
     return exact[0] if len(exact) == 1 else None
 
 
 def quantity_of(name: str) -> str | None:
     """The quantity that an array's name suggests, or None."""
-    plain = _plain(name)
     for quantity in QUANTITIES:
-        if plain in _EXACT[quantity]:
+        if _is_usual(name, quantity):
             return quantity
-    return next((q for q in QUANTITIES if _LOOSE[q].match(plain)), None)
+    return next((q for q in QUANTITIES if _LOOSE[q].match(_plain(name))), None)
 
 
 def point_values(grid: Any, name: str, path: str) -> FloatArray:
@@ -121,15 +120,16 @@ def point_values(grid: Any, name: str, path: str) -> FloatArray:
 
 
 def to_refractivity(
-    values: FloatArray, choice: Choice, temperature_unit: str, air: Air, path: str
+    values: FloatArray, choice: Choice, unit: str, air: Air, path: str
 ) -> FloatArray:
-    """Refractivity n - 1 of values in their file's unit, (n,)."""
+    """Refractivity n - 1 of values in `unit` (see `array_units.unit_of`), (n,)."""
     if choice.quantity == "index":
         return _from_index(values, choice.name, path)
+    values = converted(values, unit, SI[choice.quantity])
     if choice.quantity == "density":
         _refuse_not_positive(values, choice, "kg/m3", path)
         return air.refractivity_of_density(values)
-    kelvin = _kelvin(values, temperature_unit)
+    kelvin = values
     _refuse_not_positive(kelvin, choice, "K", path)
     if kelvin.min() < _COLDEST:
         raise InputError(
@@ -151,7 +151,7 @@ def refractivity_of_index(values: FloatArray) -> FloatArray | None:
 
 
 def _named(names: Sequence[str], quantity: str, path: str) -> str | None:
-    exact = [name for name in names if _plain(name) in _EXACT[quantity]]
+    exact = [name for name in names if _is_usual(name, quantity)]
     found = exact or [name for name in names if _LOOSE[quantity].match(_plain(name))]
     if len(found) > 1:
         raise InputError(
@@ -159,6 +159,12 @@ def _named(names: Sequence[str], quantity: str, path: str) -> str | None:
             "the one to use with the array option (--array)."
         )
     return found[0] if found else None
+
+
+def _is_usual(name: str, quantity: str) -> bool:
+    """Whether an array has a usual name, with or without COMSOL's scope (``comp1.T``)."""
+    plain = _plain(name)
+    return plain in _EXACT[quantity] or plain.rpartition(".")[2] in _EXACT[quantity]
 
 
 def _plain(name: str) -> str:
@@ -177,15 +183,6 @@ def _scalar_names(grid: Any) -> list[str]:
             if data[name].ndim == 1 and data[name].dtype.kind in "fiu" and name[:3] != "vtk"
         )
     )
-
-
-def _kelvin(values: FloatArray, unit: str) -> FloatArray:
-    # Two values tell a linear unit; converting a million numbers through pint would be slow.
-    zero = parse_quantity(f"0 {unit}", "kelvin")
-    hundred = parse_quantity(f"100 {unit}", "kelvin")
-    if (zero, hundred) == (0.0, 100.0):
-        return values
-    return zero + values * ((hundred - zero) / 100.0)
 
 
 def _refuse_not_positive(values: FloatArray, choice: Choice, unit: str, path: str) -> None:

@@ -1,23 +1,23 @@
-"""A solver's result file as one unstructured grid of linear volume cells."""
+"""A solver's result as one unstructured grid of linear volume cells, whatever wrote it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from warnings import warn
 
 import numpy as np
 import pyvista as pv
-from vtkmodules.vtkCommonCore import vtkObject
+from attrs import evolve
 
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field_cells import CORNERS, IntArray
+from iriftrace.field_origin import WALL_HEAT, origin_of, state_origin, wall_heat_of
+from iriftrace.readers import comsol_text, openfoam_case, vtk_file
+from iriftrace.readers.contents import Contents
+from iriftrace.readers.kinds import kind_of
 
-SUFFIXES = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm")
-
-# What pyvista and the XML parser behind its .pvd reader raise for damaged files.
-_READ_ERRORS = (OSError, ValueError, RuntimeError, TypeError, LookupError, SyntaxError)
+_READERS = {"vtk": vtk_file.read, "openfoam": openfoam_case.read, "comsol": comsol_text.read}
 
 # Volume cells that are not used as they are, by VTK's numbers.
 _VOXEL = 11
@@ -31,19 +31,47 @@ _HIGHER_ORDER = {
 }
 
 
-def read_volume(path: str | Path) -> pv.UnstructuredGrid:
-    """Read the volume cells of a file.
+def read_volume(path: str | Path, *, member: int | None = None) -> pv.UnstructuredGrid:
+    """Read the volume cells of a file; see `open_volume`, which tells more of what it states.
 
-    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly. Of a
-    time series the last step is read. Voxels become hexahedra; polyhedra and prisms with more
-    than three sides are split into tetrahedra; cells of higher order keep only their corners.
-    Cells that are not volumes are left out, and then points that no cell uses.
+    Raises
+    ------
+    InputError
+        As `open_volume`; or the file holds scattered points, which become a volume only where the
+        part is cut out (`iriftrace.field.read_field`).
+    """
+    contents = open_volume(path, member=member)
+    if contents.scattered:
+        raise InputError(
+            f"{path} holds scattered points, whose hull includes the part; give the part, or "
+            "export the elements too (sectionwise)."
+        )
+    volume: pv.UnstructuredGrid = contents.data
+    return volume
+
+
+def open_volume(path: str | Path, *, member: int | None = None) -> Contents:
+    """Read the volume cells of a file, and what it states about units.
+
+    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly. Voxels
+    become hexahedra; polyhedra and prisms with more than three sides are split into tetrahedra
+    (OpenFOAM's around their centroids); cells of higher order keep only their corners. Cells that
+    are not volumes are left out, and then points that no cell uses.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file of `iriftrace.readers.kinds.SUFFIXES`, or the folder of an OpenFOAM case.
+    member : int, optional
+        Which state of a file with several, as `iriftrace.readers.members` counts them; the last
+        one when left out, with a warning.
 
     Returns
     -------
-    pyvista.UnstructuredGrid
-        Tetrahedra, hexahedra, wedges and pyramids with the file's point and cell data, in the
-        file's own length unit.
+    Contents
+        `data` are tetrahedra, hexahedra, wedges and pyramids with the file's point and cell data,
+        in the file's own length unit; as field data only what the file says of its origin
+        and of the heat from the part.
 
     Raises
     ------
@@ -51,33 +79,29 @@ def read_volume(path: str | Path) -> pv.UnstructuredGrid:
         The file is missing, of another type, damaged, or has no volume cells.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"The field file {path} does not exist; check the path.")
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"{path} is not a field file that can be read here; export it as one of "
-            f"{', '.join(SUFFIXES)}."
+    contents = _READERS[kind_of(path)](path, member)
+    if member is None and len(contents.states) > 1:
+        warn(
+            f"{path} has {len(contents.states)} states; the last one, {contents.states[-1][0]}, "
+            "is used; choose another with the time option (--time).",
+            IriftraceWarning,
+            stacklevel=4,
         )
-    blocks = [_volume_cells(block) for block in _blocks(_read(path))]
-    blocks = [block for block in blocks if block.n_cells]
-    if not blocks:
-        raise InputError(
-            f"{path} has no volume cells: it is empty, damaged or a surface, and light needs the "
-            "air between; export the solver's volume mesh."
-        )
-    if len(blocks) > 1:
-        grid = pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
-    elif path.suffix.lower() == ".pvtu":
-        grid = blocks[0].clean(tolerance=0.0)
-    else:
-        grid = blocks[0]
+    grid = _joined(contents.data, path)
     if np.isin(np.asarray(grid.celltypes), list(_HIGHER_ORDER)).any():
         warn(
             f"{path} has cells of higher order; only the values at their corners are used.",
             IriftraceWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
-    return linear_volume(grid)
+    origin = "; ".join(filter(None, (contents.origin, origin_of(contents.data))))
+    volume = linear_volume(grid)
+    heat = wall_heat_of(contents.data)
+    volume.clear_field_data()
+    state_origin(volume, origin)
+    if heat is not None:
+        volume.field_data[WALL_HEAT] = [heat]
+    return evolve(contents, data=volume)
 
 
 def linear_volume(grid: Any) -> pv.UnstructuredGrid:
@@ -107,37 +131,18 @@ def linear_volume(grid: Any) -> pv.UnstructuredGrid:
     return _rebuilt(grid, types)
 
 
-def _read(path: Path) -> Any:
-    warnings_before = vtkObject.GetGlobalWarningDisplay()
-    # VTK writes its complaints about damaged files to stderr; ours follows from the result.
-    vtkObject.SetGlobalWarningDisplay(0)
-    try:
-        if path.suffix.lower() != ".pvd":
-            return pv.read(path)
-        reader = pv.PVDReader(str(path))
-        times = reader.time_values
-        reader.set_active_time_value(times[-1])
-        if len(times) > 1:
-            warn(
-                f"{path} has {len(times)} time steps; the last one, {times[-1]:g}, is used.",
-                IriftraceWarning,
-                stacklevel=4,
-            )
-        return reader.read()
-    except _READ_ERRORS as error:
+def _joined(data: Any, path: Path) -> Any:
+    """The volume cells of all blocks as one grid."""
+    blocks = [_volume_cells(block) for block in vtk_file.blocks_of(data)]
+    blocks = [block for block in blocks if block.n_cells]
+    if not blocks:
         raise InputError(
-            f"{path} cannot be read ({error}); is it a complete file of its type?"
-        ) from error
-    finally:
-        vtkObject.SetGlobalWarningDisplay(warnings_before)
-
-
-def _blocks(data: Any) -> Iterator[Any]:
-    if isinstance(data, pv.MultiBlock):
-        for block in data:
-            yield from _blocks(block)
-    elif data is not None:
-        yield data
+            f"{path} has no volume cells: it is empty, damaged or a surface, and light needs the "
+            "air between; export the solver's volume mesh."
+        )
+    if len(blocks) > 1:
+        return pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
+    return blocks[0].clean(tolerance=0.0) if path.suffix.lower() == ".pvtu" else blocks[0]
 
 
 def _volume_cells(block: Any) -> pv.UnstructuredGrid:

@@ -40,7 +40,7 @@ def import_shells(
     array: str | None = None,
     quantity: str | None = None,
     gradient: str | None = None,
-    temperature_unit: str = "K",
+    temperature_unit: str | None = None,
     length_unit: str = "mm",
     air: Air | None = None,
     transform: ArrayLike | None = None,
@@ -67,8 +67,10 @@ def import_shells(
         Name of a point array with the gradient of the same quantity; by default the only array with
         three components whose name begins with "grad". Without one the shells have no normals and
         rays use the facets'.
-    temperature_unit, length_unit : str
-        Units of the file.
+    temperature_unit : str, optional
+        Unit of the temperatures; what brackets in the array's name say, else K, when left out.
+    length_unit : str
+        Unit of the file's coordinates.
     air : Air, optional
         Ambient air; ``Air()`` when left out.
     transform : (4, 4) array_like, optional
@@ -125,6 +127,7 @@ def import_shells(
         array=soup.choice.name,
         quantity=soup.choice.quantity,
         length_unit=length_unit,
+        origin=soup.origin,
     )
     return ShellStack(shells, air, "imported", source, crumbs)
 

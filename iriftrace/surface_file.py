@@ -16,7 +16,9 @@ from vtkmodules.vtkCommonCore import vtkObject
 from iriftrace import field_arrays as arrays
 from iriftrace import transform as motion
 from iriftrace.air import Air
+from iriftrace.array_units import unit_of
 from iriftrace.errors import InputError
+from iriftrace.field_origin import origin_of
 from iriftrace.shell_mesh import Float32Array, FloatArray, IntArray
 
 SUFFIXES = (".vtu", ".vtm", ".vtp")
@@ -39,6 +41,8 @@ class Soup:
         Along grad(n) at the vertices; its length has no meaning.
     choice : Choice
         The array that was used.
+    origin : str
+        What the file says of its own making; "" where it says nothing.
     """
 
     vertices: Float32Array
@@ -46,6 +50,7 @@ class Soup:
     refractivity: FloatArray
     gradient: FloatArray | None
     choice: arrays.Choice
+    origin: str
 
 
 def read_surfaces(
@@ -53,13 +58,13 @@ def read_surfaces(
     array: str | None,
     quantity: str | None,
     gradient: str | None,
-    temperature_unit: str,
+    temperature_unit: str | None,
     length_factor: float,
     air: Air,
     transform: ArrayLike | None,
 ) -> Soup:
     """Read all triangles of a file; see :func:`iriftrace.shell_import.import_shells`."""
-    blocks = list(_read(path))
+    blocks, origin = _read(path)
     choice = _choose(blocks, array, quantity, path)
     name = gradient or _gradient_name(blocks[0])
     starts = np.cumsum([0] + [block.n_points for block in blocks])
@@ -89,14 +94,21 @@ def read_surfaces(
     return Soup(
         vertices=points.astype(np.float32),
         faces=np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
-        refractivity=arrays.to_refractivity(values, choice, temperature_unit, air, str(path)),
+        refractivity=arrays.to_refractivity(
+            values,
+            choice,
+            unit_of(choice.name, choice.quantity, None, temperature_unit, str(path)),
+            air,
+            str(path),
+        ),
         gradient=vectors,
         choice=choice,
+        origin=origin,
     )
 
 
-def _read(path: Path) -> Iterator[pv.PolyData]:
-    """Blocks of a file as triangles with their data."""
+def _read(path: Path) -> tuple[list[pv.PolyData], str]:
+    """Blocks of a file as triangles with their data, and what the file says of its origin."""
     if not path.is_file():
         raise InputError(f"The file of surfaces {path} does not exist; check the path.")
     if path.suffix.lower() not in SUFFIXES:
@@ -117,7 +129,7 @@ def _read(path: Path) -> Iterator[pv.PolyData]:
         raise InputError(
             f"{path} has no triangles; volume data are contoured by `iriftrace shells` instead."
         )
-    yield from found
+    return found, origin_of(data)
 
 
 def _leaves(data: Any) -> Iterator[Any]:

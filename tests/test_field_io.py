@@ -67,7 +67,7 @@ def test_of_a_time_series_the_last_step_is_read(tmp_path):
     path.write_text(
         f'<VTKFile type="Collection" version="0.1"><Collection>{entries}</Collection></VTKFile>'
     )
-    with pytest.warns(IriftraceWarning, match="2 time steps; the last one, 2"):
+    with pytest.warns(IriftraceWarning, match="2 states; the last one, t = 2, is used"):
         assert read_field(path).temperature_k[0] == pytest.approx(AMBIENT + 2)
 
 

@@ -60,6 +60,20 @@ def check_input(*paths: Path | None) -> None:
             )
 
 
+def check_field(*paths: Path) -> None:
+    """Refuse a folder where a field is read, unless it is an OpenFOAM case.
+
+    Raises
+    ------
+    InputError
+    """
+    from iriftrace.readers.kinds import kind_of
+
+    for path in paths:
+        if path.is_dir():
+            kind_of(path)
+
+
 def check_folder(folder: Path) -> None:
     """Refuse before the work a folder that could not be written after it.
 

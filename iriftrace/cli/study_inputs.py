@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from iriftrace.cli.camera_options import CameraOptions
-from iriftrace.cli.checks import check_input, check_output
+from iriftrace.cli.checks import check_field, check_input, check_output
 from iriftrace.cli.console import working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.errors import InputError
@@ -32,7 +32,8 @@ class StudyInputs:
     ) -> None:
         from iriftrace import runtime
 
-        check_input(*fields, part)
+        check_field(*fields)
+        check_input(part)
         check_output(output, ".nc", "study.nc", make=False)
         if field_options.isosurfaces:
             raise InputError(
@@ -43,7 +44,9 @@ class StudyInputs:
         self.part = part_options.read(part)
         self.notes = field_options.notes()
         with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
-            self.fields: list[IndexField] = [field_options.read(path, air.air()) for path in fields]
+            self.fields: list[IndexField] = [
+                field_options.read(path, air.air(), self.part) for path in fields
+            ]
 
     def view(self, options: CameraOptions) -> View:
         """The camera at its traced resolution, with part and variant."""
@@ -68,6 +71,7 @@ class StudyInputs:
             "fields": [asdict(field.source) for field in self.fields],
             "part": {"path": str(self.part.path), "sha256": self.part.sha256},
             "air": asdict(self.fields[0].air),
+            "wavelength_nm": self.fields[0].air.wavelength_nm,
             "camera": view.camera.as_dict(),
             "notes": self.notes,
             "variant": view.variant,

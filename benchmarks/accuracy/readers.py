@@ -1,0 +1,206 @@
+"""One field through every reader: by how much the displacement maps differ."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+
+from benchmarks.accuracy.line import Line, Section
+from benchmarks.field_files import comsol
+from benchmarks.field_files.openfoam import write_case
+from benchmarks.field_files.openfoam_mesh import Patch
+from iriftrace.camera import Camera, look_at
+from iriftrace.continuous_cells import tetrahedra_of
+from iriftrace.errors import IriftraceWarning
+from iriftrace.exr import AovImage
+from iriftrace.field import IndexField, read_field
+from iriftrace.part import read_part
+from iriftrace.render import render_scene
+from iriftrace.scene import load_scene, write_scene
+from iriftrace.scenes import folder_of
+from iriftrace.shells import contour_shells
+from iriftrace.status import Status
+
+FloatArray = NDArray[np.float64]
+
+LAYERS = 13
+ORIGIN = np.array((0.0, -190.0, -120.0))
+RANGE_MM = 60.0
+"""Length of a ray before its hit in which there is hot air."""
+STEP_MM = 0.25
+SPACINGS_MM = (2.0, 1.0)
+LARGEST_RATIO = 1.25
+"""Of the difference found by tracing to that of the fields' own line integrals."""
+
+
+def air_around_the_middle() -> pv.UnstructuredGrid:
+    """The bundled cylinder's field, 50 mm of its length, as it comes from the solver."""
+    grid = pv.read(folder_of("cylinder") / "field.vtu")
+    centres = np.abs(np.asarray(grid.cell_centers().points))
+    kept = grid.extract_cells(np.flatnonzero((centres < (25.0, 40.0, 40.0)).all(axis=1)))
+    bare = pv.UnstructuredGrid()
+    bare.copy_structure(kept)
+    bare.points = np.asarray(kept.points, dtype=np.float64)
+    bare.point_data["T"] = np.asarray(kept.point_data["T"], dtype=np.float64)
+    return bare
+
+
+def write_all(folder: Path, spacings: Sequence[float] = SPACINGS_MM) -> dict[str, Path]:
+    """The same field as several programs write it, by a name for each, the .vtu first."""
+    grid = air_around_the_middle()
+    kelvin = np.asarray(grid.point_data["T"])
+    points = np.asarray(grid.points)
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {".vtu": folder / "field.vtu"}
+    grid.save(files[".vtu"])
+    for spacing in spacings:
+        name = f".vti, {spacing:g} mm"
+        files[name] = folder / f"field_{spacing:g}.vti"
+        counts = (np.array((52.0, 80.0, 80.0)) / spacing).astype(int) + 1
+        image = pv.ImageData(
+            dimensions=counts, spacing=(spacing,) * 3, origin=(-26.0, -40.0, -40.0)
+        )
+        image.sample(grid, mark_blank=True).save(files[name])
+    files["COMSOL, sectionwise"] = comsol.sectionwise(
+        folder / "sectionwise.txt",
+        points,
+        tetrahedra_of(grid).corners.astype(np.int64),
+        {"T (degC)": kelvin - 273.15},
+    )
+    files["COMSOL, spreadsheet"] = comsol.spreadsheet(
+        folder / "spreadsheet.csv", points / 1e3, {"T (K)": kelvin}, separator=",", length_unit="m"
+    )
+    files["OpenFOAM"] = _openfoam(folder / "case", grid)
+    return files
+
+
+def _openfoam(folder: Path, grid: pv.UnstructuredGrid) -> Path:
+    """Cells with the mean of their corners; the wall has its own temperature."""
+    metres = grid.copy()
+    metres.points = np.asarray(grid.points) / 1e3
+    cells = np.asarray(grid.point_data_to_cell_data().cell_data["T"], dtype=np.float64)
+    wall = float(grid.point_data["T"].max())
+    around = Patch("cylinder", "wall", lambda c: np.hypot(c[:, 1], c[:, 2]) < 14.5e-3, wall)
+    outside = Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), None)
+    return write_case(folder, metres, {"1": {"T": cells}}, [around, outside])
+
+
+def camera() -> Camera:
+    """Looks from below, where the air is closed, at 27 mm of the cylinder's middle."""
+    return Camera(
+        focal_length_mm=10.0,
+        sensor_mm=(1.2, 1.2),
+        resolution=(80, 80),
+        matrix=look_at(tuple(ORIGIN), (0.0, 0.0, 0.0)),
+    )
+
+
+def read_all(files: Mapping[str, Path]) -> dict[str, IndexField]:
+    """Every file, with no more said than its format needs."""
+    part = read_part(folder_of("cylinder") / "part.ply")
+    with warnings.catch_warnings():
+        # Cut from a larger field, so its coolest air is not the room's.
+        warnings.simplefilter("ignore", IriftraceWarning)
+        return {name: read_field(path, part=part) for name, path in files.items()}
+
+
+def traced(folder: Path, fields: Mapping[str, IndexField]) -> dict[str, AovImage]:
+    """Pictures of all fields, with shells at the same values of n."""
+    part = read_part(folder_of("cylinder") / "part.ply")
+    first = next(iter(fields.values()))
+    ends = (first.ambient_refractivity, first.hottest_refractivity)
+    images = {}
+    for number, (name, field) in enumerate(fields.items()):
+        stack = contour_shells(field, LAYERS, index_range=ends)
+        xml = write_scene(folder / str(number), part, stack, camera(), paraview=False)
+        images[name] = render_scene(load_scene(xml), nearest=False).image
+    return images
+
+
+def across(vectors: FloatArray, hits: FloatArray) -> FloatArray:
+    """Components across the rays from the camera to their hits."""
+    along = hits - ORIGIN
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    return vectors - np.einsum("ij,ij->i", vectors, along)[:, None] * along
+
+
+def line_integrals(field: IndexField, hits: FloatArray) -> FloatArray:
+    """Displacement across the rays from the field alone, to first order, mm.
+
+    The integral of (distance to the hit) times the gradient of n across the straight ray, without
+    shells, Snell's law or tracing.
+    """
+    along = hits - ORIGIN
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    back = np.arange(0.5 * STEP_MM, RANGE_MM, STEP_MM)
+    places = hits[:, None] - back[:, None] * along[:, None]
+    grid = field.grid.copy()
+    grid.point_data["gradient"] = field.gradient
+    # With VTK's own tolerance, far larger, flat cells claim points beside them.
+    found = pv.PolyData(places.reshape(-1, 3)).sample(grid, tolerance=1e-6)
+    gradient = np.asarray(found["gradient"], dtype=np.float64)
+    gradient[np.asarray(found["vtkValidPointMask"]) == 0] = 0.0
+    total = STEP_MM * np.einsum("k,ikj->ij", back, gradient.reshape(*places.shape))
+    return across(total, hits)
+
+
+def compare(folder: Path, spacings: Sequence[float] = SPACINGS_MM) -> list[Line]:
+    """Differences of all displacement maps to that of the .vtu, and what they should be."""
+    fields = read_all(write_all(folder / "files", spacings))
+    images = traced(folder, fields)
+    # Shells of the .vti end a cell before the wall, so their steps do not add up there.
+    good = np.all(
+        [np.isin(i.status, (Status.GOOD, Status.INDEX_MISMATCH)) for i in images.values()], axis=0
+    )
+    hits = images[".vtu"].vector("straight", good).astype(np.float64)
+    found = {
+        name: across(image.vector("displacement", good).astype(np.float64), hits)
+        for name, image in images.items()
+    }
+    known = {name: line_integrals(field, hits) for name, field in fields.items()}
+    scale = float(np.median(np.linalg.norm(found[".vtu"], axis=1)))
+    lines = [
+        Line(
+            f".vtu: median displacement across the rays, {len(hits):,} of them",
+            f"{1e3 * np.median(np.linalg.norm(known['.vtu'], axis=1)):.3f} um",
+            f"{1e3 * scale:.3f} um",
+        )
+    ]
+    for name in list(fields)[1:]:
+        off = np.linalg.norm(found[name] - found[".vtu"], axis=1) / scale
+        expected = np.linalg.norm(known[name] - known[".vtu"], axis=1) / scale
+        ratio = _rms(off) / _rms(expected)
+        lines.append(
+            Line(
+                f"{name}: difference to the .vtu over its median, rms (median)",
+                f"{100 * _rms(expected):.1f} % ({100 * np.median(expected):.1f} %)",
+                f"{100 * _rms(off):.1f} % ({100 * np.median(off):.1f} %)",
+                ratio,
+                LARGEST_RATIO,
+                "times",
+            )
+        )
+    return lines
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+SECTION = Section(
+    "readers",
+    "One field, every reader",
+    "The bundled cylinder's field, 50 mm of it, written as .vtu, resampled to images, as COMSOL's "
+    "text (with elements, and as points alone, between which Delaunay puts other tetrahedra) and "
+    "as an OpenFOAM case (means of the cells, and the wall). Each is read with what its format "
+    "says and nothing more. What is expected is the difference of the line integrals of the "
+    "gradient along the straight rays, computed from each field alone: what its interpolation "
+    "makes of the same temperatures. A reader that lost or shifted something would show as a "
+    "difference beyond that.",
+    compare,
+)

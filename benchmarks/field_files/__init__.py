@@ -1,0 +1,1 @@
+"""Writes fields as other programs write them, for tests and figures about the readers."""

@@ -1,0 +1,86 @@
+"""Fields of every kind on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hot_block import AMBIENT, HALF, WALL, air, block
+
+from benchmarks.field_files import comsol
+from benchmarks.field_files.openfoam import write_case
+from benchmarks.field_files.openfoam_mesh import Patch
+from iriftrace.cli import main
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The hot block as an OpenFOAM case with two times and as COMSOL's scattered points."""
+    grid = air(12)
+    kelvin = np.asarray(grid.point_data["T"], dtype=np.float64)
+    points = np.asarray(grid.points, dtype=np.float64)
+    states = {f"T (degC) @ t={t}": kelvin - 273.15 + t * (kelvin > 400) for t in (1, 2)}
+    comsol.spreadsheet(tmp_path / "points.txt", points / 1e3, states, length_unit="m")
+    block().export(tmp_path / "part.stl")
+    cells = np.asarray(grid.point_data_to_cell_data().cell_data["T"], dtype=np.float64)
+    grid.points = points / 1e3
+    patches = [
+        Patch("block", "wall", lambda c: (np.abs(c) < 1.001 * HALF / 1e3).all(axis=1), WALL),
+        Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), AMBIENT),
+    ]
+    write_case(tmp_path / "case", grid, {t: {"T": cells} for t in ("1", "2")}, patches)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def field_of(folder: Path) -> dict[str, object]:
+    """What the table of the shells says of the field."""
+    table = json.loads((folder / "shells" / "shells.json").read_text())
+    source: dict[str, object] = table["source"]
+    return source
+
+
+def test_shells_from_a_case_at_a_chosen_time(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["shells", "case", "-o", "shells", "--layers=2", "--part=part.stl", "--time=1"]
+    assert main(command) == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    assert "field read in m" in " ".join(said.out.split())
+    assert field_of(folder)["origin"] == "OpenFOAM buoyantPimpleFoam, t = 1 s"
+
+
+def test_shells_from_scattered_points_with_their_part(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main("shells points.txt -o shells --layers=2 --part part.stl".split()) == 0
+    assert "2 states; the last one, t=2, is used" in " ".join(capsys.readouterr().err.split())
+    source = field_of(folder)
+    assert source["length_unit"] == "m"
+    assert source["origin"] == "COMSOL 6.2.0.415, model part.mph, t=2"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("case --time=3", "no state '3'; give latest, first or one of t = 1; t = 2."),
+        ("points.txt --time=1", "give the part so that it can be cut out (--part)"),
+        ("points.txt --part part.stl --temperature-unit K", "is in degC, but"),
+        ("case --field-length-unit mm", "are in m, but the length unit given is mm"),
+        (". --time=1", "is no OpenFOAM case"),
+        ("part.stl", "not a field file that can be read here"),
+        ("case --time=1 --isosurfaces", "iso-surfaces is read as a whole"),
+    ],
+)
+def test_wrong_input(
+    folder: Path, capsys: pytest.CaptureFixture[str], options: str, words: str
+) -> None:
+    assert main(["shells", *options.split(), "-o", "shells", "--layers=2"]) == 2
+    (line,) = [
+        line for line in capsys.readouterr().err.splitlines() if not line.startswith("warning:")
+    ]
+    assert words in line
+    assert not (folder / "shells").exists()
