@@ -17,3 +17,15 @@ CHANNELS: tuple[str, ...] = (
 
 ERROR_CHANNEL = "path.error"
 """Estimated error of the refracted hit, mm; only the continuous engine delivers it."""
+
+MEMBERS_CHANNEL = "ensemble.members"
+"""Number of members of an ensemble in which the pixel's ray counts."""
+
+SCATTER_CHANNELS: tuple[str, ...] = (
+    *(f"displacement.std.{axis}" for axis in "XYZ"),
+    "displacement.std.norm",
+    "shift.px.std.X",
+    "shift.px.std.Y",
+    MEMBERS_CHANNEL,
+)
+"""Standard deviations over an ensemble's members, mm and pixels; its other channels are means."""

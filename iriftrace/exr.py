@@ -18,7 +18,7 @@ import OpenEXR
 from attrs import field, frozen
 from numpy.typing import NDArray
 
-from iriftrace.channels import CHANNELS, ERROR_CHANNEL
+from iriftrace.channels import CHANNELS, ERROR_CHANNEL, SCATTER_CHANNELS
 from iriftrace.errors import InputError
 from iriftrace.whole_file import whole_file
 
@@ -26,7 +26,7 @@ SCHEMA = "iriftrace.aov/1"
 """Value of the header entry ``schema`` of the files this version writes and reads."""
 
 _PREFIX = "iriftrace."
-_KNOWN = (*CHANNELS, ERROR_CHANNEL)
+_KNOWN = (*CHANNELS, ERROR_CHANNEL, *SCATTER_CHANNELS)
 # More threads than this gain nothing for RLE: copying the pixels takes longer than packing them.
 _THREADS = min(4, os.cpu_count() or 1)
 
@@ -59,8 +59,8 @@ class AovImage:
     Attributes
     ----------
     channels
-        (height, width) float32 arrays by the names in `CHANNELS`, and perhaps `ERROR_CHANNEL`; mm
-        and rad, world frame; 0 where a quantity does not exist.
+        (height, width) float32 arrays by the names in `CHANNELS`, and perhaps `ERROR_CHANNEL` and
+        `SCATTER_CHANNELS`; mm and rad, world frame; 0 where a quantity does not exist.
     header
         Plain JSON values: schema, version, camera, pose, engine, part and the like.
 
@@ -94,7 +94,8 @@ class AovImage:
         Parameters
         ----------
         name
-            ``straight``, ``refracted``, ``displacement`` (mm, world) or ``shift.px`` (pixels).
+            ``straight``, ``refracted``, ``displacement`` (mm, world) or ``shift.px`` (pixels); of
+            an ensemble ``displacement.std`` and ``shift.px.std`` too.
         where
             (height, width) mask of the n pixels that are wanted; all by default.
 
@@ -107,9 +108,10 @@ class AovImage:
         InputError
             There is no vector of this name.
         """
-        planes = [self.channels[key] for key in (f"{name}.{c}" for c in "XYZ") if key in CHANNELS]
+        keys = [key for key in (f"{name}.{c}" for c in "XYZ") if key in self.channels]
+        planes = [self.channels[key] for key in keys]
         if not planes:
-            known = sorted({channel[:-2] for channel in CHANNELS if channel.endswith(".X")})
+            known = sorted({channel[:-2] for channel in self.channels if channel.endswith(".X")})
             raise InputError(f"an AOV image has no vector {name!r}; it has {', '.join(known)}.")
         if where is not None:
             wanted = np.flatnonzero(where)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -15,16 +15,25 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace import field_arrays as arrays
 from iriftrace import transform as motion
 from iriftrace.air import Air
+from iriftrace.array_units import unit_of
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field_cells import CORNERS, point_gradient
-from iriftrace.field_io import read_volume
+from iriftrace.field_io import linear_volume, open_volume
+from iriftrace.field_origin import origin_of, wall_heat_of
 from iriftrace.field_wall import inner_wall
+from iriftrace.readers.cut_out import cells_outside
 from iriftrace.units import length_factor
+
+if TYPE_CHECKING:
+    from iriftrace.part import Part
 
 FloatArray = NDArray[np.float64]
 
 AMBIENT_TOLERANCE_K = 2.0
 INDEX_TOLERANCE = 0.02
+# VTK's own tolerance grows with the data's size and lets flat cells claim points beside them, to
+# which they extrapolate wildly.
+_ON_FACE_MM = 1e-4
 
 
 @frozen(eq=False)
@@ -36,13 +45,19 @@ class FieldSource:
     path : str
         The file as it was named.
     sha256 : str
-        Of that file alone, also where it names others (`.pvd`, `.vtm`, `.pvtu`).
+        Of that file alone, also where it names others (`.pvd`, `.vtm`, `.pvtu`); of an OpenFOAM
+        case that of the list of its files' checksums.
     array : str
         The array that was used.
     quantity : str
         What the array holds: ``"temperature"``, ``"density"`` or ``"index"``.
     length_unit : str
         Unit of the file's coordinates.
+    origin : str
+        What the file says of its own making (field data ``field_origin``), such as "OpenFOAM,
+        snapshot at 2 s"; "" where it says nothing.
+    wall_heat_w : float, optional
+        Heat from the whole part, W, as the solver counted it, where the file states it.
     """
 
     path: str
@@ -50,6 +65,8 @@ class FieldSource:
     array: str
     quantity: str
     length_unit: str
+    origin: str = ""
+    wall_heat_w: float | None = None
 
 
 def _float64(values: ArrayLike) -> FloatArray:
@@ -142,7 +159,7 @@ class IndexField:
             faces leave between cells.
         """
         places = pv.PolyData(np.atleast_2d(np.asarray(points, dtype=np.float64)))
-        found = places.sample(self.grid)
+        found = places.sample(self.grid, tolerance=_ON_FACE_MM)
         values = np.array(found.point_data["refractivity"], dtype=np.float64)
         values[np.asarray(found.point_data["vtkValidPointMask"]) == 0] = np.nan
         return values
@@ -153,29 +170,39 @@ def read_field(
     *,
     array: str | None = None,
     quantity: str | None = None,
-    temperature_unit: str = "K",
-    length_unit: str = "mm",
+    temperature_unit: str | None = None,
+    length_unit: str | None = None,
     air: Air | None = None,
     transform: ArrayLike | None = None,
+    member: int | None = None,
+    part: Part | None = None,
 ) -> IndexField:
-    """Read a solver's result file as a field of the refractive index.
+    """Read a solver's result as a field of the refractive index.
 
     Parameters
     ----------
     path : str or Path
-        ``.vtu``, ``.pvtu``, ``.vtk``, ``.vti``, ``.vtr``, ``.vts``, ``.pvd`` (the last time step)
-        or ``.vtm``, with point or cell data.
+        ``.vtu``, ``.pvtu``, ``.vtk``, ``.vti``, ``.vtr``, ``.vts``, ``.pvd`` or ``.vtm``, with
+        point or cell data; COMSOL's text exports ``.txt`` and ``.csv``; an OpenFOAM case, by its
+        folder or a ``.foam`` file in it.
     array : str, optional
         Name of the array; found by its name when left out.
     quantity : str, optional
         What the array holds: ``"temperature"``, ``"index"`` (n or n - 1, told by its range) or
         ``"density"`` (kg/m3); found by its name when left out.
-    temperature_unit, length_unit : str
-        Units of the file.
+    temperature_unit : str, optional
+        Unit of the temperatures; what the file states, else K, when left out.
+    length_unit : str, optional
+        Unit of the coordinates; what the file states (OpenFOAM: m), else mm, when left out.
     air : Air, optional
         Ambient air; `Air()` when left out.
     transform : (4, 4) array_like, optional
         Applied to the coordinates after their conversion to mm.
+    member : int, optional
+        Which state of a file with several (`iriftrace.readers.members`); the last one when left
+        out.
+    part : Part, optional
+        The part, mm, world; needed only for scattered points, from whose hull it is cut out.
 
     Returns
     -------
@@ -185,37 +212,56 @@ def read_field(
     ------
     InputError
         The file is missing, damaged or not a volume mesh; no array or several could be meant; the
-        values are not finite or not possible.
+        values are not finite or not possible; a unit given contradicts the file; scattered points
+        come without a part.
 
     Warns
     -----
     IriftraceWarning
         The coolest air in the file is more than 2 K from the ambient temperature; temperature and
         index in the file disagree by more than 2 % of n - 1; the values are cell data, or cells
-        are of higher order.
+        are of higher order; the file has several states and none was chosen.
     """
     air = Air() if air is None else air
-    factor = length_factor(length_unit)
-    raw = read_volume(path)
+    contents = open_volume(path, member=member)
+    length_unit = _length_unit(length_unit, contents.length_unit, str(path))
+    raw = contents.data
+    grid = _placed(raw, length_factor(length_unit), transform)
+    if contents.scattered:
+        raw = linear_volume(raw.extract_cells(cells_outside(grid, part, str(path))))
+        grid = _placed(raw, length_factor(length_unit), transform)
     choice = arrays.choose_array(raw, array, quantity, str(path))
     values = arrays.point_values(raw, choice.name, str(path))
-    refractivity = arrays.to_refractivity(values, choice, temperature_unit, air, str(path))
+    unit = unit_of(choice.name, choice.quantity, contents.units, temperature_unit, str(path))
+    refractivity = arrays.to_refractivity(values, choice, unit, air, str(path))
     result = IndexField(
-        grid=_placed(raw, factor, transform),
+        grid=grid,
         refractivity=refractivity,
         air=air,
         source=FieldSource(
             path=str(path),
-            sha256=hashlib.sha256(Path(path).read_bytes()).hexdigest(),
+            sha256=contents.sha256,
             array=choice.name,
             quantity=choice.quantity,
             length_unit=length_unit,
+            origin=origin_of(contents.data),
+            wall_heat_w=wall_heat_of(contents.data),
         ),
     )
     _warn_of_other_ambient(result)
     if choice.quantity == "temperature" and quantity is None and array is None:
         _warn_of_other_index(raw, result)
     return result
+
+
+def _length_unit(given: str | None, stated: str | None, path: str) -> str:
+    """Unit of a file's coordinates; mm where neither file nor user says."""
+    if given is not None and stated is not None and length_factor(given) != length_factor(stated):
+        raise InputError(
+            f"The coordinates in {path} are in {stated}, but the length unit given is {given}; "
+            "leave the option out (--field-length-unit), or scale with the field's transform."
+        )
+    return given or stated or "mm"
 
 
 def _placed(
@@ -234,7 +280,8 @@ def _placed(
         points = motion.apply(np.asarray(transform, dtype=np.float64), points)
     grid = pv.UnstructuredGrid()
     grid.copy_structure(raw)
-    grid.points = points
+    # Assigning to `points` would move those of `raw` too, which the structure shares.
+    grid.SetPoints(pv.vtk_points(points))
     return grid
 
 

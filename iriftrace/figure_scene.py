@@ -15,6 +15,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from iriftrace.camera import Camera
+from iriftrace.field_origin import synthetic_mark
 from iriftrace.figure_camera import camera_body, sight_lines
 from iriftrace.figure_colours import celsius_of, temperature_norm, temperature_ticks
 from iriftrace.figure_file import check_png_name, write_png
@@ -193,6 +194,7 @@ def _titles(shells: ShellStack, drawn: int, camera: Camera) -> tuple[str, str]:
     noun = "shell" if count == 1 else "shells"
     place = ", ".join(f"{value:.4g}" for value in camera.origin).replace("-", "\N{MINUS SIGN}")
     parts = [
+        synthetic_mark(shells.source.origin) if shells.source else None,
         Path(shells.source.path).name if shells.source else None,
         f"{drawn} of {count} shells drawn" if drawn < count else None,
         f"{shells.triangles:,} triangles",

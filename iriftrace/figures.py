@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
@@ -21,6 +22,7 @@ from iriftrace.camera import Camera
 from iriftrace.displacement import good_mask
 from iriftrace.errors import InputError
 from iriftrace.exr import AovImage
+from iriftrace.field_origin import synthetic_mark
 from iriftrace.figure_file import check_png_name, write_png
 from iriftrace.figure_scale import Limits, colour_norm, round_ticks
 from iriftrace.status import Status
@@ -32,6 +34,23 @@ COLOUR_PERCENTILES = (1.0, 99.0)
 """A few silhouette rays jump by millimetres; these percentiles keep them out of the colours."""
 
 UM_PER_MM = 1000.0
+
+
+@frozen
+class Shown:
+    """A channel as a picture: its name, and words for the title and the colour bar."""
+
+    channel: str
+    title: str
+    label: str
+
+
+DISPLACEMENT = Shown("displacement.norm", "Displacement by hot air", "Displacement")
+BIAS = Shown("displacement.norm", "Mean displacement of the ensemble (bias)", "Mean displacement")
+SCATTER = Shown(
+    "displacement.std.norm", "Scatter over the ensemble", "Standard deviation of the displacement"
+)
+
 
 # Flat greys that differ from each other, from the white background and from the colour map.
 _OTHERS: dict[Status, tuple[str, str]] = {
@@ -76,7 +95,34 @@ def displacement_figure(
     write_png(_displacement_figure(image, include), path)
 
 
-def _displacement_figure(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Figure:
+def scatter_figure(
+    image: AovImage, path: str | Path, include: Collection[int] = (Status.GOOD,)
+) -> None:
+    """Draw the standard deviation of the displacement over the members of an ensemble, as PNG.
+
+    Parameters
+    ----------
+    image, path, include
+        As for `displacement_figure`; the image is that of an ensemble.
+
+    Raises
+    ------
+    InputError
+        The image is that of a single field; or as for `displacement_figure`.
+    """
+    if SCATTER.channel not in image.channels:
+        raise InputError(
+            "the image is that of a single field, which has no scatter; render the scene of an "
+            "ensemble."
+        )
+    check_png_name(path)
+    write_png(_displacement_figure(image, include, SCATTER), path)
+
+
+def _displacement_figure(
+    image: AovImage, include: Collection[int] = (Status.GOOD,), what: Shown | None = None
+) -> Figure:
+    what = what or (BIAS if SCATTER.channel in image.channels else DISPLACEMENT)
     good = good_mask(image, include)
     if not good.any():
         raise InputError(
@@ -84,7 +130,7 @@ def _displacement_figure(image: AovImage, include: Collection[int] = (Status.GOO
             "status in the metrics, then turn the camera to the part or widen the focus interval."
         )
     displacement = np.ma.masked_where(
-        ~good, image.channels["displacement.norm"].astype(np.float64) * UM_PER_MM
+        ~good, image.channels[what.channel].astype(np.float64) * UM_PER_MM
     )
     limits = _colour_limits(displacement.compressed())
     seen = image.status != Status.MISSED
@@ -108,8 +154,8 @@ def _displacement_figure(image: AovImage, include: Collection[int] = (Status.GOO
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
     side: Literal["right", "bottom"] = "right" if aspect > _FLAT else "bottom"
-    _add_colour_bar(figure, picture, axes, displacement.compressed(), limits, side)
-    _add_titles(figure, axes, displacement.compressed(), image.header)
+    _add_colour_bar(figure, picture, axes, displacement.compressed(), limits, side, what)
+    _add_titles(figure, axes, displacement.compressed(), image.header, what)
     if greys:
         figure.legend(
             handles=greys,
@@ -235,6 +281,7 @@ def _add_colour_bar(
     values: FloatArray,
     limits: Limits,
     side: Literal["right", "bottom"],
+    what: Shown,
 ) -> None:
     below, above = bool(values.min() < limits[0]), bool(values.max() > limits[1])
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
@@ -242,7 +289,7 @@ def _add_colour_bar(
         picture,
         ax=axes,
         extend=extend.get((below, above), "neither"),
-        label="Displacement (µm)",
+        label=f"{what.label} (µm)",
         location=side,
         shrink=0.95,
         aspect=28,
@@ -253,10 +300,12 @@ def _add_colour_bar(
     bar.set_ticks([], minor=True)
 
 
-def _add_titles(figure: Figure, axes: Axes, values: FloatArray, header: dict[str, Any]) -> None:
+def _add_titles(
+    figure: Figure, axes: Axes, values: FloatArray, header: dict[str, Any], what: Shown
+) -> None:
     median, p95 = np.percentile(values, (50.0, 95.0))
     figure.suptitle(
-        f"Displacement by hot air: median {_length(median)} µm, 95th percentile {_length(p95)} µm",
+        f"{what.title}: median {_length(median)} µm, 95th percentile {_length(p95)} µm",
         fontsize=12,
     )
     axes.set_title(_provenance(header), fontsize=9, color="0.35", pad=8)
@@ -268,8 +317,14 @@ def _length(value: float) -> str:
 
 def _provenance(header: dict[str, Any]) -> str:
     field, wavelength = header.get("field"), header.get("wavelength_nm")
+    ensemble = header.get("ensemble")
     parts = [
-        Path(field["path"]).name if field and field.get("path") else None,
+        synthetic_mark((field or {}).get("origin")),
+        f"{ensemble['count']} fields"
+        if ensemble
+        else Path(field["path"]).name
+        if field and field.get("path")
+        else None,
         f"{wavelength:g} nm" if wavelength is not None else None,
         f"{header['normals']} normals" if header.get("normals") else None,
         f"engine: {header['engine']}" if header.get("engine") else None,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera import Camera
 from iriftrace.coverage import Coverage, pose_coverage
+from iriftrace.ensemble.metrics import ensemble_metrics, has_ensemble
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.exr import AovImage
 from iriftrace.nearest import nearest_in_plane, nearest_in_space
@@ -79,7 +80,8 @@ def pose_metrics(
         ``displacement_lateral_mm`` and ``displacement_axial_mm`` are the means of the lengths
         across and along the line of sight. ``regions`` holds the same numbers for each region of
         the part, with ``rays`` counted by the region that the straight ray hits. Numbers that rest
-        on fewer than 100 good rays are None.
+        on fewer than 100 good rays are None. The image of an ensemble gives the key ``ensemble``
+        too; see `iriftrace.ensemble.metrics.ensemble_metrics`.
 
     Raises
     ------
@@ -110,6 +112,7 @@ def pose_metrics(
     counts = image.header.get("counts") or {}
     times = image.header.get("time_s") or {}
     included = [Status(code).key for code in sorted(include)]
+    whole = _numbers(values, everything, count)
     return {
         "schema": SCHEMA,
         "rays": {
@@ -118,8 +121,9 @@ def pose_metrics(
             **_by_status(status),
             "open_boundary": counts.get("open_boundary"),
         },
-        **_numbers(values, everything, count),
+        **whole,
         **_covered(coverage, everything, count),
+        **_ensemble(image, rays.pixels, hits, whole),
         "shell_triangles_in_view": counts.get("shell_triangles_in_view"),
         "time_s": {key: times.get(key) for key in TIMES},
         "camera": image.header["camera"],
@@ -131,12 +135,26 @@ def pose_metrics(
                     "hit": int(np.count_nonzero(region_of_hit == i)),
                     **_by_status(status_of_hit[region_of_hit == i]),
                 },
-                **_numbers(values, members := np.flatnonzero(region_of_ray == i), len(members)),
+                **(
+                    numbers := _numbers(
+                        values, members := np.flatnonzero(region_of_ray == i), len(members)
+                    )
+                ),
                 **_covered(coverage, slice(i, i + 1), len(members)),
+                **_ensemble(image, rays.pixels[members], hits[region_of_hit == i], numbers),
             }
             for i, name in enumerate(part.region_names)
         },
     }
+
+
+def _ensemble(
+    image: AovImage, pixels: IntArray, hits: IntArray, numbers: dict[str, Any]
+) -> dict[str, Any]:
+    """What only the image of several fields has."""
+    if not has_ensemble(image):
+        return {}
+    return {"ensemble": ensemble_metrics(image, pixels, hits, numbers)}
 
 
 def write_metrics(path: str | Path, metrics: dict[str, Any]) -> None:

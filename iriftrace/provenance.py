@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from iriftrace.camera import Camera
+from iriftrace.ensemble.loaded import LoadedEnsemble
 from iriftrace.part_file import sha256_of
 from iriftrace.scene import LoadedScene
 
@@ -14,6 +16,8 @@ ENGINES = {
     "shells": "nested iso-index shells, Snell's law at each",
     "continuous": "ray equation through the field's own cells, order 4",
 }
+
+_MOST_LISTED = 2
 
 
 def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
@@ -28,6 +32,8 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
     part = scene.part
     notes = table.get("notes") or {}
     source = table.get("source")
+    ensemble = scene.ensemble
+    sources = [source] if ensemble is None else [m.source for m in ensemble.members]
     wavelength = (table.get("air") or {}).get("wavelength_nm")
     return {
         "version": version("iriftrace"),
@@ -41,6 +47,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
         "normals": scene.normals,
         "wavelength_nm": wavelength,
         "field": source,
+        **({} if ensemble is None else {"ensemble": _members(ensemble)}),
         "part": {
             "path": str(Path(part.path).resolve()),
             "sha256": part.sha256,
@@ -53,9 +60,10 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             "engine": ENGINES[scene.engine],
             "index_rule": scene.index_rule,
             "normals": scene.normals,
-            "field_source": f"{source['quantity']} from {source['path']}"
-            if source
-            else "not stated",
+            **_for_studies(scene, notes),
+            **_fields(sources),
+            **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
+            **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
             "field_time": notes.get("time", "not stated"),
             "field_symmetry": notes.get("symmetry", "not stated"),
             "open_boundary": "air beyond the data is not modelled",
@@ -66,3 +74,42 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             "air": "static during the exposure",
         },
     }
+
+
+def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]:
+    """What only those choose who examine another program's findings."""
+    if scene.engine != "shells":
+        return {}
+    stated = {"shells": notes["shells"]} if "shells" in notes else {}
+    if scene.integrator.inside_hit == "drop":
+        stated["inside_hit"] = "rays that meet a shell from its inside are given up"
+    return stated
+
+
+def _members(ensemble: LoadedEnsemble) -> dict[str, Any]:
+    return {"count": len(ensemble), "members": [m.as_dict() for m in ensemble.members]}
+
+
+def _meaning(ensemble: LoadedEnsemble) -> str:
+    return (
+        f"displacements are means over {len(ensemble)} fields (bias), scatter is the standard "
+        "deviation of a sample"
+    )
+
+
+def _fields(sources: Sequence[dict[str, Any] | None]) -> dict[str, str]:
+    """Quantity, files and origins of the fields, each said once."""
+    known = [source for source in sources if source]
+    files = dict.fromkeys(f"{source['quantity']} from {source['path']}" for source in known)
+    origins = dict.fromkeys(origin for source in known if (origin := source.get("origin")))
+    return {
+        "field_source": _listed(files),
+        "field_origin": _listed(origins),
+    }
+
+
+def _listed(texts: Iterable[str]) -> str:
+    """The first ones of a list, which `ensemble` has in full."""
+    found = list(texts)
+    rest = [f"and {len(found) - _MOST_LISTED} more"] if len(found) > _MOST_LISTED else []
+    return "; ".join([*found[:_MOST_LISTED], *rest]) or "not stated"

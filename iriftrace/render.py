@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace import runtime
 from iriftrace.camera import Camera
 from iriftrace.errors import InputError
-from iriftrace.exr import SCHEMA, AovImage, write_exr
+from iriftrace.exr import AovImage, write_exr
 from iriftrace.metrics import pose_metrics, write_metrics
-from iriftrace.provenance import provenance
+from iriftrace.pose_image import pose_image
 from iriftrace.scene import LoadedScene, load_scene
 from iriftrace.status import Status
 
@@ -95,6 +95,9 @@ def render_scene(
 ) -> Rendering:
     """Trace a camera's rays through a scene, bent and unbent, and reduce the hits to metrics.
 
+    Of an ensemble (`LoadedScene.ensemble`) the image holds the mean displacement of the members and
+    its standard deviation, and the metrics have the key ``ensemble``; see `pose_image`.
+
     Parameters
     ----------
     scene : LoadedScene or path
@@ -120,20 +123,8 @@ def render_scene(
     """
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
     started = time.perf_counter()
-    with runtime.using(loaded.variant):
-        sensor = _sensor(loaded, camera)
-        _refuse_inside(loaded, sensor)
-        tensor, report = loaded.integrator.image(loaded.mitsuba_scene, sensor)
-        # A view of Dr.Jit's memory where that is the processor's own.
-        planes = tensor.numpy()
-    channels = dict(zip(loaded.integrator.aov_names(), planes, strict=True))
-    time_s = {
-        "load": loaded.load_s,
-        "build": loaded.build_s,
-        "straight": report["time_s"]["straight"],
-        "refracted": report["time_s"]["refracted"],
-    }
-    image = AovImage(channels, _header(loaded, report, time_s))
+    traced = pose_image(loaded, camera, include)
+    image, time_s = traced.image, traced.time_s
     if not empty:
         _refuse_empty(image)
     reduced = time.perf_counter()
@@ -144,6 +135,7 @@ def render_scene(
         "metrics": done - reduced,
         "write": 0.0,
         "figures": 0.0,
+        # Further members of an ensemble are loaded after the start.
         "total": loaded.load_s + loaded.build_s + done - started,
     }
     return Rendering(image, metrics)
@@ -177,10 +169,16 @@ def trace_rays(
     Raises
     ------
     InputError
-        If the shapes do not match, a value is not finite or a direction is zero.
+        If the shapes do not match, a value is not finite or a direction is zero; or the scene is
+        an ensemble.
     """
     start, heading = _bundle(origins, directions)
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    if loaded.ensemble is not None:
+        raise InputError(
+            f"{loaded.path} is an ensemble of {len(loaded.ensemble)} fields, and a bundle of rays "
+            'is traced through one of them; load it with {"member": 1}, for example.'
+        )
     with runtime.using(loaded.variant):
         import drjit as dr
         import mitsuba as mi
@@ -223,13 +221,18 @@ def trace_rays(
 
 
 def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
-    """Whether points lie in the hot air or in the part, (n, 3) array, mm, world to (n,) array."""
+    """Whether points lie in the hot air or in the part, (n, 3) array, mm, world to (n,) array.
+
+    Of an ensemble in the hot air of any member.
+    """
+    positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    inside = np.zeros(len(positions), dtype=bool)
     with runtime.using(scene.variant):
-        positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        found = [
-            scene.integrator.surroundings_of(scene.mitsuba_scene, point) for point in positions
-        ]
-        return np.array([what is not None for what in found])
+        for one in (scene,) if scene.ensemble is None else scene.ensemble.scenes():
+            for number in np.flatnonzero(~inside):
+                found = one.integrator.surroundings_of(one.mitsuba_scene, positions[number])
+                inside[number] = found is not None
+    return inside
 
 
 def _bundle(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -247,23 +250,6 @@ def _bundle(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, Floa
             "remove it."
         )
     return start, heading / length
-
-
-def _sensor(loaded: LoadedScene, camera: Camera | None) -> Any:
-    if camera is None:
-        return loaded.mitsuba_scene.sensors()[0]
-    from iriftrace.plugins.calibrated_camera import sensor_of
-
-    return sensor_of(camera)
-
-
-def _refuse_inside(loaded: LoadedScene, sensor: Any) -> None:
-    where = loaded.integrator.surroundings(loaded.mitsuba_scene, sensor)
-    if where is not None:
-        raise InputError(
-            f"The camera stands inside the {where}, where its picture means nothing; move it "
-            "farther away."
-        )
 
 
 def _refuse_empty(image: AovImage) -> None:
@@ -285,20 +271,3 @@ def _refuse_empty(image: AovImage) -> None:
             f"{lengths.max():.1f} mm away, the focus interval is {camera.focus_mm[0]:g} to "
             f"{camera.focus_mm[1]:g} mm; move the camera or change focus_near and focus_far."
         )
-
-
-def _header(
-    loaded: LoadedScene, report: dict[str, Any], time_s: dict[str, float]
-) -> dict[str, Any]:
-    camera = report["camera"]
-    return {
-        "schema": SCHEMA,
-        **provenance(loaded, Camera.from_dict(camera)),
-        "camera": camera,
-        "pose": {
-            "origin_mm": [row[3] for row in camera["matrix"][:3]],
-            "matrix": camera["matrix"],
-        },
-        "time_s": time_s,
-        "counts": report["counts"],
-    }

@@ -8,15 +8,16 @@ import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 from numpy.typing import NDArray
 
 from iriftrace import runtime
 from iriftrace.camera import Camera
 from iriftrace.continuous_field import FIELD_FILE, save_field_file
+from iriftrace.ensemble.loaded import LoadedEnsemble
+from iriftrace.ensemble.members import MEMBER, is_ensemble, member_folder, members_of
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.part import Part, read_part, save_part
 from iriftrace.scene_file import SceneFile, read_scene_file, readable
@@ -27,6 +28,7 @@ from iriftrace.scene_wavelength import (
     table_at,
     wanted_wavelength,
 )
+from iriftrace.scene_xml import PART_FILE, scene_xml, shell_shapes
 from iriftrace.shell_io import save_shells
 from iriftrace.shell_stack import ShellStack
 from iriftrace.whole_file import whole_file
@@ -35,7 +37,6 @@ if TYPE_CHECKING:
     from iriftrace.field import IndexField
     from iriftrace.shell_report import ShellReport
 
-PART_FILE = "part.ply"
 SHELLS_FOLDER = "shells"
 ENGINES = ("shells", "continuous")
 
@@ -68,6 +69,9 @@ class LoadedScene:
         continuous engine air and source of its field, and the notes of the shells' table.
     load_s, build_s : float
         Seconds for files and Mitsuba's acceleration structure, and for the tables.
+    ensemble : LoadedEnsemble or None
+        The members that are traced together, where the scene has several fields and none of them
+        was chosen. All else is then that of the first member.
     """
 
     path: Path
@@ -84,6 +88,7 @@ class LoadedScene:
     variant: str
     mitsuba_scene: Any = field(repr=False)
     integrator: Any = field(repr=False)
+    ensemble: LoadedEnsemble | None = field(default=None, repr=False)
 
 
 def write_scene(
@@ -95,6 +100,7 @@ def write_scene(
     name: str = "scene.xml",
     scale: float = 1.0,
     normals: str = "gradient",
+    inside_hit: str = "refract",
     report: Sequence[ShellReport] | None = None,
     notes: Mapping[str, str] | None = None,
     paraview: bool = True,
@@ -116,6 +122,8 @@ def write_scene(
         Default of the XML's parameter ``scale``, a factor on the resolution.
     normals : str
         Default of the XML's parameter ``normals``: ``"gradient"`` or ``"facet"``.
+    inside_hit : str
+        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
     report : sequence of ShellReport, optional
         Added to the shells' table.
     notes : mapping of str, optional
@@ -148,86 +156,23 @@ def write_scene(
     save_part(part, target / PART_FILE)
     files = save_shells(shells, target / SHELLS_FOLDER, report, notes=notes, paraview=paraview)
     meshes = [path for path in files if path.suffix == ".ply"]
+    shapes = shell_shapes(shells, meshes, SHELLS_FOLDER)
+    origin = shells.source.origin if shells.source else ""
     if field is not None:
         save_field_file(field, target / FIELD_FILE)
     with whole_file(target / name) as temporary:
-        temporary.write_text(_xml(shells, meshes, camera, scale, normals), encoding="utf-8")
-    return target / name
-
-
-def _vector(values: NDArray[np.float64]) -> str:
-    # Rounded far below what matters, so that an edited file shows 0 and not 1e-14.
-    return ", ".join(repr(round(float(v), 12) + 0.0) for v in values)
-
-
-def _xml(stack: ShellStack, meshes: list[Path], camera: Camera, scale: float, normals: str) -> str:
-    near, far = camera.focus_mm
-    distance = max(1.0, float(np.linalg.norm(camera.origin)))
-    lines = [
-        '<?xml version="1.0" encoding="utf-8"?>',
-        "<!-- Lengths in mm. Move the camera, drop a shell or set -D scale=..., then run",
-        "     iriftrace render on this file again. -->",
-        '<scene version="3.0.0">',
-        f'    <default name="scale" value="{scale!r}"/>',
-        f'    <default name="normals" value={quoteattr(normals)}/>',
-        '    <boolean name="embree_use_robust_intersections" value="true"/>',
-        "",
-        '    <integrator type="first_hit">',
-        '        <string name="normals" value="$normals"/>',
-        "    </integrator>",
-        "",
-        '    <sensor type="calibrated_camera" id="camera">',
-        f'        <float name="focal_length" value="{camera.focal_length_mm!r}"/>',
-        f'        <float name="sensor_width" value="{camera.sensor_mm[0]!r}"/>',
-        f'        <float name="sensor_height" value="{camera.sensor_mm[1]!r}"/>',
-        f'        <float name="principal_point_x" value="{camera.principal_point_px[0]!r}"/>',
-        f'        <float name="principal_point_y" value="{camera.principal_point_px[1]!r}"/>',
-        *(
-            f'        <float name="{name}" value="{value!r}"/>'
-            for name, value in (camera.distortion.as_dict() if camera.distortion else {}).items()
-            if value
-        ),
-        f'        <float name="focus_near" value="{near!r}"/>',
-        *([f'        <float name="focus_far" value="{far!r}"/>'] if np.isfinite(far) else []),
-        '        <float name="scale" value="$scale"/>',
-        '        <transform name="to_world">',
-        f'            <lookat origin="{_vector(camera.origin)}"',
-        f'                    target="{_vector(camera.origin + distance * camera.forward)}"',
-        f'                    up="{_vector(-camera.matrix[:3, 1])}"/>',
-        "        </transform>",
-        '        <film type="hdrfilm">',
-        f'            <integer name="width" value="{camera.resolution[0]}"/>',
-        f'            <integer name="height" value="{camera.resolution[1]}"/>',
-        '            <string name="pixel_format" value="luminance"/>',
-        '            <string name="component_format" value="float32"/>',
-        '            <rfilter type="box"/>',
-        "        </film>",
-        "    </sensor>",
-        "",
-        '    <shape type="ply" id="part">',
-        f'        <string name="filename" value={quoteattr(PART_FILE)}/>',
-        '        <boolean name="face_normals" value="true"/>',
-        '        <bsdf type="diffuse"/>',
-        "    </shape>",
-    ]
-    for shell, mesh in zip(stack.shells, meshes, strict=True):
-        lines += [
-            "",
-            f'    <shape type="ply" id="{mesh.stem}">',
-            f'        <string name="filename" value={quoteattr(f"{SHELLS_FOLDER}/{mesh.name}")}/>',
-            *(
-                ['        <boolean name="face_normals" value="true"/>']
-                if shell.normals is None
-                else []
+        temporary.write_text(
+            scene_xml(
+                camera,
+                scale,
+                normals,
+                shapes,
+                f"Field: {origin}" if origin else "",
+                inside_hit=inside_hit,
             ),
-            '        <bsdf type="iso_shell">',
-            f'            <float name="ext_ior" value="{1 + shell.ext!r}"/>',
-            f'            <float name="int_ior" value="{1 + shell.int_!r}"/>',
-            f'            <string name="layer" value="{shell.layer}"/>',
-            "        </bsdf>",
-            "    </shape>",
-        ]
-    return "\n".join([*lines, "</scene>", ""])
+            encoding="utf-8",
+        )
+    return target / name
 
 
 def load_scene(
@@ -263,14 +208,30 @@ def load_scene(
     IriftraceWarning
         If something in the file costs accuracy.
     """
+    values = {name: _text(value) for name, value in (variables or {}).items()}
+    members = members_of(Path(path), values)
+    if not members:
+        return _load_one(Path(path), values, variant, engine)
+    ensemble = LoadedEnsemble(
+        members,
+        lambda number: _load_one(Path(path), {**values, MEMBER: str(number)}, variant, engine),
+    )
+    # Closed at once, the others are loaded when they are traced.
+    first = next(ensemble.scenes())
+    return evolve(first, variables=values, ensemble=ensemble)
+
+
+def _load_one(
+    path: Path, values: dict[str, str], variant: str | None, engine: str | None
+) -> LoadedScene:
+    """A scene with one field, or with one member of several."""
     chosen = runtime.ensure(variant)
     import mitsuba as mi
 
     from iriftrace.plugins.aov_integrator import camera_of
 
-    values = {name: _text(value) for name, value in (variables or {}).items()}
     started = time.perf_counter()
-    file = read_scene_file(Path(path), values)
+    file = read_scene_file(path, values)
     try:
         scene = mi.load_file(
             str(path),
@@ -280,7 +241,8 @@ def load_scene(
     except (RuntimeError, ValueError) as error:
         raise InputError(readable(error)) from error
     loaded = time.perf_counter()
-    integrator = _integrator(scene.integrator(), engine, Path(path))
+    air = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
+    integrator = _integrator(scene.integrator(), engine, path, air / FIELD_FILE)
     if not scene.sensors():
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
     table = _shells_table(file)
@@ -297,9 +259,9 @@ def load_scene(
     built = time.perf_counter()
     continuous = integrator.engine == "continuous"
     if continuous:
-        table = _field_table(integrator.air.cells, table, Path(path))
+        table = _field_table(integrator.air.cells, table, path)
     return LoadedScene(
-        path=Path(path),
+        path=path,
         part=part,
         part_to_world=file.part_to_world,
         camera=Camera.from_dict(camera_of(scene.sensors()[0]).description()),
@@ -310,7 +272,7 @@ def load_scene(
         else _normals(integrator.normals, prepared.tables),
         index_rule="none, linear in each tetrahedron"
         if continuous
-        else _index_rule(Path(path), table, prepared.tables),
+        else _index_rule(path, table, prepared.tables),
         shells_table=table,
         load_s=loaded - started,
         build_s=built - loaded,
@@ -320,7 +282,7 @@ def load_scene(
     )
 
 
-def _integrator(own: Any, engine: str | None, path: Path) -> Any:
+def _integrator(own: Any, engine: str | None, path: Path, field_file: Path) -> Any:
     """The scene's own integrator, or one for the engine that is asked for."""
     import mitsuba as mi
 
@@ -340,7 +302,7 @@ def _integrator(own: Any, engine: str | None, path: Path) -> Any:
     else:
         chosen = {
             "type": "gradient_path",
-            "field": str((path.parent / FIELD_FILE).resolve()),
+            "field": str(field_file.resolve()),
             "gradient": "recovered" if smooth else "constant",
         }
     return mi.load_dict({**chosen, "trace_all": own.trace_all})

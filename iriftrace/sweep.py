@@ -233,7 +233,12 @@ def _dataset(
     part = first.scene.part
     poses = joined(one.poses for one in series)
     numbers = range(len(poses))
-    measured = metric_variables(map(journal.entry, numbers), len(poses), part.region_names)
+    measured = metric_variables(
+        map(journal.entry, numbers),
+        len(poses),
+        part.region_names,
+        ensemble=any(one.scene.ensemble is not None for one in series),
+    )
     failures = measured["failure"][1]
     images = [
         f"{out.with_suffix('').name}/{_exr_name(number)}" if options.exr and not failure else ""

@@ -74,7 +74,8 @@ def normalised_figure(summary: SweepSummary) -> Figure:
     *panels, spare = body.subplots(2, 3, sharey=True).flat
     edges = np.linspace(0.0, 1.0, _BINS + 1)
     weights = summary.plan.weights.as_dict()
-    for axes, quantity in zip(panels, summary.quantities, strict=True):
+    ranked = (*summary.metrics, summary.score)
+    for axes, quantity in zip(panels, ranked, strict=True):
         values = quantity.normalised[np.isfinite(quantity.normalised)]
         score = quantity is summary.score
         bins = np.linspace(0.0, max(1.0, sum(weights.values())), _BINS + 1) if score else edges
@@ -104,7 +105,7 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         color=TEXT_COLOUR,
     )
     best = Line2D([], [], color=BEST_COLOUR, linewidth=1.2, label="Smallest score: best pose")
-    _add_legend(body, [best, *_unknown(summary.quantities)])
+    _add_legend(body, [best, *_unknown(ranked)])
     return figure
 
 

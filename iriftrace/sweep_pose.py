@@ -6,6 +6,7 @@ import json
 import warnings
 from hashlib import sha256
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,14 @@ from attrs import frozen
 
 from iriftrace import runtime
 from iriftrace.camera import Camera
+from iriftrace.continuous_field import FIELD_FILE
+from iriftrace.ensemble.members import (
+    MEMBER,
+    is_ensemble,
+    member_files,
+    member_folder,
+    members_of,
+)
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.face_sightings import NOTHING_SEEN, FaceSightings, sight_faces
 from iriftrace.part_file import sha256_of
@@ -20,7 +29,7 @@ from iriftrace.render import render_scene
 from iriftrace.scene import LoadedScene
 from iriftrace.scene_file import read_scene_file
 
-_KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions")
+_KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions", "ensemble")
 
 
 @frozen
@@ -36,11 +45,13 @@ class SceneSource:
     variant : str
         Mitsuba variant.
     fingerprint : str
-        SHA-256 of the file, of those that it names, and of variables and variant.
+        SHA-256 of the file, of those that it names, and of variables, variant and engine.
     version : str
         Of iriftrace.
     files : dict of str
         SHA-256 of each file that the scene names, by absolute path.
+    engine : str or None
+        What bends the rays, whatever the file says; None for what it says.
     """
 
     path: str
@@ -49,6 +60,7 @@ class SceneSource:
     fingerprint: str
     version: str
     files: dict[str, str]
+    engine: str | None = None
 
 
 @frozen(eq=False)
@@ -96,7 +108,9 @@ class PoseResult:
     sightings: FaceSightings
 
 
-def source_of(path: Path, variables: dict[str, str], variant: str) -> SceneSource:
+def source_of(
+    path: Path, variables: dict[str, str], variant: str, engine: str | None = None
+) -> SceneSource:
     """The scene as it lies on the disk now.
 
     Raises
@@ -107,17 +121,42 @@ def source_of(path: Path, variables: dict[str, str], variant: str) -> SceneSourc
     with runtime.using(variant), warnings.catch_warnings():
         # Said when the scene is loaded.
         warnings.simplefilter("ignore", IriftraceWarning)
-        files = read_scene_file(path, variables).file_paths
+        files = _files(path, variables)
+        if engine == "continuous":
+            files = (*files, *_field_files(path, variables))
     contents = {str(file.resolve()): sha256_of(file) for file in files}
     content = [sha256_of(path), *(contents[str(file.resolve())] for file in files)]
     return SceneSource(
         path=str(path.resolve()),
         variables=variables,
         variant=variant,
-        fingerprint=fingerprint(content, variables, variant),
+        fingerprint=fingerprint(content, variables, variant, engine),
         version=version("iriftrace"),
         files=contents,
+        engine=engine,
     )
+
+
+def _files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
+    """Every file that a scene names; of an ensemble those of all members that are traced."""
+    members = members_of(path, variables)
+    if not members:
+        included = member_files(path) if is_ensemble(path) else ()
+        return (*included, *read_scene_file(path, variables).file_paths)
+    chosen = ({**variables, MEMBER: str(member.number)} for member in members)
+    files = [read_scene_file(path, values).file_paths for values in chosen]
+    return tuple(dict.fromkeys((*member_files(path), *chain.from_iterable(files))))
+
+
+def _field_files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
+    """Fields beside a scene whose file need not name them: the continuous engine's."""
+    if not is_ensemble(path):
+        folders = [path.parent]
+    elif MEMBER in variables:
+        folders = [member_folder(path, variables[MEMBER])]
+    else:
+        folders = [member_folder(path, m.number) for m in members_of(path, variables)]
+    return tuple(file for folder in folders if (file := folder / FIELD_FILE).is_file())
 
 
 def fingerprint(*pieces: Any) -> str:

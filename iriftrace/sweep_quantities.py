@@ -10,6 +10,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
+from iriftrace.field_origin import synthetic_mark
 from iriftrace.planning import (
     Outside,
     Plan,
@@ -21,7 +22,7 @@ from iriftrace.planning import (
 )
 from iriftrace.status import Status
 from iriftrace.sweep_faces import faces_seen
-from iriftrace.sweep_origin import scene_of
+from iriftrace.sweep_origin import attribute, scene_of
 from iriftrace.sweep_varied import Varied, series_of, varied_of
 
 if TYPE_CHECKING:
@@ -113,6 +114,8 @@ class SweepSummary:
     plan : Plan
     subtitle : str
         Scene, region and number of poses.
+    scatter : Quantity or None
+        Standard deviation over the members of an ensemble; None for a single field.
     """
 
     displacement: Quantity
@@ -132,6 +135,7 @@ class SweepSummary:
     front: IntArray
     plan: Plan
     subtitle: str
+    scatter: Quantity | None = None
 
     @property
     def metrics(self) -> tuple[Quantity, ...]:
@@ -140,8 +144,9 @@ class SweepSummary:
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """The metrics and the score."""
-        return *self.metrics, self.score
+        """The metrics, of an ensemble the scatter, and the score."""
+        scatter = () if self.scatter is None else (self.scatter,)
+        return *self.metrics, *scatter, self.score
 
     @property
     def origins(self) -> FloatArray:
@@ -245,6 +250,7 @@ def summarise(
         front=front,
         plan=plan,
         subtitle=_subtitle(dataset, region, len(enough), len(plan.unranked)),
+        scatter=_scatter(view, statistic, enough),
     )
 
 
@@ -279,6 +285,29 @@ def _quantity(plan: Plan, key: str, name: str, enough: BoolArray) -> Quantity:
     )
 
 
+def _scatter(view: xr.Dataset, statistic: Statistic, enough: BoolArray) -> Quantity | None:
+    """Standard deviation over the members of an ensemble; None for a single field."""
+    if f"scatter_{statistic}" not in view:
+        return None
+    values = np.where(enough, 1e3 * view[f"scatter_{statistic}"].values, np.nan)
+    if not np.isfinite(values).any():
+        return None
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    span = high - low or 1.0
+    title = f"{_STATISTICS[statistic]} scatter"
+    wide = low > 0.0 and high > _WIDE * low
+    return Quantity(
+        key="scatter",
+        title=title,
+        name=f"{title}, standard deviation over the members",
+        unit="µm",
+        values=values,
+        limits=(low, high),
+        normalised=np.clip((values - low) / span, 0.0, 1.0),
+        logarithmic=wide,
+    )
+
+
 def _score(plan: Plan) -> Quantity:
     limits = float(np.nanmin(plan.score)), float(np.nanmax(plan.score))
     unit = "dimensionless, the smaller the better"
@@ -309,6 +338,7 @@ def _rays(view: xr.Dataset) -> dict[Status, IntArray]:
 
 def _subtitle(dataset: xr.Dataset, region: str, poses: int, unranked: int) -> str:
     parts = [
+        synthetic_mark(attribute(dataset, "field").get("origin")),
         scene.parent.name + "/" + scene.name if (scene := scene_of(dataset)[0]) else None,
         "whole part" if region == "part" else f"region {region}",
         f"{poses} poses",

@@ -47,8 +47,8 @@ def check_comparable(series: Sequence[Series]) -> None:
     Raises
     ------
     InputError
-        If there is no pose, or the scenes have different parts, variants or cameras; only focal
-        length and pose of the camera may differ.
+        If there is no pose, or the scenes have different parts, variants, wavelengths or cameras;
+        only focal length and pose of the camera may differ.
     """
     if sum(len(one.poses) for one in series) == 0:
         raise InputError("The sweep has no pose; give angles or a list of poses.")
@@ -66,11 +66,22 @@ def check_comparable(series: Sequence[Series]) -> None:
             raise InputError(
                 f"{names} were loaded with different variants; load both with the same."
             )
+        light = [_wavelength(s.scene) for s in (first, one)]
+        if None not in light and light[0] != light[1]:
+            raise InputError(
+                f"{names} were made for light of {light[0]:g} and {light[1]:g} nm, which hot air "
+                "bends differently; give both the same with --wavelength."
+            )
         if _sensor(one.camera) != _sensor(first.camera):
             raise InputError(
                 f"{names} have cameras that differ in more than pose and focal length, so that "
                 "their poses could not be compared; give both the same sensor."
             )
+
+
+def _wavelength(scene: LoadedScene) -> float | None:
+    wavelength = (scene.shells_table.get("air") or {}).get("wavelength_nm")
+    return None if wavelength is None else float(wavelength)
 
 
 def _sensor(camera: Camera) -> dict[str, Any]:
@@ -84,7 +95,7 @@ def sources_of(series: Sequence[Series]) -> list[SceneSource]:
     for one in series:
         scene = one.scene
         if id(scene) not in known:
-            known[id(scene)] = source_of(scene.path, scene.variables, scene.variant)
+            known[id(scene)] = source_of(scene.path, scene.variables, scene.variant, scene.engine)
     return [known[id(one.scene)] for one in series]
 
 
@@ -130,7 +141,14 @@ def scenes_attribute(
             "sha256": sha256_of(scene.path),
             "files": files[name],
             "variables": scene.variables,
+            "variant": scene.variant,
+            "engine": scene.engine,
             "field": scene.shells_table.get("source"),
+            **(
+                {}
+                if scene.ensemble is None
+                else {"members": [member.as_dict() for member in scene.ensemble.members]}
+            ),
         }
         for name, scene in scenes.items()
     ]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from iriftrace.ensemble.members import INCLUDED, is_ensemble, member_folder
 from iriftrace.errors import InputError
 from iriftrace.part import Part, read_part
 from iriftrace.shell_io import read_ply
@@ -71,7 +74,7 @@ def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
         raise InputError("the sweep does not name its scene")
     check_unchanged(scene, sha256)
     layers = {}
-    for shape in ElementTree.parse(scene).getroot().iter("shape"):
+    for shape in _shapes(scene):
         file = shape.find("string[@name='filename']")
         layer = shape.find("bsdf[@type='iso_shell']/string[@name='layer']")
         # What is placed by the scene lies elsewhere than its file says.
@@ -87,3 +90,11 @@ def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
         check_unchanged(outermost, files[str(outermost.resolve())])
     vertices, faces, _ = read_ply(outermost)
     return vertices, faces
+
+
+def _shapes(scene: Path) -> list[Element]:
+    """Shapes of a scene; of an ensemble's the first member's, which it includes."""
+    file = member_folder(scene, 1) / INCLUDED if is_ensemble(scene) else scene
+    if not file.is_file():
+        raise InputError(f"{file} is gone")
+    return list(ElementTree.parse(file).getroot().iter("shape"))

@@ -72,7 +72,7 @@ def _scene(source: SceneSource) -> LoadedScene:
             # The program that asks for the sweep has said them.
             warnings.simplefilter("ignore", IriftraceWarning)
             _loaded[source.fingerprint] = load_scene(
-                source.path, source.variables, variant=source.variant
+                source.path, source.variables, variant=source.variant, engine=source.engine
             )
     return _loaded[source.fingerprint]
 
@@ -90,7 +90,8 @@ def _check(source: SceneSource) -> None:
             f"{where} does not see the scene {path}: workers read its files themselves; make the "
             "folder available there under the same path."
         )
-    if source_of(path, source.variables, source.variant).fingerprint != source.fingerprint:
+    seen = source_of(path, source.variables, source.variant, source.engine)
+    if seen.fingerprint != source.fingerprint:
         raise InputError(
             f"{where} sees another scene, or other meshes or fields, under {path}; make the same "
             "folder available there."

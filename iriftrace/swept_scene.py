@@ -11,7 +11,7 @@ from attrs import frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.camera import Camera
-from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.sweep_origin import attribute, check_unchanged, scene_of_pose
 
 if TYPE_CHECKING:
@@ -88,12 +88,37 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
 
     from iriftrace.scene import load_scene
 
+    variant = _variant(named.get("variant"))
     with warnings.catch_warnings():
         # What limits the scene was said when it was swept.
         warnings.simplefilter("ignore", IriftraceWarning)
-        scene = load_scene(named["path"], named.get("variables"))
+        scene = load_scene(
+            named["path"],
+            named.get("variables"),
+            variant=variant,
+            engine=named.get("engine"),
+        )
     if "focal_length" in dataset:
         focal = float(dataset["focal_length"].values[pose])
         camera = {**camera, "focal_length_mm": focal if math.isfinite(focal) else None}
     include = json.loads(dataset.attrs.get("include", "[0]"))
     return SweptScene(scene, Camera.from_dict(camera), tuple(include))
+
+
+def _variant(swept: str | None) -> str:
+    """The sweep's own variant; where it cannot run, the usual one, which is said."""
+    from iriftrace import runtime
+
+    try:
+        return runtime.ensure(swept)
+    except SetupError as error:
+        if swept is None:
+            raise
+        usual = runtime.ensure()
+        warnings.warn(
+            f"The sweep was rendered with {swept}, which does not run here ({error}); {usual} is "
+            "taken, which may differ in a few rays.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+        return usual

@@ -15,9 +15,10 @@ from iriftrace.channels import CHANNELS
 from iriftrace.errors import InputError
 
 from .bundle import Bundle, Trace, trace_bundle
+from .picture_memory import check_picture_size
 from .prepared import PreparedScene
 from .stock_sensor import StockSensor
-from .tracing import HIT_PART
+from .tracing import HIT_PART, StraightHits
 
 Window = tuple[tuple[int, int], tuple[int, int]]
 """Left upper and right lower corner of a part of the picture, px."""
@@ -69,6 +70,10 @@ def integrator_class(variant: str) -> type:
                 self._prepared = PreparedScene(scene)
             return self._prepared
 
+        def forget(self) -> None:
+            """Let go of the scene, which holds this integrator and would never be freed else."""
+            self._prepared = None
+
         def surroundings(self, scene: Any, sensor: Any) -> str | None:
             """What a sensor stands in: ``"part"``, ``"hot air"`` or None for neither."""
             matrix = np.asarray(camera_of(sensor).description()["matrix"])
@@ -87,6 +92,7 @@ def integrator_class(variant: str) -> type:
             focus: tuple[float, float],
             coherent: bool,
             trace_all: bool,
+            straight: StraightHits | None = None,
         ) -> Bundle:
             """Trace a bundle of rays; see :func:`iriftrace.plugins.bundle.trace_bundle`."""
             prepared = self.prepare(scene)
@@ -99,6 +105,7 @@ def integrator_class(variant: str) -> type:
                 focus=focus,
                 coherent=coherent,
                 trace_all=trace_all,
+                straight=straight,
             )
 
         def bending(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
@@ -113,13 +120,17 @@ def integrator_class(variant: str) -> type:
             """Triangles of shells in a window of the picture."""
             return self.prepare(scene).tables.triangles_in_view(camera.project64, *window)
 
-        def image(self, scene: Any, sensor: Any) -> tuple[Any, dict[str, Any]]:
+        def image(
+            self, scene: Any, sensor: Any, straight: StraightHits | None = None
+        ) -> tuple[Any, dict[str, Any]]:
             """All channels of a sensor's picture.
 
             Parameters
             ----------
             scene : mi.Scene
             sensor : mi.Sensor
+            straight : StraightHits, optional
+                From the report of the same sensor's picture of the same part in other air.
 
             Returns
             -------
@@ -128,7 +139,7 @@ def integrator_class(variant: str) -> type:
             report : dict
                 ``time_s`` per stage, ``counts`` (``open_boundary`` rays,
                 ``shell_triangles_in_view``) and ``camera`` of the crop window (as of
-                ``iriftrace.camera.Camera.as_dict``).
+                ``iriftrace.camera.Camera.as_dict``), and ``straight`` (StraightHits).
             """
             film = sensor.film()
             check_film(film)
@@ -136,6 +147,7 @@ def integrator_class(variant: str) -> type:
             description = camera.description()
             width, height = (int(n) for n in film.crop_size())
             left, top = (int(n) for n in film.crop_offset())
+            check_picture_size(width, height, len(self.aov_names()))
             columns = dr.opaque(mi.UInt32, width)
 
             def rays(number: Any) -> tuple[Any, Any]:
@@ -152,6 +164,7 @@ def integrator_class(variant: str) -> type:
                 focus=(near, float("inf") if far is None else far),
                 coherent=True,
                 trace_all=self.trace_all,
+                straight=straight,
             )
             started = time.perf_counter()
             trace = bundle.trace
@@ -177,6 +190,7 @@ def integrator_class(variant: str) -> type:
                     "shell_triangles_in_view": self.shell_triangles(scene, camera, window),
                 },
                 "camera": Camera.from_dict(description).cropped(left, top, width, height).as_dict(),
+                "straight": bundle.straight,
             }
             return mi.TensorXf(pixels, (len(names), height, width)), report
 

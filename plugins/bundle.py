@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from iriftrace.status import Status
 
 from .prepared import PreparedScene
-from .tracing import GAVE_UP, HIT_BLOCKER, HIT_PART, straight_hits
+from .tracing import GAVE_UP, HIT_BLOCKER, HIT_PART, StraightHits, straight_hits
 
 
 class Trace(NamedTuple):
@@ -34,6 +34,7 @@ class Bundle(NamedTuple):
     trace: Trace | None  # None if no ray was to be traced on
     status: Any  # UInt32, every ray of the bundle: its status if it was not traced on
     time_s: dict[str, float]
+    straight: StraightHits  # every ray of the bundle; faces are those of the part, from 0
 
 
 def trace_bundle(
@@ -46,6 +47,7 @@ def trace_bundle(
     focus: tuple[float, float],
     coherent: bool,
     trace_all: bool,
+    straight: StraightHits | None = None,
 ) -> Bundle:
     """Trace a bundle of rays.
 
@@ -67,21 +69,27 @@ def trace_bundle(
         Neighbouring rays run alike.
     trace_all : bool
         Bend every ray, not only those whose straight twin hits the part.
+    straight : StraightHits, optional
+        Of the same bundle in another scene with the same opaque shapes, such as the same part in
+        other air; then the straight rays are not traced again.
     """
     import drjit as dr
     import mitsuba as mi
 
     tables = prepared.tables
     started = time.perf_counter()
-    straight = straight_hits(
-        prepared.opaque,
-        tables,
-        *rays(dr.arange(mi.UInt32, count)),
-        coherent=coherent,
-        step=prepared.step,
-    )
-    dr.eval(*straight)
-    dr.sync_thread()
+    if straight is None:
+        straight = straight_hits(
+            prepared.opaque,
+            tables,
+            *rays(dr.arange(mi.UInt32, count)),
+            coherent=coherent,
+            step=prepared.step,
+        )
+        dr.eval(*straight)
+        dr.sync_thread()
+    else:
+        straight = _faces_from(straight, tables.part_first_face)
     straight_done = time.perf_counter()
 
     hit = straight.outcome == HIT_PART
@@ -90,7 +98,8 @@ def trace_bundle(
     )
     chosen = dr.arange(mi.UInt32, count) if trace_all else dr.compress(hit)
     if dr.width(chosen) == 0:
-        return Bundle(None, untraced, {"straight": straight_done - started, "refracted": 0.0})
+        time_s = {"straight": straight_done - started, "refracted": 0.0}
+        return Bundle(None, untraced, time_s, _faces_from(straight, -tables.part_first_face))
     origin, direction = rays(chosen)
     refracted = bend(origin, direction)
     dr.eval(*refracted)
@@ -105,7 +114,19 @@ def trace_bundle(
             "straight": straight_done - started,
             "refracted": refracted_done - straight_done,
         },
+        _faces_from(straight, -tables.part_first_face),
     )
+
+
+def _faces_from(straight: StraightHits, shift: int) -> StraightHits:
+    """The same hits with faces of the part counted from elsewhere."""
+    import drjit as dr
+    import mitsuba as mi
+
+    # In some scenes shells come before the part in the tables, and not as many in each.
+    if shift == 0:
+        return straight
+    return straight._replace(face=straight.face + dr.opaque(mi.UInt32, shift % 2**32))
 
 
 def _judged(

@@ -76,6 +76,11 @@ app.command(
     name="field",
     help="Make a temperature field for a part, or check one.",
 )
+app.command(
+    "iriftrace.cli.part_commands:part",
+    name="part",
+    help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone.",
+)
 
 # By name, so that they are imported when they are called.
 for _module, _name, _help, _example in (

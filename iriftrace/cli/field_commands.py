@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from iriftrace.cli.camera_options import CameraOptions
-from iriftrace.cli.checks import check_folder, check_input, check_output
+from iriftrace.cli.checks import check_field, check_folder, check_input, check_output
 from iriftrace.cli.console import out, show_warning, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
 from iriftrace.cli.options import quantity
@@ -39,7 +39,8 @@ def shells(
     Parameters
     ----------
     field
-        Volume mesh with temperature, density or index (.vtu .vtk .vti .vtr .vts .pvd).
+        Volume mesh with temperature, density or index (.vtu .vtk .vti .vtr .vts
+        .pvd .vtm), a COMSOL text export (.txt .csv), or an OpenFOAM case (folder or .foam).
     output
         Folder for the shells.
     part
@@ -49,17 +50,19 @@ def shells(
     from iriftrace.shell_io import save_shells
     from iriftrace.shell_report import report_shells
 
-    check_input(field, part)
+    check_field(field)
+    check_input(part)
     check_folder(output)
     measured = None if part is None else part_options.read(part)
-    stack, volume = _stack(field, air, field_options, shell_options)
+    stack, volume = _stack(field, measured, air, field_options, shell_options)
     fit = None
     if measured is not None and volume is not None:
         fit = _fit(volume, measured, part_options)
     with working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
-    files = save_shells(stack, output, report=reports, notes=field_options.notes())
-    print_shells(out, stack, reports, field_options.field_length_unit)
+    notes = field_options.notes() | shell_options.notes()
+    files = save_shells(stack, output, report=reports, notes=notes)
+    print_shells(out, stack, reports, _unit_of(stack))
     if fit is not None:
         print_fit(out, fit)
     out.print(f"{len(files)} files in {output}", soft_wrap=True)
@@ -70,7 +73,9 @@ def scene(
     part: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    member: Annotated[list[Path] | None, Parameter(negative=())] = None,
     normals: Literal["gradient", "facet"] = "gradient",
+    inside_hit: Literal["refract", "drop"] = "refract",
     trim: str | None = None,
     air: AirOptions = AirOptions(),
     field_options: FieldOptions = FieldOptions(),
@@ -80,28 +85,41 @@ def scene(
 ) -> None:
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
 
+    A field with several states (time steps, parameters), unless ``--time`` chooses one, or several
+    fields (``--member``) are an ensemble: one scene with the shells of each, of which ``render``
+    and ``sweep`` give mean displacement (bias) and standard deviation (scatter). ``--time`` may
+    also be a span, 0.5:2, or all; of an OpenFOAM case only the latest time is taken without it.
+
     Example: ``iriftrace scene field.vtu part.ply -o scene/scene.xml --origin 150,-100,160``
 
     Parameters
     ----------
     field
-        Volume mesh with temperature, density or index.
+        Volume mesh with temperature, density or index, a COMSOL text export, or an OpenFOAM case.
     part
         The part's surface mesh (.ply .stl .obj .glb ...).
     output
         The scene's XML file; meshes go beside it.
+    member
+        A further field of the same part, which makes an ensemble with the first; repeatable.
     normals
         Where the shells' normals come from: the field's gradient, or their own triangles.
+    inside_hit
+        What becomes of rays that meet a shell from its inside: refracted, or dropped (status 6) as
+        Kern et al. (2025) do, for studies.
     trim
         Leave out what lies farther than this beside the camera's view, such as "10 mm"; the scene
         then serves this camera only.
     """
+    from iriftrace.cli.ensemble_scene import make_ensemble, members_given
     from iriftrace.cli.output import print_camera, print_fit, print_shells
-    from iriftrace.scene import PART_FILE, write_scene
+    from iriftrace.scene import write_scene
+    from iriftrace.scene_xml import PART_FILE
     from iriftrace.shell_report import report_shells
     from iriftrace.viewpoint import refuse_camera_inside
 
-    check_input(field, part)
+    check_field(field)
+    check_input(part)
     check_output(output, ".xml", "scene.xml")
     if part.resolve() == (output.parent / PART_FILE).resolve():
         raise InputError(
@@ -109,7 +127,24 @@ def scene(
             f"folder of its own, such as -o {output.with_suffix('') / output.name}."
         )
     measured = part_options.read(part)
-    stack, volume = _stack(field, air, field_options, shell_options)
+    fields = members_given([field, *(member or [])], field_options)
+    if len(fields) > 1:
+        make_ensemble(
+            fields,
+            measured,
+            output,
+            air=air,
+            field_options=field_options,
+            shell_options=shell_options,
+            camera_options=camera_options,
+            normals=normals,
+            inside_hit=inside_hit,
+            trim_mm=None if trim is None else quantity(trim, "mm", "--trim"),
+        )
+        return
+    stack, volume = _stack(
+        field, measured, air, field_options, shell_options, fields[0].member_asked_for
+    )
     fit = None if volume is None else _fit(volume, measured, part_options)
     camera = camera_options.camera(measured, volume, stack)
     refuse_camera_inside(camera.origin, measured, stack, volume)
@@ -127,11 +162,12 @@ def scene(
         name=output.name,
         scale=camera_options.scale,
         normals=normals,
+        inside_hit=inside_hit,
         report=reports,
-        notes=field_options.notes(),
+        notes=field_options.notes() | shell_options.notes(),
         field=volume,
     )
-    print_shells(out, stack, reports, field_options.field_length_unit)
+    print_shells(out, stack, reports, _unit_of(stack))
     if fit is not None:
         print_fit(out, fit)
     print_camera(out, camera, camera_options.scale)
@@ -139,12 +175,22 @@ def scene(
 
 
 def _stack(
-    path: Path, air: AirOptions, field_options: FieldOptions, shell_options: ShellOptions
+    path: Path,
+    part: Part | None,
+    air: AirOptions,
+    field_options: FieldOptions,
+    shell_options: ShellOptions,
+    member: int | None = None,
 ) -> tuple[ShellStack, IndexField | None]:
     """Shells of a volume field, or ready-made ones."""
     if field_options.isosurfaces:
         from iriftrace.shell_import import import_shells
 
+        if field_options.time is not None:
+            raise InputError(
+                f'--time is "{field_options.time}", but a file of iso-surfaces is read as a whole; '
+                "export the surfaces of one time."
+            )
         with working("Reading iso-surfaces"):
             stack = import_shells(
                 path,
@@ -152,15 +198,20 @@ def _stack(
                 quantity=field_options.quantity,
                 temperature_unit=field_options.temperature_unit,
                 air=air.air(),
-                length_unit=field_options.field_length_unit,
+                length_unit=field_options.field_length_unit or "mm",
                 transform=field_options.transform(),
                 min_size_mm=shell_options.min_size_mm(),
             )
         return shell_options.edited(stack), None
     with working("Reading the field"):
-        volume = field_options.read(path, air.air())
+        volume = field_options.read(path, air.air(), part, member)
     with working("Contouring the shells"):
         return shell_options.build(volume), volume
+
+
+def _unit_of(stack: ShellStack) -> str:
+    """Length unit in which the field was read."""
+    return "mm" if stack.source is None else stack.source.length_unit
 
 
 def _fit(volume: IndexField, part: Part, options: PartOptions) -> Any:

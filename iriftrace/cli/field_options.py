@@ -82,15 +82,18 @@ class FieldOptions:
         Name of the array, where it is not obvious.
     quantity
         What the array holds.
+    time
+        Which state of a field with several: latest, first, a time such as 2.5, or its name such as
+        "t=2.5, P=100".
     temperature_unit
-        Unit of a temperature array.
+        Unit of a temperature array; by default what the file states, else K.
     field_length_unit
-        Unit of the field's coordinates.
+        Unit of the field's coordinates; by default what the file states (OpenFOAM: m), else mm.
     field_transform
         Field to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
     isosurfaces
         The file holds ready-made iso-surfaces instead of volume cells; of the options for shells,
-        only min-size, smooth and subdivide then apply.
+        only min-size, smooth, subdivide and triangles then apply.
     field_time
         What the field is in time; stated in every result.
     field_symmetry
@@ -99,16 +102,23 @@ class FieldOptions:
 
     array: str | None = None
     quantity: Literal["temperature", "density", "index"] | None = None
-    temperature_unit: Literal["K", "degC"] = "K"
-    field_length_unit: str = "mm"
+    time: str | None = None
+    temperature_unit: Literal["K", "degC"] | None = None
+    field_length_unit: str | None = None
     field_transform: str | None = None
     isosurfaces: bool = False
     field_time: Literal["steady", "mean", "snapshot"] | None = None
     field_symmetry: str | None = None
 
-    def read(self, path: Path, air: Air) -> IndexField:
-        """Read the volume field."""
+    def read(
+        self, path: Path, air: Air, part: Part | None = None, member: int | None = None
+    ) -> IndexField:
+        """Read the volume field; the part is cut out of one that is scattered points.
+
+        Of a file with several states the one with the number `member`, else that of --time.
+        """
         from iriftrace.field import read_field
+        from iriftrace.readers.members import member_at
 
         return read_field(
             path,
@@ -118,6 +128,10 @@ class FieldOptions:
             length_unit=self.field_length_unit,
             air=air,
             transform=self.transform(),
+            member=member
+            if member is not None or self.time is None
+            else member_at(path, self.time).index,
+            part=part,
         )
 
     def transform(self) -> NDArray[np.float64] | None:
@@ -147,22 +161,29 @@ class ShellOptions:
     levels
         Own list of n - 1 for the shells, separated by commas, instead of layers and rule.
     rule
-        Where a shell lies between the layers it separates; "outer" is of first order, for studies.
+        Steps of the index and where a shell lies in them: "graded" steps are finer at the wall and
+        in the outer tail, "midpoint" ones equal; "outer" is of first order, for studies.
     min_size
         Pieces of a shell smaller than this are dropped.
     smooth
         Taubin smoothing steps.
     subdivide
         Times every triangle is split into four.
+    drop_inner
+        Leave out this many of the innermost shells, as Kern et al. (2025) do; for studies.
+    triangles
+        Thin out the shells to about this many triangles in all; by default all are kept.
     """
 
     layers: Whole = 13
     index_range: str | None = None
     levels: str | None = None
-    rule: Literal["midpoint", "outer"] = "midpoint"
+    rule: Literal["graded", "midpoint", "outer"] = "graded"
     min_size: str = "1 mm"
     smooth: Whole = 0
     subdivide: Whole = 0
+    triangles: Whole | None = None
+    drop_inner: Whole = 0
 
     def build(self, field: IndexField) -> ShellStack:
         """Contour the field."""
@@ -180,20 +201,32 @@ class ShellOptions:
             rule=self.rule,
             min_size_mm=self.min_size_mm(),
         )
-        return self.edited(stack)
+        return self.edited(stack, self.layers if levels is None else len(levels))
+
+    def notes(self) -> dict[str, str]:
+        """What is to be known of the shells, beside what the field's options say."""
+        if not self.drop_inner:
+            return {}
+        return {"shells": f"the {self.drop_inner} innermost left out"}
 
     def min_size_mm(self) -> float:
         """Size below which pieces are dropped, mm."""
         return quantity(self.min_size, "mm", "--min-size")
 
-    def edited(self, stack: ShellStack) -> ShellStack:
-        """Smooth and subdivide as asked."""
-        from iriftrace.shell_edit import smooth_taubin, subdivide_midpoint
+    def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
+        """Drop inner shells, smooth, subdivide and thin out as asked."""
+        from iriftrace.shell_edit import smooth_taubin, subdivide_midpoint, without_inner
 
+        if self.drop_inner:
+            stack = without_inner(stack, self.drop_inner, levels)
         if self.smooth:
             stack = smooth_taubin(stack, self.smooth)
         if self.subdivide:
             stack = subdivide_midpoint(stack, self.subdivide)
+        if self.triangles is not None:
+            from iriftrace.shell_decimation import decimate
+
+            stack = decimate(stack, self.triangles)
         return stack
 
     def _range(self, air: Air) -> tuple[float, float] | None:

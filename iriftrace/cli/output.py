@@ -57,6 +57,8 @@ def print_shells(
         f", {air.wavelength_nm:g} nm; index rule {stack.rule}; lengths in mm, field read in "
         f"{length_unit}; cut: share of a shell inside the part."
     )
+    if stack.source is not None and stack.source.origin:
+        console.print(f"Field: {stack.source.origin}.", markup=False, soft_wrap=True)
     for crumb in stack.crumbs:
         console.print(
             f"Shell {crumb.layer}: {crumb.components} small pieces dropped "
@@ -120,6 +122,8 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
         "shift in the picture",
         ", ".join(f"{key} {_scaled(shift[key], 1, 'px')}" for key in ("median", "p95", "max")),
     )
+    if "ensemble" in metrics:
+        _add_ensemble(table, metrics["ensemble"])
     table.add_row(
         "coverage",
         f"{_percent(metrics['coverage'])} of the part's area in faces hit, "
@@ -161,6 +165,26 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
     for key, value in metrics["assumptions"].items():
         text = ", ".join(value) if isinstance(value, list) else value
         console.print(f"  {key.replace('_', ' ')}: {text}", markup=False, soft_wrap=True)
+
+
+def _add_ensemble(table: Table, values: dict[str, Any]) -> None:
+    """Bias and scatter: the numbers above are those of the mean."""
+    table.add_row(
+        "bias",
+        f"displacement and shift above are means over {values['members']} fields; they can be "
+        "corrected",
+    )
+    if values["scatter_mm"]["median"] is not None:
+        table.add_row(
+            "scatter",
+            _micrometres(values["scatter_mm"], ("median", "mean", "p95", "max"))
+            + " (standard deviation, cannot be corrected)",
+        )
+    table.add_row(
+        "",
+        f"{values['rays_in_all']:,} rays count in all fields, {values['rays_in_some']:,} only in "
+        "some",
+    )
 
 
 def _out_of_hits(status: Status, rays: dict[str, Any]) -> str:

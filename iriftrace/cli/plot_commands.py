@@ -24,7 +24,7 @@ def plot(
     Of a sweep: the poses in space, coloured by each metric; maps over azimuth and elevation;
     histograms; rays of each pose; the Pareto front; the views of smallest and largest
     displacement; the faces of the part, coloured by how well they are seen. Of a study: its figure.
-    Of a pose: the displacement picture.
+    Of a pose: the displacement picture, and of an ensemble the scatter's.
 
     Example: ``iriftrace plot sweep.nc -o figures``
 
@@ -59,15 +59,19 @@ def plot(
 
 
 def _plot_pose(file: Path, folder: Path) -> list[Path]:
+    from iriftrace.ensemble.metrics import has_ensemble
     from iriftrace.exr import read_exr
-    from iriftrace.figures import displacement_figure
+    from iriftrace.figures import displacement_figure, scatter_figure
 
     image = read_exr(file)
-    picture = folder / f"{file.stem}.png"
+    pictures = [folder / f"{file.stem}.png"]
     with removed_on_failure(folder), working("Drawing"):
         folder.mkdir(exist_ok=True)
-        displacement_figure(image, picture)
-    return [picture]
+        displacement_figure(image, pictures[0])
+        if has_ensemble(image):
+            pictures.append(folder / f"{file.stem}_scatter.png")
+            scatter_figure(image, pictures[1])
+    return pictures
 
 
 def _is_study(file: Path) -> bool:

@@ -35,6 +35,10 @@ def render(
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
+    Of an ensemble (a scene with several fields) all members are traced: the mean displacement is
+    the bias, the standard deviation the scatter, and there is a picture of each. ``-D member=3``
+    traces the third one alone.
+
     Example: ``iriftrace render scenes/cylinder/scene.xml -o out.exr -D scale=0.25``
 
     Parameters
@@ -58,6 +62,7 @@ def render(
         Further status codes whose rays the metrics use, such as 5.
     """
     from iriftrace.cli.output import print_summary
+    from iriftrace.ensemble.metrics import has_ensemble
 
     check_input(scene)
     exr = scene.with_suffix(".exr") if output is None else output
@@ -66,7 +71,8 @@ def render(
     values = scene_variables(define, wavelength)
     rendering, _ = _render(scene, exr, values, variant, used, figures, engine)
     print_summary(out, rendering.metrics)
-    _list_files(exr, figures)
+    scatter = [_scatter_picture(exr)] if figures and has_ensemble(rendering.image) else []
+    _list_files(exr, figures, *scatter)
 
 
 def metrics(
@@ -127,18 +133,22 @@ def _keep_times(result: dict[str, Any], report: Path) -> None:
 def demo(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("out"),
+    scene: str = DEMO,
     define: Variables = None,
     wavelength: Wavelength = None,
     variant: str | None = None,
 ) -> None:
-    """Run the bundled scene of a hot cylinder, from scene to pictures and metrics.
+    """Run a bundled scene, by default a hot cylinder, from scene to pictures and metrics.
 
-    Example: ``iriftrace demo -o out``
+    Example: ``iriftrace demo -o out --scene bevel_gear``
 
     Parameters
     ----------
     output
         Folder for the results; the scene is copied there, ready to be changed.
+    scene
+        Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, gear_tooth,
+        hybrid_cylinder, slab or wishbone.
     define
         Scene parameter, name=value; repeatable.
     wavelength
@@ -147,17 +157,22 @@ def demo(
         Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     """
     from iriftrace.cli.output import print_summary
-    from iriftrace.scenes import folder_of
+    from iriftrace.scenes import folder_of, shells_of
 
     check_folder(output)
     values = scene_variables(define, wavelength)
-    copy = output / "scene"
-    _keep_edited_scene(copy / "scene.xml", folder_of(DEMO) / "scene.xml")
-    exr = output / f"{DEMO}.exr"
-    with removed_on_failure(copy):
-        shutil.copytree(folder_of(DEMO), copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
+    bundled, bundled_shells = folder_of(scene).resolve(), shells_of(scene)
+    copy = output / ("scene" if scene == DEMO else scene)
+    _keep_edited_scene(copy / "scene.xml", bundled / "scene.xml")
+    exr = output / f"{scene}.exr"
+    # A scene may use the shells of another one, which it looks for beside itself.
+    is_own = bundled_shells.parent == bundled
+    shells = (copy if is_own else output / bundled_shells.parent.name) / bundled_shells.name
+    with removed_on_failure(shells), removed_on_failure(copy):
+        shutil.copytree(bundled, copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
+        shutil.copytree(bundled_shells, shells, dirs_exist_ok=True, copy_function=shutil.copyfile)
         rendering, part = _render(copy / "scene.xml", exr, values, variant, (0,), True)
-    pictures = _scene_picture(rendering, part, copy / "shells", output / f"{DEMO}_scene.png")
+    pictures = _scene_picture(rendering, part, shells, output / f"{scene}_scene.png")
     print_summary(out, rendering.metrics)
     _list_files(exr, True, *pictures)
     out.print(
@@ -194,17 +209,24 @@ def _render(
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
     if figures:
-        from iriftrace.figures import displacement_figure
+        from iriftrace.ensemble.metrics import has_ensemble
+        from iriftrace.figures import displacement_figure, scatter_figure
 
         with working("Drawing"):
             started = time.perf_counter()
             displacement_figure(rendering.image, exr.with_suffix(".png"), include)
+            if has_ensemble(rendering.image):
+                scatter_figure(rendering.image, _scatter_picture(exr), include)
             seconds = time.perf_counter() - started
             rendering.metrics["time_s"]["figures"] = seconds
             rendering.metrics["time_s"]["total"] += seconds
     with working("Writing"):
         rendering.save(exr)
     return rendering, loaded.part
+
+
+def _scatter_picture(exr: Path) -> Path:
+    return exr.with_name(f"{exr.stem}_scatter.png")
 
 
 def _scene_picture(

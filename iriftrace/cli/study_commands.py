@@ -299,7 +299,7 @@ def polygons(
         Triangles of each shell to begin with; larger shells are thinned out first.
     largest
         Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
-        8 GB of memory.
+        9 GB of memory and 2 GB of disk.
     layers
         Number of shells.
     variant

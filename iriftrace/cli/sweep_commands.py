@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -36,6 +36,7 @@ def sweep(
     define: Variables = None,
     wavelength: Wavelength = None,
     variant: str | None = None,
+    engine: Literal["shells", "continuous"] | None = None,
     nearest: bool = False,
     exr: bool = False,
     include: Statuses = None,
@@ -67,6 +68,9 @@ def sweep(
         Wavelength of the light, "450 nm"; by default the one the scenes were made for.
     variant
         Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
+    engine
+        Bend rays at the shells, or along their curved path through the field itself, which needs
+        the field.npz that ``iriftrace scene`` writes; by default what the scene's file says.
     nearest
         Add the two nearest-neighbour readings of the resolution, which takes longer.
     exr
@@ -89,7 +93,8 @@ def sweep(
     if workers is not None and scheduler is None:
         scheduler = "local"
     _check(scenes, output, export, surface, scheduler, workers)
-    series = _series(scenes, orbit, focal_length, scene_variables(define, wavelength), variant)
+    variables = scene_variables(define, wavelength)
+    series = _series(scenes, orbit, focal_length, variables, variant, engine)
     options = SweepOptions(nearest, statuses(include), exr)
     target = orbit.look_at(series[0].scene)
     with _renderer(scheduler, workers) as render, pose_progress() as report:
@@ -145,6 +150,7 @@ def _series(
     focal_length: str | None,
     variables: dict[str, str],
     variant: str | None,
+    engine: str | None,
 ) -> list[Series]:
     """Every combination of scene, focal length and orbit; scene by scene."""
     from iriftrace.scene import load_scene
@@ -153,7 +159,7 @@ def _series(
     series = []
     for path in paths:
         with notes.status("Loading the scene ..."):
-            scene = load_scene(path, variables, variant=variant)
+            scene = load_scene(path, variables, variant=variant, engine=engine)
         cameras = _cameras(scene.camera, focal_length)
         orbits = [
             (stand_off, _placed(scene, poses, listed=orbit.poses))
@@ -241,6 +247,8 @@ def _renderer(scheduler: str | None, count: int | None) -> Iterator[RenderPoses 
 
 
 def _print_sweep(dataset: xr.Dataset) -> None:
+    from iriftrace.sweep_origin import attribute
+
     whole = dataset.sel(region="part")
     good = whole["rays_good"].values
     failed = [text for text in dataset["failure"].values if text]
@@ -254,6 +262,7 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     )
     for name, unit, factor in (
         ("displacement_median", "um", 1e3),
+        *([("scatter_median", "um", 1e3)] if "scatter_median" in whole else []),
         ("coverage_area", "%", 100),
         ("lateral_resolution", "um", 1e3),
     ):
@@ -263,6 +272,9 @@ def _print_sweep(dataset: xr.Dataset) -> None:
                 f"  {name.replace('_', ' ')}: {np.nanmin(values):.3g} to {np.nanmax(values):.3g} "
                 f"{unit}"
             )
+    assumed = attribute(dataset, "assumptions").get("field_origin", "not stated")
+    if assumed != "not stated":
+        out.print(f"  field: {assumed}", markup=False, soft_wrap=True)
     seen = dataset["face_times_seen"].values > 0
     area = dataset["face_area"].values
     out.print(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")

@@ -1,0 +1,164 @@
+"""The scene folder of an ensemble: one part, one camera, the shells of every member."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from attrs import asdict, frozen
+
+from iriftrace.camera import Camera
+from iriftrace.continuous_field import FIELD_FILE, save_field_file
+from iriftrace.ensemble.members import (
+    FOLDER,
+    INCLUDED,
+    MEMBER,
+    SHELLS,
+    FieldMember,
+    write_members,
+)
+from iriftrace.errors import InputError
+from iriftrace.part import Part, save_part
+from iriftrace.scene_xml import PART_FILE, included_xml, scene_xml, shell_shapes
+from iriftrace.shell_io import save_shells
+from iriftrace.shell_stack import ShellStack
+from iriftrace.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from iriftrace.field import IndexField
+    from iriftrace.shell_report import ShellReport
+
+
+@frozen(eq=False)
+class MemberAir:
+    """What is written of one member.
+
+    Attributes
+    ----------
+    label : str
+        What tells it from the others.
+    time : float or None
+        In the file's unit.
+    shells : ShellStack
+        With the field's source.
+    field : IndexField or None
+        For the continuous engine.
+    report : sequence of ShellReport or None
+        Added to the shells' table.
+    """
+
+    label: str
+    time: float | None
+    shells: ShellStack
+    field: IndexField | None = None
+    report: Sequence[ShellReport] | None = None
+
+
+def write_ensemble_scene(
+    folder: str | Path,
+    part: Part,
+    members: Iterable[MemberAir],
+    camera: Camera,
+    *,
+    name: str = "scene.xml",
+    scale: float = 1.0,
+    normals: str = "gradient",
+    inside_hit: str = "refract",
+    notes: Mapping[str, str] | None = None,
+    paraview: bool = True,
+) -> tuple[Path, tuple[FieldMember, ...]]:
+    """Write a scene that is rendered once for every member.
+
+    ``-D member=3`` traces the third one alone, in plain Mitsuba too, where member 1 is the default.
+    `iriftrace.render.render_scene` traces all of them when no member is chosen.
+
+    Parameters
+    ----------
+    folder, part, camera, name, scale, normals, inside_hit, notes, paraview
+        See `iriftrace.scene.write_scene`.
+    members : iterable of MemberAir
+        At least two; one is in memory at a time.
+
+    Returns
+    -------
+    path : Path
+        The XML file.
+    members : tuple of FieldMember
+
+    Raises
+    ------
+    InputError
+        There are fewer than two members, one has no source, or the folder cannot be written.
+    """
+    if camera.projection != "pinhole":
+        raise InputError(
+            "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
+            "hand."
+        )
+    scene = Path(folder) / name
+    building = scene.parent / f".{FOLDER}.{os.getpid()}"
+    try:
+        building.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {building}: {error.strerror}.") from error
+    try:
+        listed = tuple(
+            _write_member(building / str(number), number, member, notes, paraview)
+            for number, member in enumerate(members, start=1)
+        )
+        if len(listed) < 2:
+            raise InputError(
+                f"An ensemble of {len(listed)} field has no scatter; give at least two."
+            )
+        write_members(building, listed)
+        save_part(part, scene.parent / PART_FILE)
+        # Members of an earlier, larger ensemble would be taken for this one's.
+        shutil.rmtree(scene.parent / FOLDER, ignore_errors=True)
+        building.rename(scene.parent / FOLDER)
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+    origins = dict.fromkeys(m.source["origin"] for m in listed if m.source["origin"])
+    remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
+    shapes = ["", f'    <include filename="{FOLDER}/${MEMBER}/{INCLUDED}"/>']
+    text = scene_xml(
+        camera,
+        scale,
+        normals,
+        shapes,
+        ". ".join((remark, *origins)),
+        {MEMBER: "1"},
+        inside_hit=inside_hit,
+    )
+    with whole_file(scene) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return scene, listed
+
+
+def _write_member(
+    folder: Path,
+    number: int,
+    member: MemberAir,
+    notes: Mapping[str, str] | None,
+    paraview: bool,
+) -> FieldMember:
+    if member.shells.source is None:
+        raise InputError(
+            f"The shells of member {number} do not say from which field they come, so results "
+            "could not name it; make them of a field."
+        )
+    folder.mkdir()
+    told = {**(notes or {}), "member": f"{number}: {member.label}"}
+    files = save_shells(
+        member.shells, folder / SHELLS, member.report, notes=told, paraview=paraview
+    )
+    meshes = [path for path in files if path.suffix == ".ply"]
+    if member.field is not None:
+        save_field_file(member.field, folder / FIELD_FILE)
+    with whole_file(folder / INCLUDED) as temporary:
+        # Files are looked for from the scene's folder, also those that an included file names.
+        shapes = shell_shapes(member.shells, meshes, f"{FOLDER}/{number}/{SHELLS}")
+        temporary.write_text(included_xml(shapes), encoding="utf-8")
+    return FieldMember(number, member.label, member.time, asdict(member.shells.source))

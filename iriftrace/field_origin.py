@@ -1,0 +1,63 @@
+"""What a field file says of its own making, in VTK field data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+FIELD_ORIGIN = "field_origin"
+"""Name of the string array in a file's field data."""
+
+WALL_HEAT = "wall_heat_flow_w"
+"""Name of the number in a file's field data that the solver counted as heat from the part, W."""
+
+SYNTHETIC = "synthetic"
+"""With this word the origin of a field begins that a model made up."""
+
+
+def origin_of(data: Any) -> str:
+    """Origin that a file states, joined where its blocks have several; "" where it states none.
+
+    Parameters
+    ----------
+    data : pyvista.DataSet or pyvista.MultiBlock
+        As it was read from the file.
+    """
+    return "; ".join(dict.fromkeys(_origins(data)))
+
+
+def wall_heat_of(data: Any) -> float | None:
+    """Heat from the whole part, W, as the solver counted it; None where a file does not state it.
+
+    The gradient at the points of a file gives another one, since they carry averages of cells.
+    """
+    if data is None or WALL_HEAT not in data.field_data:
+        return None
+    return float(np.atleast_1d(data.field_data[WALL_HEAT])[0])
+
+
+def state_origin(grid: Any, origin: str) -> None:
+    """Write the origin into the field data of a grid; none if it is ""."""
+    if not origin:
+        return
+    # VTK's string arrays know ASCII only.
+    plain = " ".join(origin.split()).encode("ascii", "replace").decode("ascii")
+    grid.field_data[FIELD_ORIGIN] = [plain]
+
+
+def synthetic_mark(origin: str | None) -> str | None:
+    """Words for a picture of a result that rests on no simulation; None for other origins."""
+    return "SYNTHETIC FIELD" if (origin or "").lower().startswith(SYNTHETIC) else None
+
+
+def _origins(data: Any) -> Iterator[str]:
+    if data is None:
+        return
+    values = data.field_data[FIELD_ORIGIN] if FIELD_ORIGIN in data.field_data else []
+    yield from (text for text in (str(v).strip() for v in np.atleast_1d(values)) if text)
+    # Told by what it has: pictures need this module's words, and must not wait for VTK.
+    if hasattr(data, "n_blocks"):
+        for block in data:
+            yield from _origins(block)

@@ -1,0 +1,149 @@
+"""The text of a scene's XML file, for Mitsuba and for those who edit it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.camera import Camera
+from iriftrace.shell_stack import ShellStack
+
+PART_FILE = "part.ply"
+
+
+def scene_xml(
+    camera: Camera,
+    scale: float,
+    normals: str,
+    shapes: Sequence[str],
+    remark: str = "",
+    parameters: Mapping[str, str] | None = None,
+    *,
+    inside_hit: str = "refract",
+) -> str:
+    """XML of a scene: integrator, camera, part and what bends the light.
+
+    Parameters
+    ----------
+    camera : Camera
+        At its full resolution.
+    scale : float
+        Default of the parameter ``scale``.
+    normals : str
+        Default of the parameter ``normals``.
+    shapes : sequence of str
+        Lines after the part: shells, or what includes them.
+    remark : str
+        Shown at the top as a comment.
+    parameters : mapping of str, optional
+        Further parameters that the shapes use, and their defaults.
+    inside_hit : str
+        Of the integrator ``first_hit``; said only where it is not the usual ``"refract"``.
+    """
+    near, far = camera.focus_mm
+    distance = max(1.0, float(np.linalg.norm(camera.origin)))
+    lines = [
+        '<?xml version="1.0" encoding="utf-8"?>',
+        "<!-- Lengths in mm. Move the camera, drop a shell or set -D scale=..., then run",
+        "     iriftrace render on this file again. -->",
+        *([f"<!-- {remark.replace('--', '-').rstrip('-')} -->"] if remark else []),
+        '<scene version="3.0.0">',
+        f'    <default name="scale" value="{scale!r}"/>',
+        f'    <default name="normals" value={quoteattr(normals)}/>',
+        *(
+            f'    <default name="{name}" value={quoteattr(value)}/>'
+            for name, value in (parameters or {}).items()
+        ),
+        '    <boolean name="embree_use_robust_intersections" value="true"/>',
+        "",
+        '    <integrator type="first_hit">',
+        '        <string name="normals" value="$normals"/>',
+        *(
+            [f'        <string name="inside_hit" value={quoteattr(inside_hit)}/>']
+            if inside_hit != "refract"
+            else []
+        ),
+        "    </integrator>",
+        "",
+        '    <sensor type="calibrated_camera" id="camera">',
+        f'        <float name="focal_length" value="{camera.focal_length_mm!r}"/>',
+        f'        <float name="sensor_width" value="{camera.sensor_mm[0]!r}"/>',
+        f'        <float name="sensor_height" value="{camera.sensor_mm[1]!r}"/>',
+        f'        <float name="principal_point_x" value="{camera.principal_point_px[0]!r}"/>',
+        f'        <float name="principal_point_y" value="{camera.principal_point_px[1]!r}"/>',
+        *(
+            f'        <float name="{name}" value="{value!r}"/>'
+            for name, value in (camera.distortion.as_dict() if camera.distortion else {}).items()
+            if value
+        ),
+        f'        <float name="focus_near" value="{near!r}"/>',
+        *([f'        <float name="focus_far" value="{far!r}"/>'] if np.isfinite(far) else []),
+        '        <float name="scale" value="$scale"/>',
+        '        <transform name="to_world">',
+        f'            <lookat origin="{_vector(camera.origin)}"',
+        f'                    target="{_vector(camera.origin + distance * camera.forward)}"',
+        f'                    up="{_vector(-camera.matrix[:3, 1])}"/>',
+        "        </transform>",
+        '        <film type="hdrfilm">',
+        f'            <integer name="width" value="{camera.resolution[0]}"/>',
+        f'            <integer name="height" value="{camera.resolution[1]}"/>',
+        '            <string name="pixel_format" value="luminance"/>',
+        '            <string name="component_format" value="float32"/>',
+        '            <rfilter type="box"/>',
+        "        </film>",
+        "    </sensor>",
+        "",
+        '    <shape type="ply" id="part">',
+        f'        <string name="filename" value={quoteattr(PART_FILE)}/>',
+        '        <boolean name="face_normals" value="true"/>',
+        '        <bsdf type="diffuse"/>',
+        "    </shape>",
+    ]
+    return "\n".join([*lines, *shapes, "</scene>", ""])
+
+
+def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list[str]:
+    """Lines of the shells.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    meshes : sequence of Path
+        Their files, in the same order.
+    folder : str
+        Where these lie, seen from the scene's file.
+    """
+    lines = []
+    for shell, mesh in zip(stack.shells, meshes, strict=True):
+        lines += [
+            "",
+            f'    <shape type="ply" id="{mesh.stem}">',
+            f'        <string name="filename" value={quoteattr(f"{folder}/{mesh.name}")}/>',
+            *(
+                ['        <boolean name="face_normals" value="true"/>']
+                if shell.normals is None
+                else []
+            ),
+            '        <bsdf type="iso_shell">',
+            f'            <float name="ext_ior" value="{float(1 + shell.ext)!r}"/>',
+            f'            <float name="int_ior" value="{float(1 + shell.int_)!r}"/>',
+            f'            <string name="layer" value="{shell.layer}"/>',
+            "        </bsdf>",
+            "    </shape>",
+        ]
+    return lines
+
+
+def included_xml(shapes: Sequence[str]) -> str:
+    """XML of a file that scenes include."""
+    head = ['<?xml version="1.0" encoding="utf-8"?>', '<scene version="3.0.0">']
+    return "\n".join([*head, *shapes, "</scene>", ""])
+
+
+def _vector(values: NDArray[np.float64]) -> str:
+    # Rounded far below what matters, so that an edited file shows 0 and not 1e-14.
+    return ", ".join(repr(round(float(v), 12) + 0.0) for v in values)

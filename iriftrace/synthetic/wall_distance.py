@@ -1,0 +1,103 @@
+"""Distance of points to a part, and the direction in which it grows."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+from numpy.typing import NDArray
+from vtkmodules.vtkCommonCore import mutable
+from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
+
+from iriftrace.enclosure import inside_closed
+from iriftrace.errors import InputError
+from iriftrace.part import Part
+
+FloatArray = NDArray[np.float64]
+
+_ON_WALL_MM = 1e-9
+"""Closer than this, the direction to the nearest point is rounding; the face's normal holds."""
+
+
+@frozen(eq=False, slots=False)
+class WallDistance:
+    """A closed part that is asked for distances.
+
+    Parameters
+    ----------
+    part : Part
+
+    Raises
+    ------
+    InputError
+        The part is not closed, so that it has no outside.
+    """
+
+    part: Part
+
+    def __attrs_post_init__(self) -> None:
+        """Refuse a part without an inside."""
+        if not self.part.closed:
+            raise InputError(
+                f"{self.part.path} is not closed, so it is not clear where the air is; mend the "
+                "mesh (fill its holes) first."
+            )
+
+    @cached_property
+    def _locator(self) -> vtkStaticCellLocator:
+        faces = np.insert(self.part.faces, 0, 3, axis=1).ravel()
+        locator = vtkStaticCellLocator()
+        locator.SetDataSet(pv.PolyData(np.asarray(self.part.vertices, dtype=np.float64), faces))
+        locator.BuildLocator()
+        return locator
+
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distance to the part and its gradient.
+
+        Parameters
+        ----------
+        points : (n, 3) array, mm, world
+            Outside the part or on it.
+
+        Returns
+        -------
+        distance : (n,) array, mm
+        gradient : (n, 3) array
+            Unit vectors from the nearest point of the part; on the part its outward normal. Where
+            several points of the part are equally near, that of one of them.
+        """
+        closest, face = self._closest(points)
+        offset = points - closest
+        distance = np.linalg.norm(offset, axis=1)
+        away = distance > _ON_WALL_MM
+        gradient = self.part.face_normals[face]
+        gradient[away] = offset[away] / distance[away, None]
+        return distance, gradient
+
+    def foot(self, points: FloatArray) -> FloatArray:
+        """Nearest points of the part, (n, 3) array, mm."""
+        return self._closest(points)[0]
+
+    def normals(self, points: FloatArray) -> FloatArray:
+        """Outward normals (n, 3) of the part where it is nearest to the points."""
+        return self.part.face_normals[self._closest(points)[1]]
+
+    def inside(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Whether points (n, 3), mm, lie in the part."""
+        return inside_closed(points, self.part.vertices, self.part.faces)
+
+    def _closest(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+        """Nearest points of the part and their faces."""
+        closest = np.empty((len(points), 3))
+        face = np.empty(len(points), dtype=np.int64)
+        # VTK's own types of numbers that a call changes are unknown to its stubs.
+        find: Any = self._locator.FindClosestPoint
+        point, square = [0.0] * 3, mutable(0.0)
+        cell, piece = mutable(0), mutable(0)
+        for i, place in enumerate(np.asarray(points, dtype=np.float64).tolist()):
+            find(place, point, cell, piece, square)
+            closest[i], face[i] = point, int(cell)
+        return closest, face
