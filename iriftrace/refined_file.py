@@ -44,6 +44,7 @@ def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Datas
         "schema": SCHEMA,
         "version": version("iriftrace"),
         "length_unit": "mm",
+        "wavelength_nm": _wavelength(dataset),
         "convention": "camera to world; x right, y down, z forward",
         "matrix": refined.matrix.tolist(),
         "look_at": {"origin": origin.tolist(), "target": target.tolist(), "up": up.tolist()},
@@ -73,3 +74,9 @@ def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Datas
     }
     with whole_file(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
+def _wavelength(dataset: xr.Dataset) -> float | None:
+    """Of the light of the sweep, nm; None where it is not stated."""
+    stated = dataset.attrs.get("wavelength_nm")
+    return float(stated) if isinstance(stated, int | float) else None

@@ -65,6 +65,35 @@ def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> Shel
     return evolve(stack, shells=shells)
 
 
+def without_inner(stack: ShellStack, count: int, levels: int | None = None) -> ShellStack:
+    """Leave out the innermost levels, and their index steps with them.
+
+    Rays then run on to the part in the air of the last shell that is kept. Kern et al. (2025) did
+    so where shells of a coarse field cut the part; it is for studies only.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    count : int
+        Levels to leave out.
+    levels : int, optional
+        Number of levels, whether the field reaches them or not; by default as many as there are.
+
+    Raises
+    ------
+    InputError
+        The count is negative, or no shell is left.
+    """
+    last = max(shell.layer for shell in stack.shells) if levels is None else levels
+    kept = [shell for shell in stack.shells if shell.layer <= last - count]
+    if count < 0 or not kept:
+        raise InputError(
+            f"{count} inner shells of {last} cannot be left out, because some must remain; give a "
+            "number from 0 on, or more layers."
+        )
+    return evolve(stack, shells=kept)
+
+
 def smooth_taubin(
     stack: ShellStack, iterations: int, lambda_: float = 0.20, mu: float = -0.21
 ) -> ShellStack:

@@ -159,9 +159,12 @@ def test_the_file_says_what_was_found(tmp_path: Path) -> None:
     table, plan = hill_sweep()
     found = refine_pose(table, plan, Hill(), evaluations=10)
     path = tmp_path / "refined.json"
+    write_refined(path, found, plan, table.assign_attrs(wavelength_nm=532.0))
+    assert json.loads(path.read_text())["wavelength_nm"] == 532.0
     write_refined(path, found, plan, table)
     content = json.loads(path.read_text())
     assert content["schema"] == SCHEMA
+    assert content["wavelength_nm"] is None
     assert content["matrix"] == found.matrix.tolist()
     assert content["start"]["pose"] == 1
     assert content["gain"] == content["start"]["score"] - content["score"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from attrs import evolve
 
 from benchmarks.accuracy.line import Line, Section, relative
 from iriftrace.air import Air
@@ -46,9 +47,14 @@ def slab_hits(folder: Path, angle_deg: float) -> RayHits:
     return trace_rays(scene, [start], [direction])
 
 
-def cylinder_hits(folder: Path, layers: int) -> RayHits:
+def cylinder_hits(folder: Path, layers: int, rule: str = "midpoint") -> RayHits:
     """Hits of the rays of ``CYLINDER_UM`` behind coaxial layers of 4,000 facets."""
-    part, shells = concentric_cylinders(layers, air=RoundAir(), sections=4000, part_sections=40_000)
+    part, shells = concentric_cylinders(
+        layers, air=RoundAir(), sections=4000, part_sections=40_000, rule=rule
+    )
+    if rule == "outer":
+        # The last shell is the wall itself; a ray ends there before it is bent.
+        shells = evolve(shells, shells=shells.shells[:-1])
     scene = load_scene(write_scene(folder, part, shells, ANY_CAMERA, paraview=False))
     heights = np.array(list(CYLINDER_UM)) * CYLINDER_RADIUS_MM
     origins = np.column_stack((np.full_like(heights, 0.123), np.full_like(heights, -100), heights))

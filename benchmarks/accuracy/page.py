@@ -68,9 +68,9 @@ def section_text(section: Section, lines: Sequence[Line]) -> str:
 def _error(line: Line) -> str:
     if line.error is None:
         return ""
-    text = f"{line.error:.2g} {line.unit}"
+    text = f"{line.error:.2g} {line.unit}".rstrip()
     return text if line.holds else f"**{text}**"
 
 
 def _bound(line: Line) -> str:
-    return "" if line.bound is None else f"{line.bound:g} {line.unit}"
+    return "" if line.bound is None else f"{line.bound:g} {line.unit}".rstrip()

@@ -2,8 +2,31 @@
 
 from __future__ import annotations
 
-from benchmarks.accuracy import agreement, air_effects, exact_shells, ledger, naive, noise_floor
+from benchmarks.accuracy import (
+    agreement,
+    air_effects,
+    exact_continuous,
+    exact_shells,
+    index_steps,
+    ledger,
+    naive,
+    noise_floor,
+    readers,
+    trouble,
+)
 
 SECTIONS = tuple(
-    module.SECTION for module in (exact_shells, noise_floor, agreement, ledger, air_effects, naive)
+    module.SECTION
+    for module in (
+        exact_shells,
+        exact_continuous,
+        index_steps,
+        noise_floor,
+        agreement,
+        readers,
+        trouble,
+        ledger,
+        air_effects,
+        naive,
+    )
 )

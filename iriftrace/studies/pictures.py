@@ -44,11 +44,21 @@ def loaded_shells(view: View, stack: ShellStack, mode: Mode) -> Iterator[LoadedS
     """A scene of a stack of shells, from files that are removed afterwards."""
     with tempfile.TemporaryDirectory() as folder:
         path = write_scene(
-            folder, view.part, stack, view.camera, normals=mode.normals, paraview=False
+            folder,
+            view.part,
+            stack,
+            view.camera,
+            normals=mode.normals,
+            inside_hit=mode.inside_hit,
+            paraview=False,
         )
+        # Millions of triangles need not be in memory twice.
+        del stack
         scene = load_scene(path, variant=view.variant)
-        scene.integrator.inside_hit = mode.inside_hit
-        yield scene
+        try:
+            yield scene
+        finally:
+            scene.integrator.forget()
 
 
 def picture_of_shells(view: View, stack: ShellStack, mode: Mode) -> Hits:
@@ -56,6 +66,24 @@ def picture_of_shells(view: View, stack: ShellStack, mode: Mode) -> Hits:
     with loaded_shells(view, stack, mode) as scene:
         rendering = rendered(scene)
     return hits_of(rendering.image, len(stack.shells), stack.triangles)
+
+
+@contextmanager
+def loaded_field(
+    view: View, field: IndexField, *, normals: str = "gradient"
+) -> Iterator[LoadedScene]:
+    """A scene of the field itself for the continuous engine, likewise; see `picture_of_field`."""
+    # The engine looks at no shell, but a scene of the program has some.
+    stack = contour_shells(field, 1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_scene(
+            folder, view.part, stack, view.camera, normals=normals, paraview=False, field=field
+        )
+        scene = load_scene(path, variant=view.variant, engine="continuous")
+        try:
+            yield scene
+        finally:
+            scene.integrator.forget()
 
 
 def picture_of_field(view: View, field: IndexField, *, normals: str = "gradient") -> Hits:
@@ -69,13 +97,8 @@ def picture_of_field(view: View, field: IndexField, *, normals: str = "gradient"
         Which limit: the field to whose gradient shells with ``"gradient"`` normals converge, or
         the one that is linear in each tetrahedron, to which ``"facet"`` normals do.
     """
-    # The engine looks at no shell, but a scene of the program has some.
-    stack = contour_shells(field, 1)
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_scene(
-            folder, view.part, stack, view.camera, normals=normals, paraview=False, field=field
-        )
-        rendering = rendered(load_scene(path, variant=view.variant, engine="continuous"))
+    with loaded_field(view, field, normals=normals) as scene:
+        rendering = rendered(scene)
     return hits_of(rendering.image)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -100,6 +101,7 @@ def run_timing(
     length = len(study.axis.values)
 
     def measure(number: int) -> Entry:
+        _forget_last_case()
         with study.scene(study.modes[number // length], number % length) as (scene, *counts):
             return {**_times(scene), **_counts(scene, *counts)}
 
@@ -111,6 +113,14 @@ def run_timing(
         lambda entries: _dataset(study, entries),
         progress,
     )
+
+
+def _forget_last_case() -> None:
+    """Free the last case's scene, whose objects refer to each other, and Dr.Jit's arrays."""
+    import drjit as dr
+
+    gc.collect()
+    dr.flush_malloc_cache()
 
 
 def _times(scene: LoadedScene) -> dict[str, float | int]:

@@ -1,7 +1,8 @@
 """The continuous engine on cells: exact where the field is linear, near the truth where it is not.
 
 The meshes are made to be unpleasant: random tetrahedra, cells turned inside out, blocks that touch
-without sharing points, a part that does not fit the wall.
+without sharing points, a part that does not fit the wall. Slab and hot cylinder on fine cells are
+figures of the accuracy page, which `test_continuous_exact` computes.
 """
 
 from __future__ import annotations
@@ -18,16 +19,11 @@ from scipy.spatial import Delaunay
 
 from iriftrace.continuous_field import cells_of
 from iriftrace.plugins.tetrahedral_air import TetrahedralAir
-from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
 from tests.continuous_media import Ends, follow
 from tests.shell_fields import field_of, hexahedra
 from tests.small_scenes import part
 
 pytestmark = pytest.mark.usefixtures("variant")
-
-AMBIENT_K, REFRACTIVITY = 293.15, 2.718e-4
-CYLINDER_UM = {0.25: 0.484096, 0.75: 2.430121, 0.95: 7.621401, 0.999: 67.019772}
-SLAB_SHIFT_UM = {15: 0.906732, 60: 21.891213, 85: 4921.029686}
 
 SLOPE = np.array((1e-6, -2e-6, 3e-6))
 
@@ -278,63 +274,3 @@ def test_data_that_end_in_other_air_are_open(tmp_path: Path) -> None:
     ends, _ = follow(part(tmp_path, box), air, origins, directions)
     assert (ends.outcome == 1).all()
     np.testing.assert_array_equal(ends.opened, (True, False))
-
-
-def hot_cylinder_cells(layers: int, around: int) -> pv.UnstructuredGrid:
-    """Tetrahedra of the side that the rays come from: 100 degrees, denser towards the wall."""
-    share = np.linspace(0, 1, layers + 1)
-    radius = CYLINDER_RADIUS_MM * (HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM) ** share
-    angle = np.radians(np.linspace(85, 185, around + 1))
-    # Inner boundary on the part's own facets, which are flat along x.
-    r, a, x = np.meshgrid(radius, angle, (-0.5, 0.5), indexing="ij")
-    grid = pv.StructuredGrid(x, r * np.cos(a), r * np.sin(a))
-    return grid.cast_to_unstructured_grid().triangulate()
-
-
-def hot_cylinder(points: np.ndarray) -> np.ndarray:
-    radius = np.hypot(points[:, 1], points[:, 2])
-    slope = (AMBIENT_K - WALL_K) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
-    warm = WALL_K + slope * np.log(radius / CYLINDER_RADIUS_MM)
-    return REFRACTIVITY * AMBIENT_K / np.clip(warm, AMBIENT_K, WALL_K)
-
-
-@pytest.mark.parametrize("recovered", [True, False], ids=["recovered", "constant"])
-def test_hot_cylinder_on_fine_cells_is_within_half_a_per_cent(
-    tmp_path: Path, recovered: bool
-) -> None:
-    solid = trimesh.creation.cylinder(CYLINDER_RADIUS_MM, 60.0, sections=40_000)
-    solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
-    heights = np.array(list(CYLINDER_UM)) * CYLINDER_RADIUS_MM
-    origins = np.column_stack((np.full(4, 0.123), np.full(4, -70.0), heights))
-    ends, straight = follow(
-        part(tmp_path, solid),
-        air_of(hot_cylinder_cells(100, 400), hot_cylinder, recovered=recovered),
-        origins,
-        np.tile((0.0, 1.0, 0.0), (4, 1)),
-    )
-    assert (ends.outcome == 1).all()
-    found_um = np.linalg.norm(ends.point - straight, axis=1) * 1e3
-    np.testing.assert_allclose(found_um, list(CYLINDER_UM.values()), rtol=5e-3)
-
-
-@pytest.mark.parametrize("recovered", [True, False], ids=["recovered", "constant"])
-def test_slab_on_fine_cells_is_within_half_a_per_cent(tmp_path: Path, recovered: bool) -> None:
-    rows = SLAB_MM * np.linspace(0, 1, 81) ** 1.5
-    grid = pv.RectilinearGrid(np.linspace(-260, 20, 57), (-2.0, 0.0, 2.0), rows)
-    cells = grid.cast_to_unstructured_grid().triangulate()
-
-    def slab(points: np.ndarray) -> np.ndarray:
-        return (
-            REFRACTIVITY
-            * AMBIENT_K
-            / (WALL_K + (AMBIENT_K - WALL_K) * points[:, 2].astype(float) / SLAB_MM)
-        )
-
-    angles = np.radians(list(SLAB_SHIFT_UM))
-    directions = np.column_stack((np.sin(angles), 0 * angles, -np.cos(angles)))
-    origins = np.array((1.0, 0.3, 0.0)) - directions * (21 / np.cos(angles))[:, None]
-    ends, straight = follow(
-        plate(tmp_path, 0.0), air_of(cells, slab, recovered=recovered), origins, directions
-    )
-    shift_um = (ends.point - straight) * 1e3
-    np.testing.assert_allclose(shift_um[:, 0], list(SLAB_SHIFT_UM.values()), rtol=5e-3)

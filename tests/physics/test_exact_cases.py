@@ -10,18 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from attrs import evolve
 
 from benchmarks.accuracy.exact_shells import (
     CYLINDER_UM,
     SLAB_SHIFT_UM,
-    RoundAir,
     cylinder_hits,
     slab_hits,
 )
-from iriftrace.render import trace_rays
-from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, concentric_cylinders
-from tests.scene_rays import loaded
 
 
 @pytest.mark.parametrize("angle_deg", SLAB_SHIFT_UM)
@@ -66,15 +61,17 @@ def test_cylinder_hit_of_thirteen_shells_has_the_error_of_exact_circles(tmp_path
 
 
 @pytest.mark.usefixtures("variant")
-def test_outer_value_rule_is_of_first_order_only(tmp_path: Path) -> None:
-    """Why the midpoint rule is the default: with 13 shells the other is several per cent off."""
-    part, shells = concentric_cylinders(
-        13, air=RoundAir(), sections=4000, part_sections=40_000, rule="outer"
-    )
-    # Its last shell is the wall itself; a ray ends there before it is bent.
-    shells = evolve(shells, shells=shells.shells[:-1])
-    hits = trace_rays(
-        loaded(tmp_path, part, shells), [(0.123, -100.0, 0.75 * CYLINDER_RADIUS_MM)], [(0, 1, 0)]
-    )
-    error = np.linalg.norm(hits.displacement[0]) * 1e3 / CYLINDER_UM[0.75] - 1
-    assert 0.03 < abs(error) < 0.08
+def test_shells_midway_between_layers_are_nearer_and_graded_steps_nearest(tmp_path: Path) -> None:
+    """13 shells by each rule; with shells at the layers' own index several per cent are missing."""
+    exact = np.array(list(CYLINDER_UM.values()))
+    error = {
+        rule: np.abs(
+            np.linalg.norm(cylinder_hits(tmp_path / rule, 13, rule).displacement, axis=1)
+            * (1e3 / exact)
+            - 1
+        )
+        for rule in ("graded", "midpoint", "outer")
+    }
+    assert (error["graded"] < error["midpoint"]).all()
+    assert (error["midpoint"] < 0.2 * error["outer"]).all()
+    assert 0.03 < error["outer"][1] < 0.08

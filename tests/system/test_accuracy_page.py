@@ -1,6 +1,6 @@
 """The accuracy page: its cheap sections hold, and the page in docs/ has them all.
 
-Sections ``exact`` and ``noise`` are what `tests/physics` asserts line by line.
+Sections ``exact``, ``continuous`` and ``noise`` are what `tests/physics` asserts line by line.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import pytest
 from benchmarks.accuracy.line import Line, Section
 from benchmarks.accuracy.page import write_page
 from benchmarks.accuracy.sections import SECTIONS
+from benchmarks.accuracy.trouble import lines_of, troubles
 
 PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
 
@@ -21,6 +22,23 @@ PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
 def test_every_error_is_within_its_bound(name: str, tmp_path: Path) -> None:
     (section,) = (section for section in SECTIONS if section.name == name)
     assert [line for line in section.compute(tmp_path) if not line.holds] == []
+
+
+@pytest.mark.usefixtures("variant")
+def test_no_ray_is_lost_where_shells_cut_the_part_or_end_open() -> None:
+    """With 40 shells and gradient normals; status 5 counts the rays whose steps do not add up."""
+    shells, status_5, opened = [], [], []
+    for case in troubles():
+        lines = {line.case: line for line in lines_of(case, (40,), ("gradient",))}
+        assert [line for line in lines.values() if not line.holds] == []
+        ending = lines[f"{case.name}, 40 shells: rays without a status"]
+        assert ending.error == 0
+        shells += [lines[name].obtained for name in lines if "cut the part" in name]
+        status_5.append("index_mismatch" in ending.obtained)
+        opened.append("open_boundary" in ending.obtained)
+    assert status_5[:2] == [False, True]
+    assert opened == [False, False, True]
+    assert [int(text) > 10 for text in shells] == [True]
 
 
 @pytest.mark.usefixtures("variant")

@@ -7,12 +7,19 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pytest
 from conftest import Failing
 from hot_block import HotBlock
 
+from iriftrace import runtime
 from iriftrace.cli import main
 from iriftrace.continuous_field import FIELD_FILE
+from iriftrace.errors import IriftraceWarning
 from iriftrace.exr import read_exr
+from iriftrace.render import render_scene
+from iriftrace.scene import load_scene
+from iriftrace.sweep_store import read_sweep
+from iriftrace.swept_scene import load_swept_scene
 
 
 def test_scene_carries_the_field_and_render_switches_the_engine(
@@ -44,3 +51,47 @@ def test_an_older_scene_is_refused_with_what_to_do(
     message = fails("render", "old/scene.xml", "--engine", "continuous")
     assert "no field file" in message
     assert "`iriftrace scene FIELD PART -o SCENE.xml`" in message
+
+
+def test_sweep_bends_rays_through_the_field(hot: HotBlock, tmp_path: Path) -> None:
+    """Each pose is the continuous engine's own rendering, also when it is loaded again."""
+    output = tmp_path / "sweep.nc"
+    asked = ["sweep", str(hot.scene), "-o", str(output), "--azimuth=0:60:2", "--elevation=30:30:1"]
+    assert main([*asked, "--engine=continuous"]) == 0
+    dataset = read_sweep(output)
+    alone = load_scene(hot.scene, engine="continuous")
+    median = dataset["displacement_median"].sel(region="part").values
+    swept = load_swept_scene(dataset, 0)
+    assert swept.scene.engine == "continuous"
+    assert swept.scene.variant == alone.variant
+    for pose, matrix in enumerate(dataset["matrix"].values):
+        rendering = render_scene(alone, camera=alone.camera.at(matrix))
+        assert median[pose] == rendering.metrics["displacement_mm"]["median"]
+        again = swept.render(matrix).image
+        np.testing.assert_array_equal(
+            again.channels["displacement.norm"], rendering.image.channels["displacement.norm"]
+        )
+    (named,) = json.loads(dataset.attrs["scenes"])
+    assert named["engine"] == "continuous"
+    # The field decides the result, so it belongs to the files that must not change.
+    assert str((hot.scene.parent / FIELD_FILE).resolve()) in named["files"]
+    assert "ray equation" in json.loads(dataset.attrs["assumptions"])["engine"]
+    # By shells it would be another sweep.
+    assert main(asked) == 2
+
+
+def test_a_sweeps_variant_that_does_not_run_here_is_replaced_and_said(
+    hot: HotBlock, tmp_path: Path
+) -> None:
+    output = tmp_path / "sweep.nc"
+    asked = ["sweep", str(hot.scene), "-o", str(output), "--azimuth=0:0:1", "--elevation=30:30:1"]
+    assert main(asked) == 0
+    dataset = read_sweep(output)
+    named = json.loads(dataset.attrs["scenes"])
+    assert named[0]["variant"] == "llvm_ad_mono"
+    assert named[0]["engine"] == "shells"
+    if runtime.cuda_state().devices:
+        pytest.skip("cuda_ad_mono runs here")
+    dataset.attrs["scenes"] = json.dumps([{**named[0], "variant": "cuda_ad_mono"}])
+    with pytest.warns(IriftraceWarning, match="cuda_ad_mono, which does not run here"):
+        assert load_swept_scene(dataset, 0).scene.variant == "llvm_ad_mono"

@@ -49,7 +49,7 @@ def run(arguments: list[str], folder: Path) -> str:
 
 def test_commands_run_as_they_stand(folder: Path) -> None:
     assert [c[1] for c in commands()] == [
-        *("doctor", "demo", "scene", "render", "metrics"),
+        *("doctor", "demo", "scene", "render", "metrics", "field", "field"),
         *("sweep", "plan", "plan", "plan", "plot", "report"),
     ]
     for command in commands():

@@ -70,7 +70,7 @@ def test_scene_made_for_a_wavelength_equals_the_scene_turned_to_it(
     other = rendered(hot.scene, tmp_path / "turned.exr", "--wavelength=0.45 um")
     assert one.header["wavelength_nm"] == BLUE
     assert other.header["wavelength_nm"] == pytest.approx(BLUE, rel=1e-15)
-    assert one.header["index_rule"] == other.header["index_rule"] == "midpoint"
+    assert one.header["index_rule"] == other.header["index_rule"] == "graded"
     same = (one.status == 0) & (other.status == 0)
     assert same.sum() > 0.99 * (one.status == 0).sum()
     difference = np.abs(one.vector("displacement", same) - other.vector("displacement", same))
@@ -138,3 +138,19 @@ def test_table_of_a_turned_scene_is_consistent(hot: HotBlock) -> None:
         assert Air(wavelength_nm=BLUE).temperature(row["refractivity"]) == pytest.approx(
             row["temperature_k"], rel=1e-12
         )
+
+
+def test_scenes_for_different_light_are_not_ranked_together(
+    hot: HotBlock, tmp_path: Path, fails: Failing
+) -> None:
+    blue = tmp_path / "blue" / "scene.xml"
+    words = ["scene", str(hot.field), str(hot.part), "-o", str(blue), "--layers=4"]
+    assert main([*words, *hot_block.CAMERA, "--wavelength=450 nm"]) == 0
+    orbit = ("--azimuth=0:0:1", "--elevation=30:30:1")
+    message = fails("sweep", hot.scene, blue, "-o", "both.nc", *orbit)
+    assert "light of 633 and 450 nm" in message
+    path = tmp_path / "both.nc"
+    both = [str(hot.scene), str(blue), "-o", str(path), *orbit]
+    assert main(["sweep", *both, "--wavelength=450 nm"]) == 0
+    with xr.open_dataset(path) as dataset:
+        assert dataset.attrs["wavelength_nm"] == BLUE
