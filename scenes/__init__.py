@@ -24,3 +24,13 @@ def folder_of(name: str) -> Path:
     if name not in names():
         raise InputError(f"There is no bundled scene '{name}'; there are {', '.join(names())}.")
     return Path(__file__).parent / name
+
+
+def shells_of(name: str) -> Path:
+    """Folder of the shells that a bundled scene uses: its own, or those of another scene."""
+    import re
+
+    folder = folder_of(name)
+    text = (folder / "scene.xml").read_text(encoding="utf-8")
+    first = re.search(r'value="([^"]*)/shell_\d+\.ply"', text)
+    return (folder / (first[1] if first else "shells")).resolve()

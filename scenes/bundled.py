@@ -1,8 +1,13 @@
-"""Writes the bundled scenes anew: ``python -m iriftrace.scenes.bundled FOLDER``."""
+"""Writes the bundled scenes anew: ``python -m iriftrace.scenes.bundled FOLDER``.
+
+With ``--hybrid_cylinder``, ``--bevel_gear`` or ``--wishbone`` and the file of a flow solution it
+writes these scenes too.
+"""
 
 from __future__ import annotations
 
-import sys
+import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
 from attrs import evolve
@@ -13,6 +18,7 @@ from iriftrace.part import read_part
 from iriftrace.scene import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.scenes.components import COMPONENTS, write_component, write_tooth
 from iriftrace.shell_report import report_shells
 from iriftrace.shells import contour_shells
 
@@ -69,6 +75,32 @@ def write_bundled(folder: str | Path) -> list[Path]:
     return written
 
 
+def write_components(folder: str | Path, fields: Mapping[str, Path]) -> list[Path]:
+    """Write the scenes of the components whose fields are given; returns the XML files.
+
+    Parameters
+    ----------
+    folder
+    fields
+        File of the flow solution of each of `components.COMPONENTS` that is wanted.
+    """
+    written = [write_component(Path(folder), name, path) for name, path in fields.items()]
+    if "bevel_gear" in fields:
+        written.append(write_tooth(Path(folder), Path(folder) / "bevel_gear"))
+    return written
+
+
+def main() -> None:
+    """Write what the command line asks for."""
+    parser = argparse.ArgumentParser(prog="python -m iriftrace.scenes.bundled", description=__doc__)
+    parser.add_argument("folder", type=Path)
+    for name in COMPONENTS:
+        parser.add_argument(f"--{name}", type=Path, metavar="FIELD")
+    given = vars(parser.parse_args())
+    fields = {name: given[name] for name in COMPONENTS if given[name] is not None}
+    for path in [*write_bundled(given["folder"]), *write_components(given["folder"], fields)]:
+        print(path)
+
+
 if __name__ == "__main__":
-    for path in write_bundled(sys.argv[1]):
-        sys.stdout.write(f"{path}\n")
+    main()

@@ -1,0 +1,59 @@
+"""Surfaces made of rings: the triangles between closed curves of equally many points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def circle(radius: float, height: float, angle: FloatArray) -> FloatArray:
+    """(n, 3) array: points at n angles (rad) on a circle around z, at a height; mm."""
+    return np.column_stack(
+        (radius * np.cos(angle), radius * np.sin(angle), np.full(len(angle), height))
+    )
+
+
+def between_rings(rings: Sequence[FloatArray], *, closed: bool) -> tuple[FloatArray, IntArray]:
+    """Triangles between each ring and the next, across the shorter diagonal.
+
+    Parameters
+    ----------
+    rings
+        (n, 3) arrays, mm, equally long; point j of a ring faces point j of the next. Where the
+        rings run counter-clockwise about the direction from one to the next, the triangles' normals
+        point away from the axis.
+    closed
+        Whether the last ring is joined to the first.
+
+    Returns
+    -------
+    vertices : (r n, 3) array, mm
+    faces : (2 s n, 3) array
+        Strip by strip, s of them; two triangles for each of a strip's n places.
+    """
+    points = np.asarray(rings, dtype=np.float64)
+    count, length, _ = points.shape
+    strip = np.arange(count if closed else count - 1)[:, None]
+    place = np.arange(length)[None, :]
+    above, beside = (strip + 1) % count, (place + 1) % length
+    a, b = strip * length + place, strip * length + beside
+    c, d = above * length + place, above * length + beside
+    vertices = points.reshape(-1, 3)
+    first = np.linalg.norm(vertices[a] - vertices[d], axis=-1)
+    second = np.linalg.norm(vertices[b] - vertices[c], axis=-1)
+    # Equal diagonals of a symmetric part must not differ by their rounding.
+    shorter = first <= second * (1.0 + 1e-9)
+    along = np.stack((np.stack((a, b, d), -1), np.stack((a, d, c), -1)), axis=2)
+    across = np.stack((np.stack((a, b, c), -1), np.stack((b, d, c), -1)), axis=2)
+    faces = np.where(shorter[:, :, None, None], along, across)
+    return vertices, faces.reshape(-1, 3)
+
+
+def fan(centre: int, ring: IntArray) -> IntArray:
+    """(n, 3) array: triangles from one vertex to a ring of n, counter-clockwise as the ring is."""
+    return np.column_stack((np.full(len(ring), centre), ring, np.roll(ring, -1)))

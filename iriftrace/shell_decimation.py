@@ -1,0 +1,158 @@
+"""Fewer triangles for the same shells: quadric decimation that keeps the normals of the field."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from attrs import evolve
+
+from iriftrace.errors import InputError
+from iriftrace.shell_mesh import (
+    FloatArray,
+    IntArray,
+    drop_degenerate,
+    face_along,
+    normals_along,
+    polydata,
+    used_vertices,
+    weld,
+)
+from iriftrace.shell_stack import Shell, ShellStack
+
+FEWEST = 400
+"""A shell keeps at least this many triangles, where it has them."""
+
+NORMALS_WEIGHT = 3.0
+"""Weight of an error of the normal against one of the place; of 0, 0.1, 1, 3 and 10, this one
+changed the displacement on a bevel gear the least."""
+
+BORDER_WEIGHT = 30.0
+"""Weight of an error at the border: shells end on the data's edge or on the part, and a gap there
+would let rays pass. With 1, half of a wishbone's borders were off by 0.1 mm, with 30 a tenth."""
+
+
+def decimate(stack: ShellStack, triangles: int) -> ShellStack:
+    """Thin out shells to about a number of triangles in all.
+
+    Garland and Heckbert's quadric error metric with the normals as attributes (1998, "Simplifying
+    surfaces with color and texture using quadric error metrics"). Every shell keeps the same share.
+    Normals of the new vertices are those of the nearest points of the shells before.
+
+    Parameters
+    ----------
+    stack : ShellStack
+        With at most this many triangles it is returned as it is.
+    triangles : int
+
+    Returns
+    -------
+    ShellStack
+
+    Raises
+    ------
+    InputError
+        The number leaves the shells no shape.
+    """
+    least = FEWEST * len(stack.shells)
+    if triangles < least:
+        raise InputError(
+            f"{triangles} triangles for {len(stack.shells)} shells are too few to keep their "
+            f"shapes; give at least {least}."
+        )
+    if stack.triangles <= triangles:
+        return stack
+    share = triangles / stack.triangles
+    return evolve(stack, shells=[_thinned(shell, share) for shell in stack.shells])
+
+
+def _thinned(shell: Shell, share: float) -> Shell:
+    wanted = max(FEWEST, int(share * len(shell.faces)))
+    if len(shell.faces) <= wanted:
+        return shell
+    mesh = polydata(shell.vertices, shell.faces)
+    smooth = shell.normals is not None
+    if shell.normals is not None:
+        mesh.point_data["Normals"] = shell.normals
+        mesh.point_data.active_normals_name = "Normals"
+    thin = mesh.decimate(
+        1.0 - wanted / len(shell.faces),
+        enable_all_attribute_error=smooth,
+        normals=smooth,
+        scalars=False,
+        vectors=False,
+        tcoords=False,
+        tensors=False,
+        normals_weight=NORMALS_WEIGHT,
+        boundary_constraints=True,
+        boundary_weight=BORDER_WEIGHT,
+    )
+    vertices = np.asarray(thin.points, dtype=np.float32)
+    faces = drop_degenerate(vertices, weld(vertices, np.asarray(thin.regular_faces, np.int64)))
+    faces = _without_pinholes(_without_fins(faces))
+    gradient = _normals_at(shell, vertices.astype(np.float64))
+    # Contracting an edge may turn a sliver over; the pieces keep the side they had.
+    faces, _, _ = face_along(vertices, faces, gradient[faces].mean(axis=1))
+    used, faces = used_vertices(len(vertices), faces)
+    vertices = vertices[used]
+    normals = normals_along(vertices, faces, gradient[used]) if smooth else None
+    return evolve(shell, vertices=vertices, faces=faces, normals=normals)
+
+
+def _without_fins(faces: IntArray) -> IntArray:
+    """Drop triangles that stick out of the surface: one edge of theirs has three, one has one.
+
+    VTK contracts edges without asking whether their ends have further neighbours in common, which
+    now and then folds a piece of the surface onto a fin.
+    """
+    while True:
+        edge, count = _edges(faces)
+        shared = count[edge]
+        fins = (shared > 2).any(axis=1) & (shared == 1).any(axis=1)
+        if not fins.any():
+            return faces
+        faces = faces[~fins]
+
+
+def _without_pinholes(faces: IntArray) -> IntArray:
+    """Close holes of three edges, which fins leave behind."""
+    edge, count = _edges(faces)
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    border = (count[edge] == 1).ravel()
+    after = dict(zip(start[border].tolist(), end[border].tolist(), strict=True))
+    closed = set()
+    for a, b in after.items():
+        c = after.get(b, -1)
+        if after.get(c, -1) == a and len({a, b, c}) == 3:
+            # Along the border of a surface, the triangle that is missing runs the other way.
+            smallest = min(a, b, c)
+            turned = {a: (a, c, b), b: (b, a, c), c: (c, b, a)}[smallest]
+            closed.add(turned)
+    return np.concatenate((faces, np.array(sorted(closed), dtype=faces.dtype).reshape(-1, 3)))
+
+
+def _edges(faces: IntArray) -> tuple[IntArray, IntArray]:
+    """Number (m, 3) of the edge on each side of a triangle, and triangles (k,) at each edge."""
+    sides = np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=2), axis=2)
+    key = (sides[:, :, 0] << 32) | sides[:, :, 1]
+    _, edge, count = np.unique(key.ravel(), return_inverse=True, return_counts=True)
+    return edge.reshape(-1, 3), count
+
+
+def _normals_at(shell: Shell, points: FloatArray) -> FloatArray:
+    """(n, 3) array: the shell's normals, interpolated, at its points nearest to given ones."""
+    found: Any = polydata(shell.vertices, shell.faces).find_closest_cell(
+        points, return_closest_point=True
+    )
+    nearest, close = found
+    corners = shell.vertices[shell.faces[nearest]].astype(np.float64)
+    a, b, c = corners.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    if shell.normals is None:
+        return normal
+    square = np.maximum(np.einsum("ij,ij->i", normal, normal), np.finfo(float).tiny)
+    at_a = np.einsum("ij,ij->i", np.cross(c - b, close - b), normal) / square
+    at_b = np.einsum("ij,ij->i", np.cross(a - c, close - c), normal) / square
+    weight = np.clip(np.stack((at_a, at_b, 1.0 - at_a - at_b), axis=1), 0.0, 1.0)
+    own = shell.normals[shell.faces[nearest]].astype(np.float64)
+    return np.asarray(np.einsum("ij,ijk->ik", weight, own))

@@ -1,0 +1,81 @@
+"""Thinned out shells keep place, normals, closedness and side."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+from attrs import evolve
+
+from iriftrace.air import Air
+from iriftrace.errors import InputError
+from iriftrace.shell_decimation import FEWEST, decimate
+from iriftrace.shell_mesh import area_vectors, open_edges
+from iriftrace.shell_stack import Shell, ShellStack
+
+RADIUS_MM = 20.0
+
+
+def ball(*, half: bool = False, normals: bool = True) -> ShellStack:
+    """A sphere of 5,000 triangles, or its upper half, with radial normals."""
+    sphere = pv.Sphere(radius=RADIUS_MM, theta_resolution=50, phi_resolution=50)
+    if half:
+        sphere = sphere.clip("-z", origin=(0.0, 0.0, 0.0)).extract_surface(algorithm=None)
+    sphere = sphere.triangulate().clean()
+    points = np.asarray(sphere.points, dtype=np.float64)
+    radial = points / np.linalg.norm(points, axis=1)[:, None]
+    shell = Shell(1, 2e-4, 2.7e-4, 1e-4, points, sphere.regular_faces, radial if normals else None)
+    return ShellStack([shell], Air(), "custom")
+
+
+def test_a_sphere_stays_a_closed_sphere_with_radial_normals() -> None:
+    stack = ball()
+    (thin,) = decimate(stack, 600).shells
+    assert 560 <= len(thin.faces) <= 600
+    assert len(open_edges(thin.faces)) == 0
+    points = thin.vertices.astype(np.float64)
+    size = np.linalg.norm(points, axis=1)
+    # Triangles of the area of the sphere's 600th part have chords this far below the surface.
+    sag = np.pi * RADIUS_MM / (600 * np.sqrt(3) / 4)
+    assert np.abs(size - RADIUS_MM).max() < 2 * sag
+    cosine = np.einsum("ij,ij->i", thin.normals, points / size[:, None])
+    # As far as the facets of the sphere before turn between their vertices.
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.5 * 360 / 50
+    assert np.einsum("ij,ij->", area_vectors(points, thin.faces), points[thin.faces[:, 0]]) > 0
+
+
+def test_the_border_of_an_open_shell_stays() -> None:
+    stack = ball(half=True)
+    (thin,) = decimate(stack, 500).shells
+    border = thin.vertices[np.unique(open_edges(thin.faces))]
+    assert len(border) > 10
+    assert np.abs(border[:, 2]).max() < 0.05
+    assert np.hypot(border[:, 0], border[:, 1]) == pytest.approx(RADIUS_MM, rel=0.01)
+
+
+def test_every_shell_keeps_the_same_share() -> None:
+    (one,) = ball().shells
+    two = evolve(one, layer=2, ext=1e-4, int_=5e-5, vertices=0.5 * one.vertices)
+    stack = ShellStack([one, two], Air(), "custom")
+    thin = decimate(stack, 2000)
+    assert [shell.layer for shell in thin.shells] == [1, 2]
+    assert len(thin.shells[0].faces) == pytest.approx(1000, abs=20)
+    assert len(thin.shells[1].faces) == pytest.approx(1000, abs=20)
+    assert thin.rule == stack.rule
+
+
+def test_shells_without_normals_stay_without() -> None:
+    (thin,) = decimate(ball(normals=False), 600).shells
+    assert thin.normals is None
+    points = thin.vertices.astype(np.float64)
+    assert np.einsum("ij,ij->", area_vectors(points, thin.faces), points[thin.faces[:, 0]]) > 0
+
+
+def test_few_enough_triangles_are_left_alone() -> None:
+    stack = ball()
+    assert decimate(stack, stack.triangles) is stack
+
+
+def test_too_few_triangles_are_refused() -> None:
+    with pytest.raises(InputError, match=f"give at least {FEWEST}"):
+        decimate(ball(), FEWEST - 1)
