@@ -11,7 +11,7 @@ from .prepared import PreparedScene
 from .tracing import HIT_PART, RefractedHits
 
 WITNESSES = 9
-"""Lines by which the layer at a hit is counted where a ray did not end in the usual one."""
+"""Lines by which the layer at a hit is counted where one along the normal speaks against it."""
 
 
 def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any, Any]:
@@ -44,15 +44,30 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any,
     doubtful = dr.compress(hit & (~fits | silent))
     if dr.width(doubtful) > 0:
         number = np.array(doubtful)
-        near = prepared.layers_near(*_hits(prepared, refracted, number), lines=WITNESSES)
-        right = (np.abs(np.array(layer)[number] - near) < tables.half_step).any(axis=0)
+        quiet, found = np.array(silent)[number], np.array(layer)[number]
+        points, normals = _hits(prepared, refracted, number)
+        right = ~quiet
+        right[right] = _touches(prepared, points[right], normals[right], found[right], 1)[0]
+        rest = np.flatnonzero(~right)
+        right[rest], near = _touches(prepared, points[rest], normals[rest], found[rest], WITNESSES)
         # It has come all its way in the air before the wall then, through an open end.
-        astray = np.array(silent)[number] & ~right
+        astray = quiet[rest] & ~right[rest]
         steps, exact = np.array(missing), np.array(fits)
-        steps[number[astray]] = np.abs(near[0, astray] - tables.ambient)
-        exact[number] = right | astray
+        steps[number[rest[astray]]] = np.abs(near[astray] - tables.ambient)
+        exact[number] = right
+        exact[number[rest[astray]]] = True
         missing, fits = mi.Float64(aligned(steps)), mi.Bool(aligned(exact))
     return fits & (missing < open_steps + slack), missing < slack
+
+
+def _touches(
+    prepared: PreparedScene, points: Any, normals: Any, layer: Any, lines: int
+) -> tuple[Any, Any]:
+    """Whether layers touch the part at points, and the layers before it there, by so many lines."""
+    if len(points) == 0:
+        return np.zeros(0, dtype=bool), np.zeros(0)
+    near = prepared.layers_near(points, normals, lines=lines)
+    return (np.abs(layer - near) < prepared.tables.half_step).any(axis=0), near[0]
 
 
 def _hits(prepared: PreparedScene, refracted: RefractedHits, number: Any) -> tuple[Any, Any]:
