@@ -18,6 +18,8 @@ import numpy as np
 from attrs import evolve, field, frozen
 from numpy.typing import ArrayLike, NDArray
 
+from iriftrace.camera_check import check_camera
+from iriftrace.camera_pose import look_at as look_at
 from iriftrace.distortion import (
     Distortion,
     SeenField,
@@ -30,51 +32,6 @@ from iriftrace.distortion import (
 from iriftrace.errors import InputError
 
 FloatArray = NDArray[np.float64]
-
-PROJECTIONS = ("pinhole", "orthographic")
-
-
-def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> FloatArray:
-    """Pose of a camera that looks from one point at another.
-
-    Parameters
-    ----------
-    origin, target : (3,) array, mm, world
-    up : (3,) array, world
-        Direction that is up in the picture. When it is parallel to the line of sight, +y takes its
-        place (the limit of a camera that looks along +y while it rises).
-
-    Returns
-    -------
-    (4, 4) array
-        Camera to world; columns x right, y down, z forward, origin.
-
-    Raises
-    ------
-    InputError
-        If origin and target coincide or a value is not finite.
-    """
-    eye, aim, upward = (np.asarray(v, dtype=np.float64).reshape(3) for v in (origin, target, up))
-    if not all(np.isfinite(v).all() for v in (eye, aim, upward)):
-        raise InputError("A camera pose has a value that is not finite; give three numbers each.")
-    forward = aim - eye
-    distance = np.linalg.norm(forward)
-    if distance == 0.0:
-        raise InputError(
-            f"Camera origin and target are the same point {eye.tolist()}, so there is no line of "
-            "sight; move one of them."
-        )
-    forward = forward / distance
-    right = np.cross(forward, upward)
-    if np.linalg.norm(right) < 1e-9 * max(float(np.linalg.norm(upward)), 1e-300):
-        right = np.cross(forward, (0.0, 1.0, 0.0))
-    right = right / np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, 0] = right
-    matrix[:3, 1] = np.cross(forward, right)
-    matrix[:3, 2] = forward
-    matrix[:3, 3] = eye
-    return matrix
 
 
 def _pair(value: Sequence[float]) -> tuple[float, float]:
@@ -144,44 +101,8 @@ class Camera:
             object.__setattr__(self, "principal_point_px", centre)
         else:
             object.__setattr__(self, "principal_point_px", _pair(self.principal_point_px))
-        if self.projection not in PROJECTIONS:
-            raise InputError(f"Unknown projection '{self.projection}'; use one of {PROJECTIONS}.")
-        if self.projection == "pinhole" and not (
-            math.isfinite(self.focal_length_mm) and self.focal_length_mm > 0
-        ):
-            raise InputError(
-                f"Focal length is {self.focal_length_mm} mm, so no picture forms; "
-                "give a positive length."
-            )
-        if not all(math.isfinite(s) and s > 0 for s in self.sensor_mm):
-            raise InputError(
-                f"Sensor size is {self.sensor_mm[0]} x {self.sensor_mm[1]} mm, so no picture "
-                "forms; both must be positive."
-            )
-        if min(self.resolution) < 1:
-            raise InputError(
-                f"Resolution is {self.resolution[0]} x {self.resolution[1]} pixels; "
-                "both must be at least 1."
-            )
-        near, far = self.focus_mm
-        if not 0 <= near < far:
-            raise InputError(
-                f"Focus interval {near} to {far} mm is empty; the near distance must be at least 0 "
-                "and smaller than the far one."
-            )
-        rotation = self.matrix[:3, :3] if self.matrix.shape == (4, 4) else np.zeros((3, 3))
-        rigid = np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6)
-        if not (rigid and np.linalg.det(rotation) > 0 and np.isfinite(self.matrix).all()):
-            raise InputError(
-                "The camera pose is not a rigid motion (4 x 4, rotation and translation only); "
-                "remove scale and mirroring."
-            )
+        check_camera(self)
         if self.distortion is not None:
-            if self.projection != "pinhole":
-                raise InputError(
-                    f"A lens distortion is given for an {self.projection} camera, for which it is "
-                    "not defined; leave it out."
-                )
             _ = self.seen_field  # refuses a picture that the lens folds
 
     @property

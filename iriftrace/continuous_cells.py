@@ -9,7 +9,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
-from iriftrace.field_cells import cell_corners
+from iriftrace.field_cells import HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE, cell_corners
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -26,13 +26,13 @@ RANDOM_SHARE = 0.2
 
 # Faces of each cell type by VTK's corner numbers; quadrilaterals in cyclic order.
 _FACES: dict[int, tuple[tuple[int, ...], ...]] = {
-    10: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)),
-    12: (
+    TETRAHEDRON: ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)),
+    HEXAHEDRON: (
         *((0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4)),
         *((3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7)),
     ),
-    13: ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (0, 2, 5, 3)),
-    14: ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
+    WEDGE: ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (0, 2, 5, 3)),
+    PYRAMID: ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
 }
 
 OPPOSITE = np.array(((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)))

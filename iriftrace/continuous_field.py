@@ -17,7 +17,7 @@ from iriftrace.scene_wavelength import dispersion
 from iriftrace.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from iriftrace.field import IndexField
+    from iriftrace.index_field import IndexField
 
 FIELD_FILE = "field.npz"
 """Name of the field file beside a scene's XML."""
@@ -79,14 +79,9 @@ class FieldCells:
 
 def cells_of(field: IndexField) -> FieldCells:
     """What light needs of a field."""
-    from iriftrace.field_wall import inner_wall
-
-    numbered = field.grid.copy()
-    numbered.point_data["number"] = np.arange(field.grid.n_points)
-    inner = inner_wall(numbered)
     wall = np.zeros(field.grid.n_points, dtype=bool)
-    if inner.n_points:
-        wall[np.asarray(inner.point_data["number"])] = True
+    if field.wall.n_points:
+        wall[np.asarray(field.wall.point_data["number"])] = True
     return FieldCells(
         points=np.asarray(field.grid.points, dtype=np.float32),
         refractivity=field.refractivity,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from attrs import frozen
 
+from iriftrace import air_properties as air
 from iriftrace.errors import InputError
-from iriftrace.openfoam import air
 
 GRAVITY = 9.81
 """m/s2."""
@@ -39,6 +39,15 @@ class Convection:
     heat_flux: float
 
 
+def reference_temperature(wall_k: float, ambient_k: float) -> float:
+    """Temperature, K, at which gas at a hot wall is as good as one of constant properties.
+
+    E. M. Sparrow and J. L. Gregg, "The variable fluid-property problem in free convection",
+    Transactions of the ASME 80 (1958) 879.
+    """
+    return wall_k - _SPARROW_GREGG * (wall_k - ambient_k)
+
+
 def nusselt_horizontal_cylinder(
     diameter_mm: float,
     wall_k: float,
@@ -61,7 +70,7 @@ def nusselt_horizontal_cylinder(
 
     which they drew from solutions of the boundary layer in gases with variable properties, for
     ratios of T_wall to T_ambient from 1/4 to 4; a wall of 1100 degC in a room has 4.7. Air as in
-    `iriftrace.openfoam.air`.
+    `iriftrace.air_properties`.
 
     Parameters
     ----------
@@ -85,7 +94,7 @@ def nusselt_horizontal_cylinder(
             f"{pressure_pa:g} Pa gives no natural convection by this rule; the wall must be the "
             "hotter one and all numbers positive."
         )
-    reference = wall_k - _SPARROW_GREGG * (wall_k - ambient_k)
+    reference = reference_temperature(wall_k, ambient_k)
     diameter = diameter_mm * 1e-3
     conductivity = float(air.conductivity(reference))
     viscosity = float(air.viscosity(reference))

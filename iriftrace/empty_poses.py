@@ -9,12 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.errors import IriftraceWarning
+from iriftrace.ray_statistics import FEWEST_RAYS
 
 if TYPE_CHECKING:
     import xarray as xr
-
-FEWEST_RAYS = 100
-"""A pose with fewer good rays counts as empty."""
 
 
 def warn_of_empty_poses(dataset: xr.Dataset) -> None:

@@ -10,24 +10,38 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-CORNERS = {10: 4, 12: 8, 13: 6, 14: 5}
-"""Corners of the cell types handled here: tetrahedron, hexahedron, wedge, pyramid."""
+TETRAHEDRON, HEXAHEDRON, WEDGE, PYRAMID = 10, 12, 13, 14
+"""VTK's numbers of the cell types handled here."""
+
+CORNERS = {TETRAHEDRON: 4, HEXAHEDRON: 8, WEDGE: 6, PYRAMID: 5}
+"""Number of corners of the cell types handled here."""
+
+TETRAHEDRON_EDGES = np.array(((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)))
+"""Corners at both ends of the edges of a tetrahedron."""
+
+MIRRORED_CORNERS = {
+    TETRAHEDRON: (0, 2, 1, 3),
+    HEXAHEDRON: (0, 3, 2, 1, 4, 7, 6, 5),
+    WEDGE: (3, 4, 5, 0, 1, 2),
+    PYRAMID: (0, 3, 2, 1, 4),
+}
+"""Order of a cell's corners that turns it outside in, as a mirror does, or back again."""
 
 # Each cell is split in two mirrored ways that count half each. One way alone would favour one
 # diagonal of every quadrilateral and leave a first-order error even on regular hexahedra.
 _SPLITS: dict[int, tuple[tuple[int, int, int, int], ...]] = {
-    10: ((0, 1, 2, 3),),
-    12: (
+    TETRAHEDRON: ((0, 1, 2, 3),),
+    HEXAHEDRON: (
         *((0, 1, 3, 4), (1, 2, 3, 6), (1, 5, 4, 6), (3, 7, 6, 4), (1, 3, 4, 6)),
         *((0, 1, 2, 5), (0, 2, 3, 7), (0, 5, 7, 4), (2, 5, 6, 7), (0, 2, 7, 5)),
     ),
-    13: (
+    WEDGE: (
         *((0, 1, 2, 3), (1, 4, 5, 3), (1, 3, 5, 2)),
         *((0, 1, 2, 4), (0, 3, 4, 5), (0, 4, 5, 2)),
     ),
-    14: ((0, 1, 3, 4), (1, 2, 3, 4), (0, 1, 2, 4), (0, 2, 3, 4)),
+    PYRAMID: ((0, 1, 3, 4), (1, 2, 3, 4), (0, 1, 2, 4), (0, 2, 3, 4)),
 }
-_WAYS = {10: 1, 12: 2, 13: 2, 14: 2}
+_WAYS = {TETRAHEDRON: 1, HEXAHEDRON: 2, WEDGE: 2, PYRAMID: 2}
 
 
 def cell_corners(grid: Any) -> dict[int, tuple[IntArray, IntArray]]:

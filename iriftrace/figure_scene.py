@@ -42,9 +42,8 @@ def scene_figure(part: Part, shells: ShellStack, camera: Camera, path: str | Pat
 
     The half of the shells that faces the viewer is cut away along the vertical plane through the
     part's centre that is parallel to the camera's axis, so that the nesting shows. Colours are
-    linear in the air's refractivity, which falls by equal steps from shell to shell, and labelled
-    by temperature. Lines from the camera are the edges of its view; outlines lie at the near and
-    the far end of the focus interval.
+    linear in the air's refractivity and labelled by temperature. Lines from the camera are the
+    edges of its view; outlines lie at the near and the far end of the focus interval.
 
     Parameters
     ----------

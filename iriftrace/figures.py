@@ -9,22 +9,20 @@ from typing import Any, Literal
 import numpy as np
 from attrs import frozen
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from iriftrace.camera import Camera
 from iriftrace.displacement import good_mask
 from iriftrace.errors import InputError
 from iriftrace.exr import AovImage
 from iriftrace.field_origin import synthetic_mark
 from iriftrace.figure_file import check_png_name, write_png
 from iriftrace.figure_scale import Limits, colour_norm, round_ticks
+from iriftrace.figure_silhouettes import draw_silhouettes
+from iriftrace.figure_status import draw_without_displacement
 from iriftrace.status import Status
 
 FloatArray = NDArray[np.float64]
@@ -51,16 +49,6 @@ SCATTER = Shown(
     "displacement.std.norm", "Scatter over the ensemble", "Standard deviation of the displacement"
 )
 
-
-# Flat greys that differ from each other, from the white background and from the colour map.
-_OTHERS: dict[Status, tuple[str, str]] = {
-    Status.OUT_OF_FOCUS: ("0.84", "Out of focus"),
-    Status.BLOCKED: ("0.70", "Another object in the way"),
-    Status.REFRACTED_MISSED: ("0.10", "Refracted ray missed the part"),
-    Status.ONLY_REFRACTED: ("0.56", "Only the refracted ray hit"),
-    Status.INDEX_MISMATCH: ("0.42", "Index steps do not add up"),
-    Status.GAVE_UP: ("0.27", "Gave up (crossing limit)"),
-}
 
 _DPI = 200
 _WIDTH_IN = 8.0
@@ -141,7 +129,7 @@ def _displacement_figure(
     figure = Figure(figsize=(_WIDTH_IN, height), dpi=_DPI, layout=_layout())
     axes = figure.add_subplot()
     extent = (0, image.resolution[0], image.resolution[1], 0)
-    greys = _draw_others(axes, image.status, seen & ~good, extent)
+    greys = draw_without_displacement(axes, image.status, seen & ~good, extent)
     picture = axes.imshow(
         displacement,
         norm=colour_norm(limits),
@@ -149,7 +137,7 @@ def _displacement_figure(
         extent=extent,
         interpolation="nearest",
     )
-    _draw_silhouettes(axes, image, seen)
+    draw_silhouettes(axes, image, seen)
     axes.set(xlim=columns, ylim=rows[::-1], xlabel="Column (px)", ylabel="Row (px)")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
@@ -192,86 +180,6 @@ def _crop(seen: BoolArray) -> tuple[tuple[float, float], tuple[float, float]]:
     for used, size in zip(filled, seen.shape[::-1], strict=True):
         spans.append((float(max(used[0] - margin, 0)), float(min(used[-1] + 1 + margin, size))))
     return spans[0], spans[1]
-
-
-def _draw_others(
-    axes: Axes, status: NDArray[np.int64], others: BoolArray, extent: tuple[int, int, int, int]
-) -> list[Patch]:
-    """Paint the pixels without a displacement; return the entries of the legend."""
-    order = list(_OTHERS)
-    codes = np.full(status.shape, np.nan)
-    total = int((status != Status.MISSED).sum())
-    entries = []
-    for number, code in enumerate(order):
-        pixels = others & (status == code)
-        count = int(pixels.sum())
-        if count:
-            codes[pixels] = number
-            grey, label = _OTHERS[code]
-            text = f"{label}: {count:,} px ({_percent(count / total)})"
-            entries.append(Patch(facecolor=grey, edgecolor="0.3", linewidth=0.4, label=text))
-    axes.imshow(
-        codes,
-        norm=Normalize(-0.5, len(order) - 0.5),
-        cmap=ListedColormap([grey for grey, _ in _OTHERS.values()]),
-        extent=extent,
-        interpolation="nearest",
-    )
-    return entries
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f} %" if share >= 0.0005 else "< 0.1 %"
-
-
-def _draw_silhouettes(axes: Axes, image: AovImage, seen: BoolArray) -> None:
-    """Draw the pixel edges where the part ends or hides a farther piece of itself."""
-    distance, slope = _distance_and_slope(image)
-    face = image.channels["part.face"]
-    for axis in (0, 1):
-        ends = np.diff(seen, axis=axis)
-        one, other = _neighbours(face, axis)
-        apart = (one > 0) & (other > 0) & (one != other)
-        step = np.abs(np.diff(distance, axis=axis))
-        # A slanted surface steps by its slope; a silhouette by several times that.
-        hides = apart & (step > 5.0 * np.maximum(*_neighbours(slope, axis)))
-        axes.add_collection(
-            LineCollection(
-                list(_pixel_edges(ends | hides, axis)),
-                colors="0.15",
-                linewidths=0.8,
-                capstyle="projecting",
-            ),
-            autolim=False,
-        )
-
-
-def _neighbours(pixels: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    return (pixels[:-1], pixels[1:]) if axis == 0 else (pixels[:, :-1], pixels[:, 1:])
-
-
-def _distance_and_slope(image: AovImage) -> tuple[FloatArray, FloatArray]:
-    """Distance to the straight hit and its largest change to a pixel on the same plane, mm."""
-    camera = Camera.from_dict(image.header["camera"])
-    width, height = image.resolution
-    offset = image.vector("straight").reshape(-1, 3) - camera.origin
-    if camera.projection == "pinhole":
-        distance = np.linalg.norm(offset, axis=1).reshape(height, width)
-        pixel = distance / min(camera.focal_px)
-    else:
-        distance = (offset @ camera.forward).reshape(height, width)
-        pixel = np.full_like(distance, max(camera.pixel_pitch_mm))
-    # Near grazing incidence the tangent exceeds what the part's size allows; 85 degrees is enough.
-    incidence = np.minimum(image.channels["incidence.angle"].astype(np.float64), np.radians(85.0))
-    return distance, pixel * (0.1 + np.tan(incidence))
-
-
-def _pixel_edges(marked: BoolArray, axis: int) -> FloatArray:
-    """(n, 2, 2) array, px: ends (column, row) of the edges behind the marked pixels."""
-    row, column = np.nonzero(marked)
-    start = np.stack((column, row + 1) if axis == 0 else (column + 1, row), axis=1)
-    along = (1, 0) if axis == 0 else (0, 1)
-    return np.stack((start, start + along), axis=1).astype(np.float64)
 
 
 def _add_colour_bar(

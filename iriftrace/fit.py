@@ -10,7 +10,8 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
-from iriftrace.field import IndexField
+from iriftrace.index_field import IndexField
+from iriftrace.nearest_face import NearestFace
 from iriftrace.part import Part
 from iriftrace.transform import apply, parse_transform
 
@@ -56,6 +57,8 @@ class Fit:
         NaN for a field without an inner wall.
     wall_temperature_k
         Median temperature of the air at the wall, K; NaN when the part's surface has no data.
+    bare_share
+        Share of the part's area that lies off the field's wall; NaN without one.
     warnings
         One sentence for everything that does not fit.
     """
@@ -63,6 +66,7 @@ class Fit:
     gap_median_mm: float
     gap_p95_mm: float
     wall_temperature_k: float
+    bare_share: float
     warnings: tuple[str, ...]
 
 
@@ -99,7 +103,7 @@ def fit_part_to_field(
     if not has_wall:
         return _fit_without_wall(field, part, wall_temperature_k)
 
-    gaps = _distances(wall, part)
+    gaps = NearestFace(part.vertices, part.faces).distance(wall.points)
     # A wall that is nowhere closer than half its own size surrounds something else.
     if gaps.min() > 0.5 * min(_diagonal(target), _diagonal(part.bounds)):
         raise InputError(
@@ -122,21 +126,21 @@ def fit_part_to_field(
             + _advice(part.bounds, target)
         )
     # A part beside its cavity is bare too, but that has been said.
-    bare = 0.0 if messages else _bare_share(wall, part)
-    if bare > LARGEST_BARE_SHARE:
+    bare = _bare_share(wall, part)
+    if not messages and bare > LARGEST_BARE_SHARE:
         messages.append(
             f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
             "wall, so no hot air is known there and rays through it stay straight; mirror a field "
             "that was solved on a half or quarter, or check unit and axes."
         )
     messages += _temperature_message(temperature, wall_temperature_k)
-    return Fit(median, p95, temperature, tuple(messages))
+    return Fit(median, p95, temperature, bare, tuple(messages))
 
 
 def _bare_share(wall: pv.PolyData, part: Part) -> float:
     """Share of the part's area whose faces' centres are not near the wall."""
-    centres = pv.PolyData(part.vertices[part.faces].mean(axis=1))
-    distance = np.abs(centres.compute_implicit_distance(wall)["implicit_distance"])
+    faces = np.asarray(wall.regular_faces, dtype=np.int64)
+    distance = NearestFace(wall.points, faces).distance(part.face_centres)
     return float(part.face_areas[distance > LARGEST_GAP_MM].sum() / part.area)
 
 
@@ -152,6 +156,7 @@ def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -
         float("nan"),
         float("nan"),
         temperature,
+        float("nan"),
         (message, *_temperature_message(temperature, expected_k)),
     )
 
@@ -208,13 +213,6 @@ def _advice(part: FloatArray, target: FloatArray) -> str:
     if scale != 1.0:
         parts.insert(0, _SCALES[scale])
     return f"their boxes agree with {' and '.join(parts)}."
-
-
-def _distances(wall: pv.PolyData, part: Part) -> FloatArray:
-    """(n,) distances of the wall's points to the part's surface, mm."""
-    surface = pv.PolyData(part.vertices, np.insert(part.faces, 0, 3, axis=1).ravel())
-    measured = pv.PolyData(wall.points).compute_implicit_distance(surface)
-    return np.abs(np.asarray(measured.point_data["implicit_distance"], dtype=np.float64))
 
 
 def _box(points: FloatArray) -> FloatArray:

@@ -15,8 +15,8 @@ import OpenEXR
 from attrs import frozen
 from numpy.typing import NDArray
 
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
-from iriftrace.part_file import sha256_of
 
 FloatArray = NDArray[np.float64]
 

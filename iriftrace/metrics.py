@@ -21,6 +21,7 @@ from iriftrace.exr import AovImage
 from iriftrace.nearest import nearest_in_plane, nearest_in_space
 from iriftrace.part import Part
 from iriftrace.pose_rays import Bending, PoseRays, bending, rays_that_count
+from iriftrace.ray_statistics import FEWEST_RAYS, STATISTICS, root_mean_square, statistics
 from iriftrace.resolution import Spacing, pixel_grid, step_spacing
 from iriftrace.status import Status
 from iriftrace.whole_file import whole_file
@@ -28,14 +29,10 @@ from iriftrace.whole_file import whole_file
 SCHEMA = "iriftrace.pose/1"
 """Value of ``schema`` in the metrics."""
 
-FEWEST_RAYS = 100
-"""A metric of fewer good rays is null."""
-
 TIMES = ("load", "build", "straight", "refracted", "metrics", "write", "figures", "total")
 """Keys of ``time_s``."""
 
 _RAYS_PER_FACE = 4
-_STATISTICS = {"mean": None, "median": None, "p95": None, "max": None}
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -192,10 +189,10 @@ def _numbers(values: _Values | None, members: IntArray | slice, count: int) -> d
     """Metrics of some of the rays; all None when they are too few."""
     if values is None or count < FEWEST_RAYS:
         return {
-            "displacement_mm": {**_STATISTICS, "rms": None},
+            "displacement_mm": dict.fromkeys((*STATISTICS, "rms")),
             "displacement_lateral_mm": None,
             "displacement_axial_mm": None,
-            "shift_px": dict(_STATISTICS),
+            "shift_px": dict.fromkeys(STATISTICS),
             **dict.fromkeys(
                 f"{direction}_resolution_mm{reading}"
                 for reading in ("", "_nn3d", "_nnxy")
@@ -205,24 +202,14 @@ def _numbers(values: _Values | None, members: IntArray | slice, count: int) -> d
         }
     norm = values.bending.norm[members]
     return {
-        "displacement_mm": {**_statistics(norm), "rms": float(np.sqrt(np.mean(norm**2)))},
+        "displacement_mm": {**statistics(norm), "rms": root_mean_square(norm)},
         "displacement_lateral_mm": float(values.bending.lateral[members].mean()),
         "displacement_axial_mm": float(values.bending.axial[members].mean()),
-        "shift_px": _statistics(values.bending.shift[members]),
+        "shift_px": statistics(values.bending.shift[members]),
         **_resolution(values.step, members, ""),
         **_resolution(values.space, members, "_nn3d"),
         **_resolution(values.plane, members, "_nnxy"),
         "incidence_angle_deg": float(values.incidence[members].mean()),
-    }
-
-
-def _statistics(values: FloatArray) -> dict[str, float]:
-    median, p95 = np.percentile(values, (50, 95))
-    return {
-        "mean": float(values.mean()),
-        "median": float(median),
-        "p95": float(p95),
-        "max": float(values.max()),
     }
 
 

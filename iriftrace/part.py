@@ -106,6 +106,12 @@ class Part:
         return float(self.face_areas.sum())
 
     @cached_property
+    def volume(self) -> float:
+        """Volume inside a closed part, mm^3: the sum of the tetrahedra from its middle."""
+        a, b, c = (self.vertices - self.centre)[self.faces].transpose(1, 0, 2)
+        return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0
+
+    @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3) array, mm, world: lowest and highest coordinates."""
         used = self.vertices[self.faces.ravel()]

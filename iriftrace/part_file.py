@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import trimesh
 from attrs import frozen
 from numpy.typing import NDArray
 
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
 from iriftrace.regions import Regions
 from iriftrace.whole_file import whole_file
@@ -78,12 +78,6 @@ def load_mesh_file(path: Path) -> MeshFile:
         unit=unit,
         sha256=sha256_of(path),
     )
-
-
-def sha256_of(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _regions(path: Path, mesh: Any, face_count: int) -> Regions | None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from iriftrace.camera import Camera
+from iriftrace.checksum import sha256_of
 from iriftrace.ensemble.loaded import LoadedEnsemble
-from iriftrace.part_file import sha256_of
 from iriftrace.scene import LoadedScene
 
 ENGINES = {
@@ -34,7 +34,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
     source = table.get("source")
     ensemble = scene.ensemble
     sources = [source] if ensemble is None else [m.source for m in ensemble.members]
-    wavelength = (table.get("air") or {}).get("wavelength_nm")
+    wavelength = scene.wavelength_nm
     return {
         "version": version("iriftrace"),
         "scene": {

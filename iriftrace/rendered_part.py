@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
 from iriftrace.exr import AovImage
 from iriftrace.part import Part, read_part
-from iriftrace.part_file import sha256_of
 
 _NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
 

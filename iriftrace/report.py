@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from attrs import frozen
 
-from iriftrace.part_file import sha256_of
+from iriftrace.checksum import sha256_of
 from iriftrace.report_content import report_content
 from iriftrace.sweep_pictures import draw_sweep
 from iriftrace.whole_file import whole_file

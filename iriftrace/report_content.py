@@ -189,12 +189,18 @@ def _field(dataset: xr.Dataset, field: dict[str, Any]) -> str:
         scenes = json.loads(dataset.attrs.get("scenes", "[]"))
     except ValueError:
         scenes = []
-    several = [scene.get("field") or {} for scene in scenes if isinstance(scene, dict)]
+    several = [one for scene in scenes if isinstance(scene, dict) for one in _fields_of(scene)]
     fields = several if len(several) > 1 else [field]
     texts = [_file(one) + (f", {one['quantity']}" if one.get("quantity") else "") for one in fields]
     wavelength = dataset.attrs.get("wavelength_nm")
     light = f"; light of {float(wavelength):g} nm" if isinstance(wavelength, int | float) else ""
     return "; ".join(_distinct(texts)) + light
+
+
+def _fields_of(scene: dict[str, Any]) -> list[dict[str, Any]]:
+    """Fields of one scene: those of an ensemble's members, or its only one."""
+    members = [member.get("source") or {} for member in scene.get("members") or []]
+    return members or [scene.get("field") or {}]
 
 
 def _distinct(values: Any) -> list[str]:

@@ -1,13 +1,11 @@
-"""Scene folders: written from part, shells and camera; loaded into Mitsuba for tracing."""
+"""A scene's XML file, loaded into Mitsuba for tracing."""
 
 from __future__ import annotations
 
-import json
 import time
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -15,12 +13,15 @@ from numpy.typing import NDArray
 
 from iriftrace import runtime
 from iriftrace.camera import Camera
-from iriftrace.continuous_field import FIELD_FILE, save_field_file
+from iriftrace.continuous_field import FIELD_FILE
 from iriftrace.ensemble.loaded import LoadedEnsemble
 from iriftrace.ensemble.members import MEMBER, is_ensemble, member_folder, members_of
-from iriftrace.errors import InputError, IriftraceWarning
-from iriftrace.part import Part, read_part, save_part
-from iriftrace.scene_file import SceneFile, read_scene_file, readable
+from iriftrace.errors import InputError
+from iriftrace.part import Part, read_part
+from iriftrace.scene_air import field_table, shells_table_of, stated_index_rule, stated_normals
+from iriftrace.scene_file import read_scene_file, readable
+from iriftrace.scene_folder import SHELLS_FOLDER as SHELLS_FOLDER
+from iriftrace.scene_folder import write_scene as write_scene
 from iriftrace.scene_wavelength import (
     dispersion,
     of_the_file,
@@ -28,16 +29,7 @@ from iriftrace.scene_wavelength import (
     table_at,
     wanted_wavelength,
 )
-from iriftrace.scene_xml import PART_FILE, scene_xml, shell_shapes
-from iriftrace.shell_io import save_shells
-from iriftrace.shell_stack import ShellStack
-from iriftrace.whole_file import whole_file
 
-if TYPE_CHECKING:
-    from iriftrace.field import IndexField
-    from iriftrace.shell_report import ShellReport
-
-SHELLS_FOLDER = "shells"
 ENGINES = ("shells", "continuous")
 
 
@@ -90,89 +82,11 @@ class LoadedScene:
     integrator: Any = field(repr=False)
     ensemble: LoadedEnsemble | None = field(default=None, repr=False)
 
-
-def write_scene(
-    folder: str | Path,
-    part: Part,
-    shells: ShellStack,
-    camera: Camera,
-    *,
-    name: str = "scene.xml",
-    scale: float = 1.0,
-    normals: str = "gradient",
-    inside_hit: str = "refract",
-    report: Sequence[ShellReport] | None = None,
-    notes: Mapping[str, str] | None = None,
-    paraview: bool = True,
-    field: IndexField | None = None,
-) -> Path:
-    """Write a complete scene folder: XML, part, shells and what the continuous engine needs.
-
-    Parameters
-    ----------
-    folder : path
-        Created when missing; files of the same names are replaced.
-    part : Part
-    shells : ShellStack
-    camera : Camera
-        At its full resolution.
-    name : str
-        Name of the XML file.
-    scale : float
-        Default of the XML's parameter ``scale``, a factor on the resolution.
-    normals : str
-        Default of the XML's parameter ``normals``: ``"gradient"`` or ``"facet"``.
-    inside_hit : str
-        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
-    report : sequence of ShellReport, optional
-        Added to the shells' table.
-    notes : mapping of str, optional
-        What is known of the field, such as ``{"time": "snapshot"}``; kept beside the shells.
-    paraview : bool
-        Whether to write ``shells.vtm`` too.
-    field : IndexField, optional
-        Written too, as `continuous_field.FIELD_FILE`, for the continuous engine.
-
-    Returns
-    -------
-    Path
-        The XML file.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written or the camera is not a pinhole camera.
-    """
-    if camera.projection != "pinhole":
-        raise InputError(
-            "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
-            "hand."
-        )
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot make the folder {target}: {error.strerror}.") from error
-    save_part(part, target / PART_FILE)
-    files = save_shells(shells, target / SHELLS_FOLDER, report, notes=notes, paraview=paraview)
-    meshes = [path for path in files if path.suffix == ".ply"]
-    shapes = shell_shapes(shells, meshes, SHELLS_FOLDER)
-    origin = shells.source.origin if shells.source else ""
-    if field is not None:
-        save_field_file(field, target / FIELD_FILE)
-    with whole_file(target / name) as temporary:
-        temporary.write_text(
-            scene_xml(
-                camera,
-                scale,
-                normals,
-                shapes,
-                f"Field: {origin}" if origin else "",
-                inside_hit=inside_hit,
-            ),
-            encoding="utf-8",
-        )
-    return target / name
+    @property
+    def wavelength_nm(self) -> float | None:
+        """Wavelength of the light in vacuum, nm; None where no file of the scene states it."""
+        stated = (self.shells_table.get("air") or {}).get("wavelength_nm")
+        return None if stated is None else float(stated)
 
 
 def load_scene(
@@ -245,7 +159,7 @@ def _load_one(
     integrator = _integrator(scene.integrator(), engine, path, air / FIELD_FILE)
     if not scene.sensors():
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
-    table = _shells_table(file)
+    table = shells_table_of(file)
     wavelength = wanted_wavelength(values)
     if wavelength is not None:
         if integrator.engine == "continuous":
@@ -259,7 +173,7 @@ def _load_one(
     built = time.perf_counter()
     continuous = integrator.engine == "continuous"
     if continuous:
-        table = _field_table(integrator.air.cells, table, path)
+        table = field_table(integrator.air.cells, table, path)
     return LoadedScene(
         path=path,
         part=part,
@@ -269,10 +183,10 @@ def _load_one(
         engine=integrator.engine,
         normals=f"none, {integrator.gradient} gradient"
         if continuous
-        else _normals(integrator.normals, prepared.tables),
+        else stated_normals(integrator.normals, prepared.tables),
         index_rule="none, linear in each tetrahedron"
         if continuous
-        else _index_rule(path, table, prepared.tables),
+        else stated_index_rule(path, table, prepared.tables),
         shells_table=table,
         load_s=loaded - started,
         build_s=built - loaded,
@@ -308,67 +222,10 @@ def _integrator(own: Any, engine: str | None, path: Path, field_file: Path) -> A
     return mi.load_dict({**chosen, "trace_all": own.trace_all})
 
 
-def _field_table(cells: Any, shells: dict[str, Any], path: Path) -> dict[str, Any]:
-    """What the field's file says of air and source, and the notes beside the shells."""
-    theirs = (shells.get("source") or {}).get("sha256", cells.source["sha256"])
-    if theirs != cells.source["sha256"]:
-        warnings.warn(
-            f"The shells of {path} were made from another field than its field file, so the two "
-            "engines trace different air; write the scene again.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-    return {"air": cells.air, "source": cells.source, "notes": shells.get("notes")}
-
-
-def _normals(wanted: str, tables: Any) -> str:
-    if wanted == "facet" or not tables.has_normals:
-        return "facet"
-    without = len(tables.facet_shells)
-    return f"gradient, but facet for {without} of the shells" if without else wanted
-
-
-def _index_rule(path: Path, table: dict[str, Any], tables: Any) -> str:
-    """The table's rule, as long as the scene has the table's shells."""
-    rule: str | None = table.get("rule")
-    if rule is None:
-        return "not stated"
-    if tables.stock_shells:
-        return f"edited: {rule} shells as Mitsuba's dielectric"
-    pairs = tables.index_pairs
-    listed = [(1 + row["ext"], 1 + row["int"]) for row in table.get("shells", [])]
-    kept = sum(any(np.allclose(pair, own, rtol=0, atol=1e-12) for own in pairs) for pair in listed)
-    if kept == len(listed) == len(pairs):
-        return rule
-    warnings.warn(
-        f"{path} has {len(pairs)} shells, {kept} of the {len(listed)} that were made for it, so "
-        "the air is cut into other layers than the field asks for; results say that it was edited.",
-        IriftraceWarning,
-        stacklevel=3,
-    )
-    return f"edited: {kept} of {len(listed)} {rule} shells, {len(pairs) - kept} others"
-
-
 def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value) if isinstance(value, float) else str(value)
-
-
-def _shells_table(file: SceneFile) -> dict[str, Any]:
-    folders = {path.parent for path in file.shell_paths}
-    for folder in folders:
-        table = folder / "shells.json"
-        if table.is_file():
-            try:
-                content = json.loads(table.read_text(encoding="utf-8"))
-            except ValueError as error:
-                raise InputError(
-                    f"{table} is damaged ({error}); write the scene again, or remove the file "
-                    "(then results do not state the field)."
-                ) from error
-            return content if isinstance(content, dict) else {}
-    return {}
 
 
 def _check_same_part(part: Part, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:

@@ -214,5 +214,7 @@ def _has_normals(mesh: Path) -> bool:
         return True
     kind = mesh.suffix.lower()
     if kind == ".ply":
-        return b" nx" in mesh.read_bytes()[:4096].partition(b"end_header")[0]
+        head, end, _ = mesh.read_bytes()[:4096].partition(b"end_header")
+        # Mitsuba also says so of what is no PLY.
+        return b" nx" in head or not end
     return kind == ".obj" and b"\nvn " in mesh.read_bytes()

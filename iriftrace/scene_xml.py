@@ -10,9 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.camera import Camera
+from iriftrace.errors import InputError
 from iriftrace.shell_stack import ShellStack
 
 PART_FILE = "part.ply"
+
+
+def require_pinhole(camera: Camera) -> None:
+    """Refuse a camera that ``calibrated_camera`` is not.
+
+    Raises
+    ------
+    InputError
+    """
+    if camera.projection != "pinhole":
+        raise InputError(
+            "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
+            "hand."
+        )
 
 
 def scene_xml(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from iriftrace.air import Air
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
-from iriftrace.field import FieldSource
+from iriftrace.index_field import FieldSource
 from iriftrace.shell_levels import layers_between
 from iriftrace.shell_mesh import (
     Float32Array,
@@ -123,7 +123,7 @@ def import_shells(
         shells.append(Shell(k + 1, level, float(e[k]), float(e[k + 1]), vertices, faces, normals))
     source = FieldSource(
         path=str(path),
-        sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        sha256=sha256_of(path),
         array=soup.choice.name,
         quantity=soup.choice.quantity,
         length_unit=length_unit,

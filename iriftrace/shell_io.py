@@ -89,7 +89,7 @@ def load_shells(directory: str | Path) -> ShellStack:
     InputError
         The table or a mesh is missing, damaged or of another kind.
     """
-    from iriftrace.field import FieldSource
+    from iriftrace.index_field import FieldSource
 
     path = Path(directory) / TABLE
     try:

@@ -16,7 +16,7 @@ from iriftrace.surface_distance import Surface, gap
 if TYPE_CHECKING:
     import pyvista as pv
 
-    from iriftrace.field import IndexField
+    from iriftrace.index_field import IndexField
     from iriftrace.part import Part
     from iriftrace.shell_stack import Shell, ShellStack
 

@@ -15,7 +15,7 @@ from iriftrace.shell_levels import RULES
 from iriftrace.shell_mesh import AnyIntArray, Float32Array, FloatArray
 
 if TYPE_CHECKING:
-    from iriftrace.field import FieldSource
+    from iriftrace.index_field import FieldSource
 
 KINDS = (*RULES, "custom", "imported")
 

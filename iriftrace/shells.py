@@ -25,7 +25,7 @@ from iriftrace.shell_stack import Crumbs, Shell, ShellStack
 if TYPE_CHECKING:
     import pyvista as pv
 
-    from iriftrace.field import IndexField
+    from iriftrace.index_field import IndexField
 
 __all__ = [
     "Crumbs",
@@ -62,12 +62,12 @@ def contour_shells(
     ----------
     field : IndexField
     layers : int
-        Number of shells at equal steps; ignored when ``levels`` is given.
+        Number of shells; ignored when ``levels`` is given.
     index_range : (2,) tuple, optional
         n - 1 of the ambient and of the hottest air, so that studies over several fields use the
         same levels; by default the field's own.
     levels : sequence, optional
-        n - 1 of the surfaces, in any order, instead of equal steps. The layers follow from
+        n - 1 of the surfaces, in any order, instead of those of a rule. The layers follow from
         :func:`layers_between`.
     rule : str
         See :func:`index_levels`.

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
-from iriftrace.part_file import sha256_of
 
 if TYPE_CHECKING:
     import xarray as xr

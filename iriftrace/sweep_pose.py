@@ -14,6 +14,7 @@ from attrs import frozen
 
 from iriftrace import runtime
 from iriftrace.camera import Camera
+from iriftrace.checksum import sha256_of
 from iriftrace.continuous_field import FIELD_FILE
 from iriftrace.ensemble.members import (
     MEMBER,
@@ -24,7 +25,6 @@ from iriftrace.ensemble.members import (
 )
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.face_sightings import NOTHING_SEEN, FaceSightings, sight_faces
-from iriftrace.part_file import sha256_of
 from iriftrace.render import render_scene
 from iriftrace.scene import LoadedScene
 from iriftrace.scene_file import read_scene_file

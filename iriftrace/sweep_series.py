@@ -11,8 +11,8 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.camera import Camera
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
-from iriftrace.part_file import sha256_of
 from iriftrace.pose_set import PoseSet
 from iriftrace.scene import LoadedScene
 from iriftrace.sweep_pose import PoseResult, PoseTask, SceneSource, render_pose, source_of
@@ -66,7 +66,7 @@ def check_comparable(series: Sequence[Series]) -> None:
             raise InputError(
                 f"{names} were loaded with different variants; load both with the same."
             )
-        light = [_wavelength(s.scene) for s in (first, one)]
+        light = [s.scene.wavelength_nm for s in (first, one)]
         if None not in light and light[0] != light[1]:
             raise InputError(
                 f"{names} were made for light of {light[0]:g} and {light[1]:g} nm, which hot air "
@@ -77,11 +77,6 @@ def check_comparable(series: Sequence[Series]) -> None:
                 f"{names} have cameras that differ in more than pose and focal length, so that "
                 "their poses could not be compared; give both the same sensor."
             )
-
-
-def _wavelength(scene: LoadedScene) -> float | None:
-    wavelength = (scene.shells_table.get("air") or {}).get("wavelength_nm")
-    return None if wavelength is None else float(wavelength)
 
 
 def _sensor(camera: Camera) -> dict[str, Any]:

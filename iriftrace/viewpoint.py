@@ -12,7 +12,7 @@ from iriftrace.errors import InputError
 from iriftrace.shell_mesh import open_edges
 
 if TYPE_CHECKING:
-    from iriftrace.field import IndexField
+    from iriftrace.index_field import IndexField
     from iriftrace.part import Part
     from iriftrace.shell_stack import Shell, ShellStack
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from iriftrace import air_properties as air
 from iriftrace.convection import nusselt_horizontal_cylinder
 from iriftrace.errors import InputError
-from iriftrace.openfoam import air
 
 
 def test_air_at_room_temperature_is_that_of_the_tables() -> None:

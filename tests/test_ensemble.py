@@ -329,6 +329,7 @@ Spoil = Callable[[Path], Any]
         (lambda f: (f / "members" / "members.json").write_text("{}"), {}, "missing or damaged"),
         (lambda f: (f / "members" / "2" / "shells.xml").unlink(), {}, "member 2"),
         (lambda f: None, {"member": 3}, 'no member "3"; give -D member=1 to member=2'),
+        (lambda f: None, {"member": "./1"}, 'no member "./1"'),
     ],
 )
 def test_damaged_ensembles_are_refused(
@@ -360,6 +361,22 @@ def test_half_an_ensemble_leaves_the_old_one(tmp_path: Path) -> None:
     write_ensemble_scene(tmp_path, part, airs[:2], SLANTED, paraview=False)
     assert len(read_members(scene)) == 2
     assert not (tmp_path / "members" / "3").exists()
+
+
+@pytest.mark.parametrize("name", ["air.vtu", "1/air.vtu", "notes.txt"])
+def test_files_of_somebody_else_are_not_replaced(tmp_path: Path, name: str) -> None:
+    """Fields in a folder that happens to be called members."""
+    file = tmp_path / "members" / name
+    file.parent.mkdir(parents=True)
+    file.write_text("hours of simulation")
+    if name == "notes.txt":
+        (tmp_path / "members" / "members.json").write_text("{}")
+    part, stack = slab(1)
+    airs = [MemberAir("a", None, scaled(stack, share)) for share in (0.0, 0.1)]
+    with pytest.raises(InputError, match="holds other files"):
+        write_ensemble_scene(tmp_path, part, airs, SLANTED, paraview=False)
+    assert file.read_text() == "hours of simulation"
+    assert [path.name for path in tmp_path.iterdir()] == ["members"]
 
 
 # Sweeps ----------------------------------------------------------------------------------------
@@ -507,7 +524,7 @@ def test_a_span_of_times_makes_an_ensemble_of_these(
     assert alone.ensemble is None
     capsys.readouterr()
     assert main([*words, "-o", str(scene), "--time=2:3", *hot_block.CAMERA]) == 2
-    assert "no time from 2 to 3; t = 0; t = 0.5; t = 1" in capsys.readouterr().err
+    assert "no time from 2 to 3; it has t = 0; t = 0.5; t = 1" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("variant")
@@ -522,3 +539,34 @@ def test_several_files_become_an_ensemble(
     capsys.readouterr()
     assert main([*words, more[0], more[0], "-o", str(scene), *hot_block.CAMERA]) == 2
     assert "is given twice" in capsys.readouterr().err
+    other_way = f"--member={commanded / 'scene' / '..' / 'air_0.vtu'}"
+    assert main([*words, other_way, "-o", str(scene), *hot_block.CAMERA]) == 2
+    assert "is given twice" in capsys.readouterr().err
+
+
+def test_members_elsewhere_or_without_hot_air_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The message names the member, and nothing of a scene is left behind."""
+    grid = hot_block.air(4)
+    grid.save(tmp_path / "air.vtu")
+    far = grid.translate((500.0, 0.0, 0.0), inplace=False)
+    far.save(tmp_path / "far.vtu")
+    grid.point_data["T"] = np.full(grid.n_points, hot_block.AMBIENT)
+    grid.save(tmp_path / "cold.vtu")
+    hot_block.block().export(tmp_path / "block.stl")
+    before = sorted(tmp_path.iterdir())
+    words = ["scene", str(tmp_path / "air.vtu"), str(tmp_path / "block.stl"), "--layers=2"]
+    for name, message in (("far", "does not reach the part"), ("cold", "no hot air")):
+        member = f"--member={tmp_path / name}.vtu"
+        assert (
+            main([*words, member, f"--output={tmp_path / 'out' / 'scene.xml'}", *hot_block.CAMERA])
+            == 2
+        )
+        said = capsys.readouterr().err
+        assert message in said
+        assert f"{name}.vtu" in said
+    for span in ("a:b", "2:1", "1:"):
+        assert main([*words, f"--time={span}", "-o", str(tmp_path / "x" / "scene.xml")]) == 2
+        assert f'--time is "{span}"' in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == before

@@ -13,16 +13,22 @@ import trimesh
 from attrs import evolve
 from numpy.testing import assert_allclose
 
+from iriftrace import air_properties as gas
 from iriftrace.air import Air
 from iriftrace.cli import main
 from iriftrace.errors import InputError
 from iriftrace.field import FieldSource, IndexField, read_field
-from iriftrace.field_check import FieldCheck, check_field, horizontal_cylinder_diameter
-from iriftrace.field_check_lines import gradient_errors, share_through_open_sides
-from iriftrace.field_check_wall import wall_state
-from iriftrace.openfoam import air as gas
+from iriftrace.field_check import (
+    FieldCheck,
+    check_field,
+    gradient_errors,
+    horizontal_cylinder_diameter,
+    share_through_open_sides,
+    wall_state,
+)
 from iriftrace.part import Part, part_of_mesh, read_part
 from iriftrace.scenes import folder_of
+from iriftrace.shells import contour_shells
 from iriftrace.synthetic import AirMesh, SyntheticAir, air_mesh
 from tests.gears import gear
 
@@ -138,6 +144,15 @@ def test_open_ends_are_found_and_seen_from_above(
     assert share_through_open_sides(field, cylinder, np.array((0.0, 400.0, -50.0))) == 0.0
 
 
+def test_the_edge_is_open_where_the_outermost_shell_is(
+    simulated: tuple[IndexField, FieldCheck],
+) -> None:
+    """Rays count as ``open_boundary`` where they enter behind the first of the usual shells."""
+    field, check = simulated
+    outermost = contour_shells(field).temperature_k[0]
+    assert finding(check, "edge of the data")["limit_k"] == pytest.approx(outermost, abs=1e-6)
+
+
 def test_spoilt_fields_are_found_out(
     simulated: tuple[IndexField, FieldCheck], cylinder: Part
 ) -> None:
@@ -195,6 +210,19 @@ def test_command_prints_verdicts_and_writes_numbers(
     assert found["wall temperature"]["verdict"] == "bad"
     assert found["wall temperature"]["numbers"]["worst_k"] == pytest.approx(20.0, abs=0.01)
     assert found["Nusselt number"]["verdict"] == "-"
+
+
+def test_half_a_field_is_found_out(tmp_path: Path) -> None:
+    """Solved on one side of a plane through the block, and not mirrored."""
+    _, part = hot_block.save(tmp_path)
+    grid = hot_block.air()
+    half = grid.extract_cells(np.flatnonzero(np.asarray(grid.cell_centers().points)[:, 0] > 0.0))
+    half.save(tmp_path / "half.vtu")
+    check = check_field(read_field(tmp_path / "half.vtu"), read_part(part))
+    assert finding(check, "part in the field")["verdict"] == "bad"
+    assert finding(check, "part in the field")["covered"] == pytest.approx(0.5, abs=0.1)
+    whole = check_field(read_field(hot_block.save(tmp_path)[0]), read_part(part))
+    assert finding(whole, "part in the field")["covered"] == 1.0
 
 
 @pytest.mark.parametrize(

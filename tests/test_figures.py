@@ -14,7 +14,7 @@ import pyvista as pv
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm
 
-from iriftrace import figure_scene, figure_surfaces, figures
+from iriftrace import figure_scene, figure_status, figure_surfaces, figures
 from iriftrace.air import Air
 from iriftrace.camera import Camera, look_at
 from iriftrace.channels import CHANNELS
@@ -196,7 +196,7 @@ def test_greys_lie_on_their_pixels_and_differ() -> None:
     shown = colours[..., 3] > 0
     np.testing.assert_array_equal(shown, np.isin(status, [2, 5]))
     assert len(np.unique(colours[shown], axis=0)) == 2
-    assert len({grey for grey, _ in figures._OTHERS.values()}) == len(Status) - 2
+    assert len({grey for grey, _ in figure_status.GREYS.values()}) == len(Status) - 2
 
 
 def test_silhouettes_are_the_outline_and_the_step_in_depth() -> None:
@@ -271,7 +271,8 @@ def cube(tmp_path_factory: pytest.TempPathFactory) -> Part:
 def spheres(layers: int) -> ShellStack:
     """Concentric spheres of 20 to 40 mm between ambient and air of 1000 K."""
     air = Air()
-    surfaces, e = index_levels(air.ambient_refractivity, float(air.refractivity(1000.0)), layers)
+    hottest = float(air.refractivity(1000.0))
+    surfaces, e = index_levels(air.ambient_refractivity, hottest, layers, "midpoint")
     shells = []
     for number, radius in enumerate(np.linspace(40, 20, layers)):
         mesh = pv.Icosphere(radius=radius, nsub=3)

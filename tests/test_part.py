@@ -45,6 +45,7 @@ def test_bundled_cylinder_has_its_size_and_regions() -> None:
 def test_areas_normals_and_volume_of_a_box(box: Path) -> None:
     part = read_part(box)
     assert part.area == pytest.approx(2 * (10 * 20 + 20 * 30 + 30 * 10), rel=1e-6)
+    assert part.volume == pytest.approx(10 * 20 * 30, rel=1e-6)
     corners = part.vertices[part.faces]
     outward = np.einsum("ij,ij->i", corners.mean(axis=1) - part.centre, part.face_normals)
     assert (outward > 0).all()

@@ -17,6 +17,7 @@ from iriftrace.orbit import Orbit, orbit_poses
 from iriftrace.plan_table import front_text, ranking_table, stability_text
 from iriftrace.pose_text import pose_text
 from iriftrace.report import write_report
+from iriftrace.report_content import report_content
 from iriftrace.status import Status
 from iriftrace.sweep_pictures import Pictures
 from iriftrace.sweep_quantities import summarise
@@ -144,6 +145,17 @@ def test_setting_and_limits_are_complete(page: Page) -> None:
     ]
     assert ["3", "50 good rays, fewer than 100"] in page.tables[-1]
     assert "iriftrace 9.8.7 from sweep.nc" in page.text
+
+
+def test_every_field_of_an_ensemble_is_named() -> None:
+    """The sweep's own attribute names the first one only."""
+    table = sweep()
+    sources = [{"path": f"air_{k}.vtu", "sha256": f"{k}", "quantity": "density"} for k in (1, 2)]
+    members = [{"number": k, "source": source} for k, source in enumerate(sources, start=1)]
+    table.attrs["scenes"] = json.dumps([{"field": sources[0], "members": members}])
+    named = dict(report_content(table, summarise(table), 2).setting)["Field"]
+    assert "air_1.vtu" in named
+    assert "air_2.vtu" in named
 
 
 def test_a_winner_that_is_not_clear_is_said(tmp_path: Path) -> None:

@@ -20,10 +20,10 @@ from matplotlib.figure import Figure
 from sweep_tables import sweep_table, with_faces
 
 from iriftrace import sweep_scene_figure as sweep_scene_figure_module
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
 from iriftrace.orbit import Orbit, PoseSet, fibonacci_poses, joined, orbit_poses
 from iriftrace.part import Part, read_part
-from iriftrace.part_file import sha256_of
 from iriftrace.plan_weights import Weights
 from iriftrace.scenes import folder_of
 from iriftrace.status import Status

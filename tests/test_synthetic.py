@@ -216,6 +216,15 @@ def test_open_parts_and_endless_meshes_are_refused() -> None:
     air = synthetic_air(part)
     with pytest.raises(InputError, match="larger cell size"):
         air_mesh(air, AirMesh(cell_mm=0.02, sides_mm=5.0, height_mm=5.0))
+    for size in (AirMesh(1e-6, 5.0, 5.0), AirMesh(1.0, 1e12, 1e12)):
+        with pytest.raises(InputError, match="more than 4,000,000 tetrahedra"):
+            air_mesh(air, size)
+    with pytest.raises(InputError, match="Cells of 50 mm at the wall would miss"):
+        air_mesh(air, AirMesh(cell_mm=50.0, sides_mm=5.0, height_mm=5.0))
+    sheet = trimesh.creation.box((10.0, 10.0, 1e-3))
+    thin = synthetic_air(part_of_mesh(sheet.vertices, sheet.faces, name="sheet"), plume=0.0)
+    with pytest.raises(InputError, match=r"see nothing of sheet, which is 0\.001 mm thin"):
+        air_mesh(thin, AirMesh(cell_mm=0.7, sides_mm=2.0, height_mm=2.3))
     with pytest.raises(InputError, match="cell size is -1 mm"):
         AirMesh(cell_mm=-1.0, sides_mm=5.0, height_mm=5.0)
 

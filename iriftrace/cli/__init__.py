@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from importlib.metadata import version
 
@@ -10,6 +11,7 @@ from cyclopts import App, CycloptsError
 from iriftrace.cli.checks import sentence
 from iriftrace.cli.console import notes, out, show_warning
 from iriftrace.cli.field_commands import scene, shells
+from iriftrace.cli.options import with_negative_values
 from iriftrace.cli.render_commands import demo, metrics, render
 from iriftrace.errors import InputError, IriftraceError, IriftraceWarning
 
@@ -29,7 +31,12 @@ def main(arguments: list[str] | None = None) -> int:
         warnings.simplefilter("default", IriftraceWarning)
         warnings.showwarning = show_warning
         try:
-            app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+            app(
+                with_negative_values(sys.argv[1:] if arguments is None else arguments),
+                exit_on_error=False,
+                print_error=False,
+                result_action="return_value",
+            )
         except (IriftraceError, CycloptsError, OSError, MemoryError) as error:
             notes.print("[bold red]error:[/] ", end="")
             notes.print(sentence(error), markup=False, soft_wrap=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from cyclopts import CycloptsError, MissingArgumentError
 from cyclopts.exceptions import UnusedCliTokensError
@@ -85,8 +85,12 @@ def check_folder(folder: Path) -> None:
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not there.is_dir():
         raise InputError(f"Cannot use {folder} as a folder: {there} is a file; name another one.")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(f"The folder {there} may not be written; name another one.")
+    try:
+        # Permissions do not tell of file systems that are read-only or full.
+        with TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        raise InputError(f"The folder {there} may not be written; name another one.") from error
 
 
 def check_output(path: Path, suffix: str, example: str, *, make: bool = True) -> None:

@@ -47,11 +47,11 @@ def compare(
     figures
         Draw measured and simulated shifts and residuals.
     """
+    from iriftrace.checksum import sha256_of
     from iriftrace.comparison import compare_shift
     from iriftrace.comparison_report import comparison_report, write_comparison
     from iriftrace.exr import read_exr
     from iriftrace.measured_shift import read_measured_shift
-    from iriftrace.part_file import sha256_of
 
     check_input(image, measured)
     target = output or image.with_name(f"{image.stem}_comparison.json")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,9 +13,9 @@ from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions
 from iriftrace.cli.checks import check_field, removed_on_failure
-from iriftrace.cli.console import out, working
+from iriftrace.cli.console import out, show_warning, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, ShellOptions
-from iriftrace.cli.options import finite_numbers
+from iriftrace.cli.options import numbers
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -65,7 +66,8 @@ def members_given(paths: Sequence[Path], field_options: FieldOptions) -> list[Gi
     InputError
         A file is given twice, does not exist, or iso-surfaces are to make an ensemble.
     """
-    twice = [path for path in paths if paths.count(path) > 1]
+    files = [path.resolve() for path in paths]
+    twice = [path for path in paths if files.count(path.resolve()) > 1]
     if twice:
         raise InputError(f"{twice[0]} is given twice, so it would count twice; remove one.")
     if field_options.isosurfaces:
@@ -96,14 +98,23 @@ def _states(path: Path, when: str | None) -> tuple[Member, ...]:
         when = "latest"
     if when is None or when.strip() == EVERY_TIME:
         return members(path)
-    first, colon, last = when.partition(":")
-    if not colon:
+    if ":" not in when:
         return (member_at(path, when),)
-    begin, end = finite_numbers(f"{first},{last}", 2, "--time")
+    begin, end = _span(when)
     found = tuple(m for m in members(path) if m.time is not None and begin <= m.time <= end)
     if not found:
-        raise InputError(f"{path} has no time from {begin:g} to {end:g}; {listed(members(path))}.")
+        raise InputError(
+            f"{path} has no time from {begin:g} to {end:g}; it has {listed(members(path))}."
+        )
     return found
+
+
+def _span(when: str) -> list[float]:
+    """First and last time of --time FIRST:LAST."""
+    span = numbers(when, 2, "--time", ":")
+    if not span[0] <= span[1]:
+        raise InputError(f'--time is "{when}", but a span goes from an earlier to a later time.')
+    return span
 
 
 def make_ensemble(
@@ -118,21 +129,27 @@ def make_ensemble(
     normals: str,
     inside_hit: str,
     trim_mm: float | None,
+    wall_temperature_k: float | None,
 ) -> None:
     """Read field by field, write their shells, and say what was written."""
     from iriftrace.cli.output import print_camera
     from iriftrace.ensemble.scene_folder import MemberAir, write_ensemble_scene
+    from iriftrace.fit import fit_part_to_field
     from iriftrace.shell_report import report_shells
     from iriftrace.viewpoint import refuse_camera_inside
 
     table = _table(len(given))
     cameras: list[Camera] = []
+    told: dict[str, None] = {}
 
     def airs() -> Iterator[MemberAir]:
         for number, one in enumerate(given, start=1):
             with working(f"Member {number} of {len(given)}: {one.label}"):
-                volume = field_options.read(one.path, air.air(), part, one.member)
-                stack = shell_options.build(volume)
+                with _named(one):
+                    volume = field_options.read(one.path, air.air(), part, one.member)
+                    fit = fit_part_to_field(volume, part, wall_temperature_k=wall_temperature_k)
+                    stack = shell_options.build(volume)
+                told.update(dict.fromkeys(fit.warnings))
                 cameras[:] = cameras or [camera_options.camera(part, volume, stack)]
                 refuse_camera_inside(cameras[0].origin, part, stack, volume)
                 if trim_mm is not None:
@@ -157,6 +174,8 @@ def make_ensemble(
             inside_hit=inside_hit,
             notes=field_options.notes() | shell_options.notes(),
         )
+    for message in told:
+        show_warning(message, UserWarning)
     out.print(table)
     for origin in dict.fromkeys(member.source["origin"] for member in listed):
         if origin:
@@ -167,6 +186,17 @@ def make_ensemble(
         markup=False,
         soft_wrap=True,
     )
+
+
+@contextmanager
+def _named(one: GivenField) -> Iterator[None]:
+    """Name the member in an error that does not."""
+    try:
+        yield
+    except InputError as error:
+        if one.label in str(error):
+            raise
+        raise InputError(f"the member {one.label} cannot be used: {error}") from error
 
 
 def _table(count: int) -> Table:

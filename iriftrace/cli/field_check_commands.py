@@ -11,7 +11,7 @@ from iriftrace.cli.checks import check_field as check_field_file
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import out, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
-from iriftrace.cli.options import finite_numbers, quantity
+from iriftrace.cli.options import finite_numbers, optional_quantity
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -63,12 +63,8 @@ def check(
     if field_options.isosurfaces:
         raise InputError("Iso-surfaces have no air between them to be checked; give the volume.")
     camera = None if origin is None else finite_numbers(origin, 3, "--origin")
-    wall_k = (
-        None
-        if wall_temperature is None
-        else quantity(wall_temperature, "kelvin", "--wall-temperature")
-    )
-    diameter_mm = None if diameter is None else quantity(diameter, "mm", "--diameter")
+    wall_k = optional_quantity(wall_temperature, "kelvin", "--wall-temperature")
+    diameter_mm = optional_quantity(diameter, "mm", "--diameter")
     if diameter_mm is not None and not diameter_mm > 0.0:
         raise InputError(f"--diameter is {diameter}, but a cylinder's diameter is positive.")
     measured = part_options.read(part)

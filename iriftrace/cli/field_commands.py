@@ -140,6 +140,7 @@ def scene(
             normals=normals,
             inside_hit=inside_hit,
             trim_mm=None if trim is None else quantity(trim, "mm", "--trim"),
+            wall_temperature_k=part_options.hot_temperature_k(),
         )
         return
     stack, volume = _stack(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.options import Whole, numbers, quantity
+from iriftrace.cli.options import Whole, numbers, optional_quantity, quantity
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -294,9 +294,7 @@ class PartOptions:
             path,
             length_unit=self.length_unit,
             transform=None if self.part_transform is None else parse_transform(self.part_transform),
-            expansion=None
-            if self.expansion is None
-            else quantity(self.expansion, "1/kelvin", "--expansion"),
+            expansion=optional_quantity(self.expansion, "1/kelvin", "--expansion"),
             reference_temperature_k=reference,
             hot_temperature_k=self.hot_temperature_k(),
             region_angle_deg=self.region_angle,
@@ -304,5 +302,4 @@ class PartOptions:
 
     def hot_temperature_k(self) -> float | None:
         """Temperature of the hot part, K, where it is known."""
-        hot = self.hot_temperature
-        return None if hot is None else quantity(hot, "kelvin", "--hot-temperature")
+        return optional_quantity(self.hot_temperature, "kelvin", "--hot-temperature")

@@ -3,12 +3,31 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
 from iriftrace.errors import InputError
+
+# No option of the program begins with a digit.
+_NEGATIVE = re.compile(r"-\.?\d")
+
+
+def with_negative_values(words: Sequence[str]) -> list[str]:
+    """The command line with options joined to negative values: ``--ambient=-10 degC``.
+
+    Cyclopts knows -10 for a number, but takes -10 degC and -50,-100,120 for options.
+    """
+    joined: list[str] = []
+    for word in words:
+        takes = bool(joined) and joined[-1].startswith("--") and "=" not in joined[-1]
+        if takes and _NEGATIVE.match(word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def numbers(text: str, count: int, option: str, separator: str = ",") -> list[float]:
@@ -43,6 +62,11 @@ def quantity(text: str, unit: str, option: str) -> float:
     if unit == "kelvin" and value < 0.0:
         raise InputError(f"{option}: {text!r} is below absolute zero; check number and unit.")
     return value
+
+
+def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
+    """The same of an option that may be left out."""
+    return None if text is None else quantity(text, unit, option)
 
 
 def _whole(_type: Any, tokens: Sequence[Token]) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from iriftrace.cli.console import out, working
-from iriftrace.cli.options import Whole, quantity
+from iriftrace.cli.options import Whole, optional_quantity, quantity
 
 if TYPE_CHECKING:
     from iriftrace.part import Part
@@ -152,7 +152,7 @@ def gear(
     from iriftrace.parts.bevel_gear import bevel_gear
 
     _check(output)
-    width = None if face_width is None else quantity(face_width, "mm", "--face-width")
+    width = optional_quantity(face_width, "mm", "--face-width")
     with working("Making the gear"):
         made = bevel_gear(
             teeth,

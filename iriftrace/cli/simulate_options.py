@@ -8,7 +8,7 @@ from attrs import evolve, frozen
 from cyclopts import Group, Parameter
 
 from iriftrace.cli.field_options import PartOptions
-from iriftrace.cli.options import Whole, quantity
+from iriftrace.cli.options import Whole, optional_quantity, quantity
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -90,21 +90,20 @@ class SimulationOptions:
         ambient = quantity(self.ambient, "kelvin", "--ambient")
         wall.check(part, ambient)
         extents = np.ptp(part.bounds, axis=0)
-        cell = self.background_cell
         return Case(
             part=part,
             wall=wall,
             size=mesh_size(
                 self.resolution,
                 extents,
-                None if cell is None else quantity(cell, "mm", "--background-cell"),
+                optional_quantity(self.background_cell, "mm", "--background-cell"),
             ),
             times=natural_times(
                 float(extents.max()),
                 wall.hottest,
                 ambient,
-                end=_seconds(self.end_time, "--end-time"),
-                averaging=_seconds(self.average_time, "--average-time"),
+                end=optional_quantity(self.end_time, "second", "--end-time"),
+                averaging=optional_quantity(self.average_time, "second", "--average-time"),
                 snapshots=self.snapshots,
             ),
             ambient_k=ambient,
@@ -134,7 +133,3 @@ def hot_part(options: PartOptions, simulation: SimulationOptions) -> PartOptions
     if options.expansion is None or options.hot_temperature is not None:
         return options
     return evolve(options, hot_temperature=simulation.wall_temperature)
-
-
-def _seconds(text: str | None, option: str) -> float | None:
-    return None if text is None else quantity(text, "second", option)

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import out, working
 from iriftrace.cli.field_options import PartOptions
-from iriftrace.cli.options import quantity
+from iriftrace.cli.options import optional_quantity, quantity
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -77,14 +77,14 @@ def synthetic(
         part_options.read(part),
         wall_k=wall_k,
         ambient_k=ambient_k,
-        boundary_layer_mm=_length(boundary_layer, "--boundary-layer"),
+        boundary_layer_mm=optional_quantity(boundary_layer, "mm", "--boundary-layer"),
         plume=plume,
     )
     size = usual_mesh(air)
     wanted = {
-        "cell_mm": _length(cell_size, "--cell-size"),
-        "sides_mm": _length(sides, "--sides"),
-        "height_mm": _length(height, "--height"),
+        "cell_mm": optional_quantity(cell_size, "mm", "--cell-size"),
+        "sides_mm": optional_quantity(sides, "mm", "--sides"),
+        "height_mm": optional_quantity(height, "mm", "--height"),
     }
     size = evolve(size, **{key: value for key, value in wanted.items() if value is not None})
     with working("Meshing the air"):
@@ -96,10 +96,6 @@ def synthetic(
         markup=False,
         soft_wrap=True,
     )
-
-
-def _length(text: str | None, option: str) -> float | None:
-    return None if text is None else quantity(text, "mm", option)
 
 
 def _print_field(air: SyntheticAir, size: AirMesh, grid: pv.UnstructuredGrid) -> None:

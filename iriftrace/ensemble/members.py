@@ -20,7 +20,6 @@ FOLDER = "members"
 """Folder beside the scene's XML, with a folder for each member, named by its number."""
 
 TABLE = "members.json"
-SHELLS = "shells"
 INCLUDED = "shells.xml"
 SCHEMA = "iriftrace.members/1"
 
@@ -38,7 +37,7 @@ class FieldMember:
     time : float or None
         In the file's own unit, where it states one.
     source : dict
-        Its file; see `iriftrace.field.FieldSource`.
+        Its file; see `iriftrace.index_field.FieldSource`.
     """
 
     number: int
@@ -125,9 +124,11 @@ def members_of(scene: Path, values: Mapping[str, str]) -> tuple[FieldMember, ...
         return ()
     if MEMBER not in values:
         return read_members(scene)
-    if not (member_folder(scene, values[MEMBER]) / INCLUDED).is_file():
+    number = str(values[MEMBER])
+    # Another way to the same folder, ./1, would have results name a member that is not listed.
+    if not (number.isdecimal() and (member_folder(scene, number) / INCLUDED).is_file()):
         raise InputError(
-            f'{scene} has no member "{values[MEMBER]}"; give -D {MEMBER}=1 to '
+            f'{scene} has no member "{number}"; give -D {MEMBER}=1 to '
             f"{MEMBER}={len(read_members(scene))}, or leave it out to trace them all."
         )
     return ()

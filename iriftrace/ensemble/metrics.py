@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from iriftrace.channels import MEMBERS_CHANNEL
 from iriftrace.exr import AovImage
+from iriftrace.ray_statistics import FEWEST_RAYS, STATISTICS, root_mean_square, statistics
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-FEWEST_RAYS = 100
 
 
 def has_ensemble(image: AovImage) -> bool:
@@ -63,13 +62,6 @@ def ensemble_metrics(
 
 def _statistics(values: NDArray[Any]) -> dict[str, float | None]:
     if len(values) < FEWEST_RAYS:
-        return dict.fromkeys(("mean", "median", "p95", "max", "rms"))
+        return dict.fromkeys((*STATISTICS, "rms"))
     exact = values.astype(np.float64)
-    median, p95 = np.percentile(exact, (50, 95))
-    return {
-        "mean": float(exact.mean()),
-        "median": float(median),
-        "p95": float(p95),
-        "max": float(exact.max()),
-        "rms": float(np.sqrt(np.mean(exact**2))),
-    }
+    return {**statistics(exact), "rms": root_mean_square(exact)}

@@ -11,24 +11,23 @@ from typing import TYPE_CHECKING
 from attrs import asdict, frozen
 
 from iriftrace.camera import Camera
-from iriftrace.continuous_field import FIELD_FILE, save_field_file
 from iriftrace.ensemble.members import (
     FOLDER,
     INCLUDED,
     MEMBER,
-    SHELLS,
+    TABLE,
     FieldMember,
     write_members,
 )
 from iriftrace.errors import InputError
 from iriftrace.part import Part, save_part
-from iriftrace.scene_xml import PART_FILE, included_xml, scene_xml, shell_shapes
-from iriftrace.shell_io import save_shells
+from iriftrace.scene_folder import SHELLS_FOLDER, save_air
+from iriftrace.scene_xml import PART_FILE, included_xml, require_pinhole, scene_xml
 from iriftrace.shell_stack import ShellStack
 from iriftrace.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from iriftrace.field import IndexField
+    from iriftrace.index_field import IndexField
     from iriftrace.shell_report import ShellReport
 
 
@@ -78,7 +77,7 @@ def write_ensemble_scene(
     Parameters
     ----------
     folder, part, camera, name, scale, normals, inside_hit, notes, paraview
-        See `iriftrace.scene.write_scene`.
+        See `iriftrace.scene_folder.write_scene`.
     members : iterable of MemberAir
         At least two; one is in memory at a time.
 
@@ -91,14 +90,12 @@ def write_ensemble_scene(
     Raises
     ------
     InputError
-        There are fewer than two members, one has no source, or the folder cannot be written.
+        There are fewer than two members, one has no source, or the folder cannot be written or
+        holds files of somebody else where the members are to go.
     """
-    if camera.projection != "pinhole":
-        raise InputError(
-            "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
-            "hand."
-        )
+    require_pinhole(camera)
     scene = Path(folder) / name
+    _refuse_files_of_others(scene.parent / FOLDER)
     building = scene.parent / f".{FOLDER}.{os.getpid()}"
     try:
         building.mkdir(parents=True)
@@ -137,6 +134,18 @@ def write_ensemble_scene(
     return scene, listed
 
 
+def _refuse_files_of_others(folder: Path) -> None:
+    """The folder of the members is replaced as a whole."""
+    if not folder.exists():
+        return
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else {""}
+    if names and (TABLE not in names or not all(n.isdecimal() for n in names - {TABLE})):
+        raise InputError(
+            f"{folder} holds other files than those of an ensemble's scene, which would replace "
+            "them; give the scene a folder of its own."
+        )
+
+
 def _write_member(
     folder: Path,
     number: int,
@@ -151,14 +160,16 @@ def _write_member(
         )
     folder.mkdir()
     told = {**(notes or {}), "member": f"{number}: {member.label}"}
-    files = save_shells(
-        member.shells, folder / SHELLS, member.report, notes=told, paraview=paraview
-    )
-    meshes = [path for path in files if path.suffix == ".ply"]
-    if member.field is not None:
-        save_field_file(member.field, folder / FIELD_FILE)
-    with whole_file(folder / INCLUDED) as temporary:
+    shapes = save_air(
+        folder,
         # Files are looked for from the scene's folder, also those that an included file names.
-        shapes = shell_shapes(member.shells, meshes, f"{FOLDER}/{number}/{SHELLS}")
+        f"{FOLDER}/{number}/{SHELLS_FOLDER}",
+        member.shells,
+        member.field,
+        report=member.report,
+        notes=told,
+        paraview=paraview,
+    )
+    with whole_file(folder / INCLUDED) as temporary:
         temporary.write_text(included_xml(shapes), encoding="utf-8")
     return FieldMember(number, member.label, member.time, asdict(member.shells.source))

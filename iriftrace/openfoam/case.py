@@ -12,7 +12,7 @@ from attrs import field, frozen
 from iriftrace.errors import InputError
 from iriftrace.openfoam.domain import Domain, domain_around
 from iriftrace.openfoam.resolution import MeshSize
-from iriftrace.openfoam.symmetry import check_mirrors
+from iriftrace.openfoam.symmetry import check_mirrors, mirrored_points
 from iriftrace.openfoam.times import Times
 from iriftrace.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.part import Part
@@ -106,14 +106,33 @@ def stored_record(folder: Path) -> dict[str, Any] | None:
     """
     file = folder / RECORD
     if file.is_file():
-        stored: dict[str, Any] = json.loads(file.read_text())
-        return stored
+        return read_record(file)
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(
             f"the folder {folder} holds files that are no case of iriftrace, which would be "
             "overwritten; name an empty or a new one."
         )
     return None
+
+
+def read_record(file: Path) -> dict[str, Any]:
+    """What a file of ours in a case's folder says.
+
+    Raises
+    ------
+    InputError
+        It is damaged.
+    """
+    try:
+        stored = json.loads(file.read_text())
+    except ValueError as error:
+        stored = error
+    if not isinstance(stored, dict):
+        raise InputError(
+            f"{file}, in which is written what was done so far, is damaged ({stored}); delete the "
+            "folder, or name another one."
+        )
+    return stored
 
 
 def check_same(case: Case, stored: dict[str, Any], folder: Path) -> None:
@@ -153,8 +172,7 @@ def _check_mirrored_wall(case: Case) -> None:
     here = wall_temperature(case.wall, part, part.face_centres)
     for name in case.mirrors:
         axis = "xy".index(name)
-        other = part.face_centres.copy()
-        other[:, axis] = 2.0 * part.centre[axis] - other[:, axis]
+        other = mirrored_points(part.face_centres, axis, part.centre[axis])
         share = part.face_areas[np.abs(wall_temperature(case.wall, part, other) - here) > 1.0].sum()
         if share > 0.01 * part.area:
             raise InputError(

@@ -6,7 +6,8 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.openfoam.plume import plan_rectangles
+from iriftrace.errors import InputError
+from iriftrace.openfoam.footprint import plan_rectangles
 from iriftrace.openfoam.resolution import WALL_LEVEL, MeshSize
 from iriftrace.part import Part
 
@@ -18,6 +19,9 @@ _REFERENCE_LENGTH = 170.0
 
 _KEPT_SIDES, _KEPT_ABOVE = 60.0, 150.0
 """Part of it that the field's file keeps: the lines of sight pass there."""
+
+# A hundred times the cells that the finest resolution needs; all of them exist before any is cut.
+_MOST_CELLS = 1e7
 
 # Heights above the part's top at which the plume's temperature is watched, mm.
 _PROBES = (20.0, 60.0, 100.0, 150.0, 200.0)
@@ -81,6 +85,11 @@ def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float =
         Axes along which only the upper half is computed: "", "x", "y" or "xy".
     margin
         Factor on the air around the part.
+
+    Raises
+    ------
+    InputError
+        There would be too many cells.
     """
     low, high = part.bounds
     centre, half = part.centre, 0.5 * (high - low)
@@ -93,6 +102,7 @@ def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float =
     for axis, name in enumerate("xy"):
         if name in mirrors:
             down[axis] = 0.0
+    _check_count((up + down) / size.background, size)
     lower, upper = centre - down, centre + up
     h, wall = size.background, size.wall
     # Whole cells as well, so that the field ends in planes.
@@ -117,6 +127,15 @@ def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float =
         kept_lower=_triple(centre - kept_down),
         kept_upper=_triple(centre + kept_up),
     )
+
+
+def _check_count(cells: FloatArray, size: MeshSize) -> None:
+    if cells.prod() > _MOST_CELLS:
+        raise InputError(
+            f"the air would have {cells.prod():.2g} background cells of {size.background:g} mm, "
+            f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones "
+            "(--background-cell, --resolution)."
+        )
 
 
 def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, ...]:

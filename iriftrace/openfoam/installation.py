@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import subprocess
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from attrs import field, frozen
 
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import SetupError
 
 SOLVER = "buoyantPimpleFoam"
@@ -107,8 +107,7 @@ def mended_solver(installed: str) -> Path:
 
 def identity(program: str) -> str:
     """SHA-256 of a program."""
-    with Path(program).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return sha256_of(Path(program))
 
 
 def _which(name: str, environment: dict[str, str]) -> str | None:

@@ -12,7 +12,7 @@ import numpy as np
 import pyvista as pv
 from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 
-from iriftrace.openfoam.case import Case
+from iriftrace.openfoam.case import Case, read_record
 from iriftrace.openfoam.case_files import nonuniform, uniform, write_start
 from iriftrace.openfoam.commands import OpenFoamError, run_program
 from iriftrace.openfoam.installation import Installation
@@ -56,7 +56,7 @@ def make_mesh(
     """
     done = folder / _DONE
     if done.is_file():
-        return int(json.loads(done.read_text())["cells"])
+        return int(read_record(done)["cells"])
     shutil.rmtree(folder / "constant/polyMesh", ignore_errors=True)
     for what, program, arguments in _STEPS:
         say(f"Mesh: {what}")

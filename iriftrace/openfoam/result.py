@@ -10,9 +10,9 @@ import pyvista as pv
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from iriftrace.air_properties import temperature_of_density
 from iriftrace.errors import SetupError
 from iriftrace.field_origin import WALL_HEAT, state_origin
-from iriftrace.openfoam import air
 from iriftrace.openfoam.case import Case
 from iriftrace.openfoam.installation import SOLVER
 from iriftrace.openfoam.mesh import wall_patch
@@ -55,7 +55,7 @@ def write_mean(
     if "rhoMean" not in grid.point_data:
         raise SetupError(f"the case {folder} has no mean density at t = {moment:g} s.")
     density = np.asarray(grid.point_data["rhoMean"], dtype=np.float64)
-    kelvin = air.temperature_of_density(density, case.pressure_pa)
+    kelvin = temperature_of_density(density, case.pressure_pa)
     state = "" if steadiness is None else f", {steadiness.text}"
     how = f"density averaged over {averaged:.3g} s up to t = {moment:.3g} s{state}"
     whole = _whole(case, folder, grid, kelvin)

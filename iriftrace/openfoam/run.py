@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import time
 from collections.abc import Callable
@@ -12,18 +11,18 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.errors import InputError
-from iriftrace.openfoam.case import Case
+from iriftrace.openfoam.case import Case, read_record
 from iriftrace.openfoam.case_files import START_FILES, write_control, write_decomposition
 from iriftrace.openfoam.commands import OpenFoamError, run_program
 from iriftrace.openfoam.installation import SOLVER, Installation
 from iriftrace.openfoam.log import read_steps, tail
 from iriftrace.openfoam.steadiness import Steadiness, judge_steadiness
+from iriftrace.readers.openfoam_folders import processor_folders, time_folders
 from iriftrace.whole_file import whole_file
 
 _AVERAGED = "averaging.json"
 # OpenFOAM ends every complete file with it.
 _END_MARK = b"// ****"
-_PROCESSOR = re.compile(r"processor\d+")
 
 
 @frozen
@@ -88,19 +87,7 @@ def last_time(pieces: list[Path]) -> float:
 
 def pieces_of(folder: Path) -> list[Path]:
     """The folders of the processors, or the case's own where it was not taken apart."""
-    found = sorted(p for p in folder.iterdir() if p.is_dir() and _PROCESSOR.fullmatch(p.name))
-    return found or [folder]
-
-
-def time_folders(piece: Path) -> dict[float, Path]:
-    """Folders of a piece by their time, in its order."""
-    found = {}
-    for entry in piece.iterdir():
-        try:
-            found[float(entry.name)] = entry
-        except ValueError:
-            continue
-    return dict(sorted(found.items()))
+    return processor_folders(folder) or [folder]
 
 
 def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path]:
@@ -156,7 +143,7 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
     file = folder / _AVERAGED
     wanted = {"end": case.times.end, "averaging": case.times.averaging}
     if file.is_file():
-        stored = json.loads(file.read_text())
+        stored = read_record(file)
         if {key: stored[key] for key in wanted} == wanted and started >= stored["since"]:
             if case.times.snapshots not in (0, stored["snapshots"]):
                 raise InputError(

@@ -9,6 +9,7 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
+from iriftrace.nearest_face import NearestFace
 from iriftrace.part import Part
 from iriftrace.whole_file import whole_file
 
@@ -36,11 +37,8 @@ def distance_from(
     (n,) array
         mm.
     """
-    faces: Any = part.faces if chosen is None else part.faces[chosen]
-    surface = pv.PolyData.from_regular_faces(part.vertices, faces)
-    _, nearest = surface.find_closest_cell(points, return_closest_point=True)
-    distances: FloatArray = np.linalg.norm(points - nearest, axis=1)
-    return distances
+    faces = part.faces if chosen is None else part.faces[chosen]
+    return NearestFace(part.vertices, faces).distance(points)
 
 
 def write_surface(part: Part, path: Path) -> None:

@@ -7,6 +7,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
+from iriftrace.field_cells import MIRRORED_CORNERS
 from iriftrace.openfoam.surface import distance_from
 from iriftrace.part import Part
 
@@ -16,14 +17,6 @@ IntArray = NDArray[np.int64]
 _TOLERANCE = 5e-3
 """Share of the part's size by which the mirrored surface may lie beside it."""
 _SAMPLES = 2000
-
-# Corner numbers of each kind of cell that turn it outside in, which mirroring undoes.
-_TURNED = {
-    10: (0, 2, 1, 3),
-    12: (0, 3, 2, 1, 4, 7, 6, 5),
-    13: (3, 4, 5, 0, 1, 2),
-    14: (0, 3, 2, 1, 4),
-}
 
 
 def symmetric_axes(part: Part) -> str:
@@ -54,10 +47,16 @@ def _deviation(part: Part, name: str) -> float:
     points = np.concatenate((part.vertices[np.unique(part.faces)], part.face_centres))
     if len(points) > _SAMPLES:
         points = points[np.random.default_rng(0).choice(len(points), _SAMPLES, replace=False)]
-    mirrored = points.copy()
-    mirrored[:, axis] = 2.0 * part.centre[axis] - mirrored[:, axis]
     size = float(np.ptp(part.bounds, axis=0).max())
-    return float(distance_from(mirrored, part).max()) / size
+    image = mirrored_points(points, axis, part.centre[axis])
+    return float(distance_from(image, part).max()) / size
+
+
+def mirrored_points(points: FloatArray, axis: int, position: float) -> FloatArray:
+    """Mirror images of points, (n, 3) array, mm, at the plane across an axis at a position, mm."""
+    image = points.copy()
+    image[:, axis] = 2.0 * position - image[:, axis]
+    return image
 
 
 def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.UnstructuredGrid:
@@ -79,11 +78,10 @@ def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.U
     beside = np.flatnonzero(~in_plane)
     twin = np.arange(len(points))
     twin[beside] = len(points) + np.arange(len(beside))
-    image = points[beside].copy()
-    image[:, axis] = 2.0 * position - image[:, axis]
+    image = mirrored_points(points[beside], axis, position)
     cells: dict[int, IntArray] = {}
     for kind, corners in grid.cells_dict.items():
-        turned = twin[np.asarray(corners, dtype=np.int64)][:, list(_TURNED[int(kind)])]
+        turned = twin[np.asarray(corners, dtype=np.int64)][:, list(MIRRORED_CORNERS[int(kind)])]
         cells[int(kind)] = np.concatenate((corners, turned))
     whole = pv.UnstructuredGrid(cells, np.concatenate((points, image)))
     for name in grid.point_data:

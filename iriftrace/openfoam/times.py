@@ -11,6 +11,7 @@ _END, _AVERAGING_SHARE = 2.0, 0.25
 # The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
 _REFERENCE_HEAT, _REFERENCE_LENGTH = 3.68, 170.0
 _STAGES_WRITTEN = 4
+_MOST_SNAPSHOTS = 1000
 
 
 @frozen
@@ -42,9 +43,10 @@ class Times:
                 f"the field cannot be averaged over {self.averaging:g} s of {self.end:g} s; give a "
                 "positive time that is not longer than the end time."
             )
-        if self.snapshots < 0:
+        if not 0 <= self.snapshots <= _MOST_SNAPSHOTS:
             raise InputError(
-                f"there are no {self.snapshots} snapshots; give a positive number, or 0."
+                f"{self.snapshots} snapshots cannot be kept, each being a whole state on disk; "
+                f"give a number from 0 to {_MOST_SNAPSHOTS}."
             )
 
     @property
@@ -85,7 +87,17 @@ def natural_times(
         Temperatures of wall and air.
     end, averaging, snapshots
         As for `Times`.
+
+    Raises
+    ------
+    InputError
+        The air is not cooler than the wall, or as for `Times`.
     """
+    if not 0.0 < ambient_k < hottest_k:
+        raise InputError(
+            f"no air rises at a wall of {hottest_k:g} K in air of {ambient_k:g} K; check number "
+            "and unit of both."
+        )
     if end is None:
         heat = (hottest_k - ambient_k) / ambient_k
         length = max(1.0, longest_mm / _REFERENCE_LENGTH)

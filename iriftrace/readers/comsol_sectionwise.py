@@ -7,10 +7,10 @@ import re
 import numpy as np
 
 from iriftrace.errors import InputError
+from iriftrace.field_cells import TETRAHEDRON
 from iriftrace.readers.comsol_header import is_entry
 from iriftrace.readers.comsol_sections import Section, TextFile
 from iriftrace.readers.comsol_table import (
-    TETRAHEDRON,
     FloatArray,
     Table,
     box_cells,

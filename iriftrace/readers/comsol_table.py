@@ -10,13 +10,11 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
+from iriftrace.field_cells import HEXAHEDRON
 from iriftrace.readers.states import Column
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-TETRAHEDRON, HEXAHEDRON = 10, 12
-"""VTK's numbers of the two kinds of cells that text exports have."""
 
 
 @frozen(eq=False)
@@ -30,7 +28,7 @@ class Table:
         Of the results.
     values : (n, columns) array
     cells : tuple of int and (k, corners) array, or None
-        Kind of the cells, and their points; None for scattered points.
+        Kind of the cells (`field_cells`), and their points; None for scattered points.
     """
 
     points: FloatArray

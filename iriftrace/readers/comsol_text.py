@@ -11,12 +11,14 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field_arrays import quantity_of
+from iriftrace.field_cells import TETRAHEDRON
 from iriftrace.readers import comsol_sectionwise, comsol_spreadsheet
 from iriftrace.readers.comsol_sections import TextFile, text_file
-from iriftrace.readers.comsol_table import TETRAHEDRON, FloatArray, Table
-from iriftrace.readers.contents import Contents, State, chosen, sha256_of
+from iriftrace.readers.comsol_table import FloatArray, Table
+from iriftrace.readers.contents import Contents, State, chosen
 from iriftrace.readers.scattered import merged, tetrahedra_between
 from iriftrace.readers.states import Column, states_of, time_in
 
@@ -69,7 +71,7 @@ def read(path: Path, member: int | None) -> Contents:
         grid.point_data[name] = np.ascontiguousarray(column)
     return Contents(
         data=grid,
-        sha256=sha256_of([path]),
+        sha256=sha256_of(path),
         states=listed,
         member=number,
         length_unit=_length_unit(file),

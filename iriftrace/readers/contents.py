@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -67,15 +66,3 @@ def chosen(states: Sequence[State], member: int | None, path: Path) -> int:
             "of them."
         )
     return member
-
-
-def sha256_of(files: Sequence[Path], folder: Path | None = None) -> str:
-    """SHA-256 of a file, or of the list of the checksums of several in a folder."""
-    if folder is None:
-        (file,) = files
-        return hashlib.sha256(file.read_bytes()).hexdigest()
-    lines = [
-        f"{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.relative_to(folder).as_posix()}\n"
-        for file in files
-    ]
-    return hashlib.sha256("".join(lines).encode()).hexdigest()

@@ -9,7 +9,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
-from iriftrace.readers.scattered import EDGES
+from iriftrace.field_cells import TETRAHEDRON_EDGES as EDGES
 
 if TYPE_CHECKING:
     from iriftrace.part import Part

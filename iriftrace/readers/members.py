@@ -81,6 +81,10 @@ def member_at(path: str | Path, when: str) -> Member:
     by_label = [m for m in found if _plain(m.label) == _plain(word)]
     chosen = by_label or [m for m in found if _is_time(m, word)]
     if len(chosen) != 1:
+        if not found[0].label:
+            raise InputError(
+                f"{path} has no state {word!r}: it has {listed(found)}; leave --time out."
+            )
         what = "no state" if not chosen else "several states"
         raise InputError(
             f"{path} has {what} {word!r}; give latest, first or one of {listed(found)}."
@@ -90,7 +94,7 @@ def member_at(path: str | Path, when: str) -> Member:
 
 def listed(found: tuple[Member, ...]) -> str:
     """Labels of states for a message, the first and last ones of many."""
-    labels = [m.label or "its only one" for m in found]
+    labels = [m.label or "one state without a time" for m in found]
     if len(labels) > 12:
         labels = [*labels[:6], "...", *labels[-3:]]
     return "; ".join(labels)

@@ -14,10 +14,12 @@ from attrs import frozen
 from numpy.typing import NDArray
 from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 
+from iriftrace.checksum import sha256_of_list
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field_arrays import quantity_of
-from iriftrace.readers.contents import Contents, State, chosen, sha256_of
+from iriftrace.readers.contents import Contents, State, chosen
 from iriftrace.readers.openfoam_cells import VolumeMesh, split_polyhedra
+from iriftrace.readers.openfoam_folders import processor_folders, time_folders
 from iriftrace.readers.openfoam_points import PointSums, point_sums
 from iriftrace.readers.vtk_file import quietly
 
@@ -57,7 +59,7 @@ def read(path: Path, member: int | None) -> Contents:
     solver = _solver(case.folder)
     return Contents(
         data=_joined(pieces, path),
-        sha256=sha256_of(_files(case, case.times[number]), case.folder),
+        sha256=sha256_of_list(_files(case, case.times[number]), case.folder),
         states=listed,
         member=number,
         length_unit="m",
@@ -86,10 +88,7 @@ def _files(case: _Case, time: str) -> list[Path]:
 
 def _case(path: Path) -> _Case:
     folder = folder_of(path)
-    processors = sorted(
-        (p for p in folder.glob("processor*") if re.fullmatch(r"processor\d+", p.name)),
-        key=lambda p: int(p.name[9:]),
-    )
+    processors = processor_folders(folder)
     whole = _times(folder) if (folder / "constant/polyMesh").is_dir() else ()
     apart = _times(processors[0]) if processors else ()
     if whole and (float(whole[-1]) > 0.0 or not apart):
@@ -124,17 +123,11 @@ def _case(path: Path) -> _Case:
 
 def _times(folder: Path) -> tuple[str, ...]:
     """Names of the time folders with files in them, in the order of time, 0 only if alone."""
-    found = []
-    for entry in folder.iterdir():
-        if not entry.is_dir():
-            continue
-        try:
-            time = float(entry.name)
-        except ValueError:
-            continue
-        if np.isfinite(time) and any(file.is_file() for file in entry.iterdir()):
-            found.append((time, entry.name))
-    names = tuple(name for _, name in sorted(found))
+    names = tuple(
+        entry.name
+        for entry in time_folders(folder).values()
+        if any(file.is_file() for file in entry.iterdir())
+    )
     return tuple(name for name in names if float(name) != 0.0) or names
 
 
@@ -156,7 +149,10 @@ def _piece(folder: Path, time: str) -> tuple[VolumeMesh, PointSums]:
             f"The mesh of the case {folder} cannot be read; is constant/polyMesh complete?"
         )
     there = {file.name.removesuffix(".gz") for file in (folder / time).iterdir()}
-    damaged = there.intersection(n for n in named if quantity_of(n)).difference(grid.cell_data)
+    empty = {file.name for file in (folder / time).iterdir() if not file.stat().st_size}
+    # VTK passes over an empty file as if it were not there.
+    damaged = there.intersection(n for n in (*named, *empty) if quantity_of(n))
+    damaged = damaged.difference(grid.cell_data)
     if damaged:
         raise InputError(
             f"The file {folder / time / min(damaged)} cannot be read; a solver that was stopped "

@@ -9,7 +9,7 @@ import pyvista as pv
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.field_cells import cell_corners
+from iriftrace.field_cells import PYRAMID, TETRAHEDRON, cell_corners
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -74,7 +74,7 @@ def split_polyhedra(grid: Any) -> VolumeMesh:
     triangles, of_triangle = _fans(owner[others], starts[others], sizes[others], flat)
     tetrahedra = np.column_stack((triangles, apex[of_triangle]))
     points = np.concatenate((points, centroids))
-    for kind, new in ((10, tetrahedra), (14, pyramids)):
+    for kind, new in ((TETRAHEDRON, tetrahedra), (PYRAMID, pyramids)):
         new = _upright(points, new)
         cells[kind] = np.concatenate((cells[kind], new)) if kind in cells else new
     return VolumeMesh(points, {kind: c for kind, c in cells.items() if len(c)}, centres, polyhedra)

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError
 
 from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.field_cells import TETRAHEDRON_EDGES
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -22,9 +23,6 @@ _SAME_VALUE = 0.01
 # Tetrahedra whose longest edge is so many times what is usual at their corners bridge a notch in
 # the outer boundary.
 _BRIDGE = 5.0
-
-EDGES = np.array(((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)))
-"""Corners of the edges of a tetrahedron."""
 
 
 def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArray, FloatArray]:
@@ -91,7 +89,7 @@ def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
 
 def _bridges(points: FloatArray, tetrahedra: IntArray) -> NDArray[np.bool_]:
     """Mask of the tetrahedra that are much longer than what is usual at all of their corners."""
-    ends = np.sort(tetrahedra[:, EDGES], axis=2)
+    ends = np.sort(tetrahedra[:, TETRAHEDRON_EDGES], axis=2)
     edge, number = np.unique(ends[..., 0] * len(points) + ends[..., 1], return_inverse=True)
     first, second = np.divmod(edge, len(points))
     length = np.linalg.norm(points[first] - points[second], axis=1)
@@ -101,7 +99,7 @@ def _bridges(points: FloatArray, tetrahedra: IntArray) -> NDArray[np.bool_]:
     count = np.bincount(corner, minlength=len(points))
     start = np.concatenate(([0], np.cumsum(count)[:-1]))
     usual = each[order[np.minimum(start + count // 2, len(order) - 1)]]
-    longest = length[number.reshape(-1, len(EDGES))].max(axis=1)
+    longest = length[number.reshape(-1, len(TETRAHEDRON_EDGES))].max(axis=1)
     mask: NDArray[np.bool_] = longest > _BRIDGE * usual[tetrahedra].max(axis=1)
     return mask
 

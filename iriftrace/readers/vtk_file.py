@@ -9,8 +9,9 @@ from typing import Any, TypeVar
 import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkObject
 
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
-from iriftrace.readers.contents import Contents, State, chosen, sha256_of
+from iriftrace.readers.contents import Contents, State, chosen
 from iriftrace.readers.states import column_of, states_of, time_in
 
 # What pyvista and the XML parser behind its .pvd reader raise for damaged files.
@@ -41,7 +42,7 @@ def read(path: Path, member: int | None) -> Contents:
             return reader.read()
 
         origin = found[number][0] if len(found) > 1 else ""
-        return Contents(quietly(step, path), sha256_of([path]), found, number, origin=origin)
+        return Contents(quietly(step, path), sha256_of(path), found, number, origin=origin)
     data = quietly(lambda: pv.read(path), path)
     found = _states_in(data)
     number = chosen(found, member, path)
@@ -50,7 +51,7 @@ def read(path: Path, member: int | None) -> Contents:
         for block in blocks_of(data):
             for arrays in (block.point_data, block.cell_data):
                 _keep_state(arrays, label)
-    return Contents(data, sha256_of([path]), found, number, origin=label)
+    return Contents(data, sha256_of(path), found, number, origin=label)
 
 
 def quietly(work: Callable[[], Result], path: Path) -> Result:

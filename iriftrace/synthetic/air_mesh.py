@@ -76,8 +76,15 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
     Raises
     ------
     InputError
-        More than `MOST_CELLS` cells would be needed.
+        More than `MOST_CELLS` cells would be needed, or they are larger than the boundary layer or
+        pass over the part.
     """
+    if size.cell_mm > air.boundary_layer_mm:
+        raise InputError(
+            f"Cells of {size.cell_mm:g} mm at the wall would miss the boundary layer, which is "
+            f"{air.boundary_layer_mm:.3g} mm thick; give smaller ones (--cell-size), a fifth of it "
+            "by default."
+        )
     low, high = (np.array(bound, dtype=np.float64) for bound in air.part.bounds)
     low -= size.sides_mm
     high += size.sides_mm
@@ -100,4 +107,10 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
     def nearest(points: FloatArray) -> FloatArray:
         return air.distance.foot(points)
 
-    return cut_at_wall(mesh, air.distance.inside, nearest)
+    cut = cut_at_wall(mesh, air.distance.inside, nearest)
+    if not cut.on_wall.any():
+        raise InputError(
+            f"Cells of {size.cell_mm:.3g} mm at the wall see nothing of {air.part.path}, which is "
+            f"{np.ptp(air.part.bounds, axis=0).min():.3g} mm thin; give smaller ones (--cell-size)."
+        )
+    return cut

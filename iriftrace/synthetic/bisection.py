@@ -15,14 +15,13 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
+from iriftrace.field_cells import TETRAHEDRON_EDGES
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SizeAt = Callable[[FloatArray], FloatArray]
 """From points (n, 3), mm, to the wanted size of cells there (n,), mm."""
-
-_EDGES = np.array([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)])
 
 
 @frozen(eq=False)
@@ -54,6 +53,12 @@ def graded_tetrahedra(
     InputError
         More tetrahedra than `most` would be needed.
     """
+    too_many = InputError(
+        f"The air would need more than {most:,} tetrahedra; give a larger cell size at the wall, "
+        "or a smaller region."
+    )
+    if len(_KUHN) * float(_counts(low, high, coarsest_mm).prod()) > most:
+        raise too_many
     points, corners = _cubes(low, high, coarsest_mm)
     tag = np.full(len(corners), 3)
     wanted = size_at(points)
@@ -64,10 +69,7 @@ def graded_tetrahedra(
         if not chosen.any():
             return Tetrahedra(points, corners)
         if len(corners) + chosen.sum() > most:
-            raise InputError(
-                f"The air would need more than {most:,} tetrahedra; give a larger cell size at the "
-                "wall, or a smaller region."
-            )
+            raise too_many
         start = corners[chosen, 0]
         end = np.take_along_axis(corners[chosen], tag[chosen, None], axis=1)[:, 0]
         middle, new = middles.add(start, end, len(points))
@@ -91,7 +93,7 @@ class _Middles:
         """Whether any edge of each tetrahedron has been cut."""
         found = np.zeros(len(corners), dtype=bool)
         if len(self._keys):
-            for a, b in _EDGES:
+            for a, b in TETRAHEDRON_EDGES:
                 found |= self._place(_key(corners[:, a], corners[:, b]))[1]
         return found
 
@@ -118,6 +120,8 @@ class _Middles:
 
 
 _MOST_POINTS = 1 << 31
+# Orders of the axes along which the six tetrahedra of a cube go from corner to corner.
+_KUHN = tuple(permutations(range(3)))
 
 
 def _key(a: IntArray, b: IntArray) -> IntArray:
@@ -139,20 +143,26 @@ def _halves(corners: IntArray, tag: IntArray, middle: IntArray) -> tuple[IntArra
 def _size(points: FloatArray, corners: IntArray) -> FloatArray:
     """Edge of the cube whose diagonal is the longest edge of a tetrahedron, mm."""
     square = np.zeros(len(corners))
-    for a, b in _EDGES:
+    for a, b in TETRAHEDRON_EDGES:
         edge = points[corners[:, a]] - points[corners[:, b]]
         np.maximum(square, np.einsum("ij,ij->i", edge, edge), out=square)
     return np.sqrt(square / 3.0)
 
 
+def _counts(low: FloatArray, high: FloatArray, edge: float) -> FloatArray:
+    """Cubes along each axis, (3,) array; as float, for numbers that no integer holds."""
+    counts: FloatArray = np.maximum(np.ceil((high - low) / edge - 1e-9), 1.0)
+    return counts
+
+
 def _cubes(low: FloatArray, high: FloatArray, edge: float) -> tuple[FloatArray, IntArray]:
     """Cubes that cover a box, each cut into six tetrahedra along one diagonal (Kuhn)."""
-    count = np.maximum(np.ceil((high - low) / edge - 1e-9).astype(np.int64), 1)
+    count = _counts(low, high, edge).astype(np.int64)
     start = 0.5 * (low + high) - 0.5 * edge * count
     axes = [start[k] + edge * np.arange(count[k] + 1) for k in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     stride = np.array(((count[1] + 1) * (count[2] + 1), count[2] + 1, 1))
     cells = np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1).reshape(-1, 3)
     corner = cells @ stride
-    paths = [np.cumsum([0, *stride[list(order)]]) for order in permutations(range(3))]
+    paths = [np.cumsum([0, *stride[list(order)]]) for order in _KUHN]
     return points, np.concatenate([corner[:, None] + path for path in paths])

@@ -10,8 +10,8 @@ import pyvista as pv
 
 from iriftrace.air import Air
 from iriftrace.errors import InputError
-from iriftrace.field import FieldSource, IndexField
 from iriftrace.field_origin import state_origin
+from iriftrace.index_field import FieldSource, IndexField
 from iriftrace.synthetic.air_mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.synthetic.model import SyntheticAir
 from iriftrace.whole_file import whole_file

@@ -6,10 +6,11 @@ import numpy as np
 from attrs import Attribute, field, frozen
 from numpy.typing import ArrayLike, NDArray
 
+from iriftrace.convection import reference_temperature
 from iriftrace.errors import InputError
 from iriftrace.part import Part
 from iriftrace.synthetic.plume import Plume, plume_above
-from iriftrace.synthetic.wall_distance import WallDistance
+from iriftrace.wall_distance import WallDistance
 
 FloatArray = NDArray[np.float64]
 
@@ -17,6 +18,14 @@ _KNOWN_LAYER_MM = 7.7
 _KNOWN_SIZE_MM = 27.0
 _KNOWN_EXCESS_K = 1080.0
 _KNOWN_REFERENCE_K = 962.75
+
+
+def _require_hotter_wall(wall_k: float, ambient_k: float) -> None:
+    if not 0.0 < ambient_k < wall_k:
+        raise InputError(
+            f"The ambient air has {ambient_k:g} K and the wall {wall_k:g} K, but only a wall that "
+            "is hotter than the room has hot air around it; check both."
+        )
 
 
 @frozen(eq=False)
@@ -65,11 +74,7 @@ class SyntheticAir:
 
     @ambient_k.validator
     def _check_ambient(self, _: Attribute[float], value: float) -> None:
-        if not 0.0 < value < self.wall_k:
-            raise InputError(
-                f"The ambient air has {value:g} K and the wall {self.wall_k:g} K, but only a wall "
-                "that is hotter than the room has hot air around it; check both."
-            )
+        _require_hotter_wall(self.wall_k, value)
 
     @boundary_layer_mm.validator
     def _check_layer(self, _: Attribute[float], value: float) -> None:
@@ -160,16 +165,10 @@ def laminar_boundary_layer_mm(part: Part, wall_k: float, ambient_k: float) -> fl
     :math:`T_r = T_w - 0.38\,\Delta T`, and D four times the part's volume over its area; scaled
     from the 7.7 mm beside a cylinder of 27 mm at 1100 degC in a room of 20 degC (simulation).
     """
-    if not 0.0 < ambient_k < wall_k:
-        raise InputError(
-            f"The ambient air has {ambient_k:g} K and the wall {wall_k:g} K, but only a wall that "
-            "is hotter than the room has hot air around it; check both."
-        )
-    corners = part.vertices[part.faces]
-    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    size = 4.0 * abs(float(volume)) / part.area
+    _require_hotter_wall(wall_k, ambient_k)
+    size = 4.0 * part.volume / part.area
     excess = wall_k - ambient_k
-    reference = wall_k - 0.38 * excess
+    reference = reference_temperature(wall_k, ambient_k)
     return float(
         _KNOWN_LAYER_MM
         * (size / _KNOWN_SIZE_MM * _KNOWN_EXCESS_K / excess) ** 0.25

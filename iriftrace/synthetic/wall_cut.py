@@ -9,6 +9,7 @@ import pyvista as pv
 from attrs import frozen
 from numpy.typing import NDArray
 
+from iriftrace.field_cells import MIRRORED_CORNERS, PYRAMID, TETRAHEDRON, TETRAHEDRON_EDGES, WEDGE
 from iriftrace.synthetic.bisection import Tetrahedra
 
 FloatArray = NDArray[np.float64]
@@ -18,16 +19,12 @@ BoolArray = NDArray[np.bool_]
 Inside = Callable[[FloatArray], BoolArray]
 Nearest = Callable[[FloatArray], FloatArray]
 
-_TETRAHEDRON, _WEDGE, _PYRAMID = 10, 13, 14
-
 # A corner nearer to the wall than this share of its shortest edge is moved onto it, which keeps
 # slivers out (Labelle and Shewchuk, "Isosurface stuffing", 2007).
 _SNAP = 0.25
 
 # Halvings of an edge until its end on the wall is known to 1e-9 of its length.
 _HALVINGS = 30
-
-_PAIRS = [(a, b) for a in range(4) for b in range(4) if a < b]
 
 
 @frozen(eq=False)
@@ -68,7 +65,7 @@ def cut_at_wall(mesh: Tetrahedra, inside: Inside, nearest: Nearest) -> CutMesh:
     everywhere = np.concatenate((points, cut_at))
     on_wall = np.concatenate((side == 0, np.ones(len(cut_at), dtype=bool)))
     cells = _pieces(corners[crossing], sign[crossing], ends, len(points))
-    cells[_TETRAHEDRON] = np.concatenate((corners[~crossing], cells[_TETRAHEDRON]))
+    cells[TETRAHEDRON] = np.concatenate((corners[~crossing], cells[TETRAHEDRON]))
     return _assembled(everywhere, cells, on_wall)
 
 
@@ -79,7 +76,7 @@ def _snap(points: FloatArray, corners: IntArray, side: IntArray, nearest: Neares
     if not len(crossed):
         return
     shortest = np.full(len(points), np.inf)
-    for a, b in _PAIRS:
+    for a, b in TETRAHEDRON_EDGES:
         length = np.linalg.norm(points[crossed[:, a]] - points[crossed[:, b]], axis=1)
         for end in (a, b):
             np.minimum.at(shortest, crossed[:, end], length)
@@ -142,20 +139,14 @@ def _pieces(corners: IntArray, sign: IntArray, ends: IntArray, first: int) -> di
         pieces(case(3, 0), 0, 1, 2, (0, 3), (1, 3), (2, 3)),
     ]
     return {
-        _TETRAHEDRON: np.concatenate(tetrahedra),
-        _WEDGE: np.concatenate(wedges),
-        _PYRAMID: pieces(case(2, 1), 0, 1, (1, 3), (0, 3), 2),
+        TETRAHEDRON: np.concatenate(tetrahedra),
+        WEDGE: np.concatenate(wedges),
+        PYRAMID: pieces(case(2, 1), 0, 1, (1, 3), (0, 3), 2),
     }
 
 
-# Corners of a cell with the other handedness.
-_MIRRORED = {
-    _TETRAHEDRON: (0, 2, 1, 3),
-    _WEDGE: (3, 4, 5, 0, 1, 2),
-    _PYRAMID: (0, 3, 2, 1, 4),
-}
 # Three edges from a corner that a cell of VTK's handedness has right-handed.
-_EDGES_OF = {_TETRAHEDRON: (1, 2, 3), _WEDGE: (1, 2, 3), _PYRAMID: (1, 3, 4)}
+_EDGES_OF = {TETRAHEDRON: (1, 2, 3), WEDGE: (1, 2, 3), PYRAMID: (1, 3, 4)}
 
 
 def _assembled(points: FloatArray, cells: dict[int, IntArray], on_wall: BoolArray) -> CutMesh:
@@ -168,7 +159,7 @@ def _assembled(points: FloatArray, cells: dict[int, IntArray], on_wall: BoolArra
             continue
         edges = [points[cell[:, k]] - points[cell[:, 0]] for k in _EDGES_OF[kind]]
         left = np.einsum("ij,ij->i", np.cross(edges[0], edges[1]), edges[2]) < 0.0
-        cell = np.where(left[:, None], cell[:, _MIRRORED[kind]], cell)
+        cell = np.where(left[:, None], cell[:, MIRRORED_CORNERS[kind]], cell)
         lists.append(np.insert(number[cell], 0, cell.shape[1], axis=1).ravel())
         kinds.append(np.full(len(cell), kind, dtype=np.uint8))
     grid = pv.UnstructuredGrid(np.concatenate(lists), np.concatenate(kinds), points[used])

@@ -163,6 +163,13 @@ def test_same_case_goes_on_and_another_one_is_refused(case: Case, tmp_path: Path
     assert json.loads((folder / RECORD).read_text())["wall_k"] == WALL
 
 
+@pytest.mark.parametrize("damage", ["", "{", "[1]"])
+def test_damaged_record_is_refused(case: Case, tmp_path: Path, damage: str) -> None:
+    (tmp_path / RECORD).write_text(damage)
+    with pytest.raises(InputError, match=f"{RECORD}.* is damaged"):
+        prepare(case, tmp_path)
+
+
 def test_folder_of_somebody_else_is_not_touched(case: Case, tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(InputError, match="no case of iriftrace"):

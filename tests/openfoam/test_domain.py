@@ -9,7 +9,7 @@ from foam_parts import part_from
 
 from iriftrace.errors import InputError
 from iriftrace.openfoam.domain import domain_around
-from iriftrace.openfoam.plume import plan_rectangles
+from iriftrace.openfoam.footprint import plan_rectangles
 from iriftrace.openfoam.resolution import RESOLUTIONS, mesh_size
 from iriftrace.part import Part
 

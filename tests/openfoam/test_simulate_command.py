@@ -76,6 +76,10 @@ def test_symmetric_part_is_pointed_out(folder: Path, capsys: pytest.CaptureFixtu
         (("--margin=nan",), "margin of nan"),
         (("--field=field.vtk",), "must end in .vtu"),
         (("--pressure=1 mbar",), "air pressure of 100 Pa"),
+        (("--ambient=0 K",), "in air of 0 K"),
+        (("--ambient", "-300 degC"), "below absolute zero"),
+        (("--background-cell=0.01 mm",), "background cells of 0.01 mm"),
+        (("--snapshots=100000",), "100000 snapshots cannot be kept"),
     ],
 )
 def test_wrong_input_is_one_sentence(

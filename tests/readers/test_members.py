@@ -63,6 +63,8 @@ def test_a_plain_file_has_one_state(tmp_path: Path) -> None:
     (member,) = members(tmp_path / "f.vtu")
     assert (member.label, member.time) == ("", None)
     assert read_field(tmp_path / "f.vtu", member=0).source.origin == ""
+    with pytest.raises(InputError, match="no state '3': it has one state without a time; leave"):
+        member_at(tmp_path / "f.vtu", "3")
 
 
 @pytest.mark.parametrize(

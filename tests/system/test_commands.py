@@ -201,7 +201,8 @@ def test_shells_with_a_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     np.testing.assert_allclose(column(table, "refractivity"), (e[1:] + e[:-1]) / 2, rtol=1e-12)
     assert column(table, "closed").all()
     # T falls linearly with the distance to the block. The distance is convex, so that between the
-    # grid's points it is overestimated and each shell lies nearer, by less than two fifths of a cell.
+    # grid's points it is overestimated and each shell lies nearer, by less than two fifths of a
+    # cell.
     share = (column(table, "temperature_k") - hot_block.AMBIENT) / (
         hot_block.WALL - hot_block.AMBIENT
     )

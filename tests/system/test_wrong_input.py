@@ -210,6 +210,13 @@ def test_outputs(fails: Failing, hot: HotBlock, tmp_path: Path, line: str, words
     assert re.search(words, fails(*shlex.split(line.format(**names))))
 
 
+def test_negative_values_need_no_equals_sign(fails: Failing, hot: HotBlock) -> None:
+    """A camera at negative coordinates and a cold room are no options of their own."""
+    words = ["scene", str(hot.field), str(hot.part), "-o", "out/scene.xml", "--layers=2"]
+    assert "stands in the part" in fails(*words, "--origin", "-.5,0,3")
+    assert "-300 degC" in fails(*words, "--ambient", "-300 degC")
+
+
 @pytest.mark.parametrize("command", ["shells", "scene", "render", "metrics", "demo"])
 def test_a_folder_that_may_not_be_written(
     fails: Failing, hot: HotBlock, tmp_path: Path, command: str

@@ -7,15 +7,15 @@ import pyvista as pv
 from attrs import frozen
 from numpy.typing import NDArray
 
+from iriftrace import air_properties as gas
 from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.continuous_gradient import ROUNDS, consistent_gradient
 from iriftrace.errors import InputError
-from iriftrace.field import IndexField
 from iriftrace.field_cells import cell_corners, point_gradient
-from iriftrace.field_wall import inner_wall
-from iriftrace.openfoam import air as gas
+from iriftrace.index_field import IndexField
 from iriftrace.part import Part
-from iriftrace.synthetic.wall_distance import WallDistance
+from iriftrace.triangles import face_crosses, unit_vectors
+from iriftrace.wall_distance import WallDistance
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -32,8 +32,10 @@ class WallState:
     ----------
     temperature_k : (n,) array
     centres : (m, 3) array, mm
+    nearest_face : (m,) array
+        The part's face that is nearest to each centre.
     normals : (m, 3) array
-        The part's outward normals there.
+        Of the triangles, out of the part.
     areas : (m,) array, mm2
     flux : (m,) array, W/m2
         Conducted from the wall into the air, positive for a hot wall.
@@ -49,6 +51,7 @@ class WallState:
 
     temperature_k: FloatArray
     centres: FloatArray
+    nearest_face: IntArray
     normals: FloatArray
     areas: FloatArray
     flux: FloatArray
@@ -83,7 +86,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     The flux is the gradient of the integral of the conductivity over the temperature, which is
     nearly linear in the distance where the air rests, so cells of finite height do little harm.
     Its length is corrected so that it fits the values along the cells' edges
-    (`iriftrace.continuous_gradient`). The conductivity is that of `iriftrace.openfoam.air`.
+    (`iriftrace.continuous_gradient`). The conductivity is that of `iriftrace.air_properties`.
 
     Raises
     ------
@@ -91,10 +94,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
         The field has no inner boundary, its wall is not hotter than the room, or the part is not
         closed.
     """
-    grid = pv.UnstructuredGrid()
-    grid.copy_structure(field.grid)
-    grid.point_data["number"] = np.arange(grid.n_points)
-    wall = inner_wall(grid)
+    wall = field.wall
     if not wall.n_points:
         raise InputError(
             f"{field.source.path} has no inner boundary where the part sits, so nothing can be "
@@ -104,16 +104,13 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     faces = np.asarray(wall.regular_faces, dtype=np.int64)
     points = np.asarray(wall.points, dtype=np.float64)
     surface = WallDistance(part)
-    corners = points[faces]
-    centres = corners.mean(axis=1)
-    normals = surface.normals(centres)
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = 0.5 * np.linalg.norm(crosses, axis=1)
+    centres = points[faces].mean(axis=1)
+    nearest_face = surface.faces(centres)
+    crosses = face_crosses(points, faces)
+    normals = unit_vectors(crosses)
     # The triangles' own direction, turned to the side that the part's normal shows.
-    own = np.divide(
-        crosses, 2 * areas[:, None], out=np.zeros_like(crosses), where=areas[:, None] > 0
-    )
-    own *= np.where(np.einsum("ij,ij->i", own, normals) < 0.0, -1.0, 1.0)[:, None]
+    outward = part.face_normals[nearest_face]
+    normals *= np.where(np.einsum("ij,ij->i", normals, outward) < 0.0, -1.0, 1.0)[:, None]
 
     temperature = field.temperature_k
     potential = _conduction_potential(temperature)
@@ -121,7 +118,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     slope = _fitting_gradient(field.grid, number, potential, of_cells)[number]
 
     def conducted(gradient: FloatArray) -> FloatArray:
-        flux: FloatArray = -1e3 * np.einsum("ij,ij->i", gradient[faces].mean(axis=1), own)
+        flux: FloatArray = -1e3 * np.einsum("ij,ij->i", gradient[faces].mean(axis=1), normals)
         return flux
 
     at_wall = temperature[number]
@@ -140,8 +137,9 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     return WallState(
         temperature_k=at_wall,
         centres=centres,
-        normals=own,
-        areas=areas,
+        nearest_face=nearest_face,
+        normals=normals,
+        areas=0.5 * np.linalg.norm(crosses, axis=1),
         flux=conducted(slope),
         flux_of_cells=conducted(of_cells[number]),
         layer_mm=layer,

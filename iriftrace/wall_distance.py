@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import pyvista as pv
 from attrs import frozen
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonCore import mutable
-from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
 from iriftrace.enclosure import inside_closed
 from iriftrace.errors import InputError
+from iriftrace.nearest_face import NearestFace
 from iriftrace.part import Part
 
 FloatArray = NDArray[np.float64]
@@ -47,12 +44,8 @@ class WallDistance:
             )
 
     @cached_property
-    def _locator(self) -> vtkStaticCellLocator:
-        faces = np.insert(self.part.faces, 0, 3, axis=1).ravel()
-        locator = vtkStaticCellLocator()
-        locator.SetDataSet(pv.PolyData(np.asarray(self.part.vertices, dtype=np.float64), faces))
-        locator.BuildLocator()
-        return locator
+    def _surface(self) -> NearestFace:
+        return NearestFace(self.part.vertices, self.part.faces)
 
     def nearest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distance to the part and its gradient.
@@ -69,8 +62,8 @@ class WallDistance:
             Unit vectors from the nearest point of the part; on the part its outward normal. Where
             several points of the part are equally near, that of one of them.
         """
-        closest, face = self._closest(points)
-        offset = points - closest
+        foot, face = self._surface.find(points)
+        offset = points - foot
         distance = np.linalg.norm(offset, axis=1)
         away = distance > _ON_WALL_MM
         gradient = self.part.face_normals[face]
@@ -79,25 +72,16 @@ class WallDistance:
 
     def foot(self, points: FloatArray) -> FloatArray:
         """Nearest points of the part, (n, 3) array, mm."""
-        return self._closest(points)[0]
+        return self._surface.find(points)[0]
+
+    def faces(self, points: FloatArray) -> NDArray[np.int64]:
+        """Faces (n,) of the part that are nearest to the points."""
+        return self._surface.find(points)[1]
 
     def normals(self, points: FloatArray) -> FloatArray:
         """Outward normals (n, 3) of the part where it is nearest to the points."""
-        return self.part.face_normals[self._closest(points)[1]]
+        return self.part.face_normals[self.faces(points)]
 
     def inside(self, points: FloatArray) -> NDArray[np.bool_]:
         """Whether points (n, 3), mm, lie in the part."""
         return inside_closed(points, self.part.vertices, self.part.faces)
-
-    def _closest(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
-        """Nearest points of the part and their faces."""
-        closest = np.empty((len(points), 3))
-        face = np.empty(len(points), dtype=np.int64)
-        # VTK's own types of numbers that a call changes are unknown to its stubs.
-        find: Any = self._locator.FindClosestPoint
-        point, square = [0.0] * 3, mutable(0.0)
-        cell, piece = mutable(0), mutable(0)
-        for i, place in enumerate(np.asarray(points, dtype=np.float64).tolist()):
-            find(place, point, cell, piece, square)
-            closest[i], face[i] = point, int(cell)
-        return closest, face
