@@ -30,7 +30,7 @@ def radii() -> np.ndarray:
 @pytest.fixture(scope="module", params=[24, 48], ids=["1 mm cells", "0.5 mm cells"])
 def spheres(request) -> tuple[float, ShellStack]:
     field = sphere_field(request.param, HALF, RADIUS)
-    return 2 * HALF / request.param, contour_shells(field, LAYERS)
+    return 2 * HALF / request.param, contour_shells(field, LAYERS, rule="midpoint")
 
 
 def test_vertices_lie_at_the_radius_of_their_index(spheres):
@@ -108,7 +108,7 @@ def test_gradient_normals_agree_with_the_facets(shells):
         areas = area_vectors(shell.vertices, shell.faces)
         mean = shell.normals[shell.faces].astype(float).mean(axis=1)
         cosine = np.einsum("ij,ij->i", areas, mean) / np.linalg.norm(areas, axis=1).sum()
-        assert cosine.sum() > 0.93
+        assert cosine.sum() > 0.91
 
 
 def test_vertices_have_their_shells_index(plume, shells):
