@@ -104,6 +104,17 @@ def _push(cosine: Any, step: Any) -> tuple[Any, Any]:
     return dr.select(total != 0, step / total, 0), squared > 0
 
 
+def _stretch(direction: Any, push: Any, smooth: Any, step: Any) -> Any:
+    """Share of the mean direction that a push along ``smooth`` lacks to gain ``step``.
+
+    It changes no direction, but would if it were added on one side of the triangle only.
+    """
+    import drjit as dr
+
+    mean = direction + 0.5 * push * smooth
+    return (0.5 * step - push * dr.dot(mean, smooth)) / dr.squared_norm(mean)
+
+
 def _gradual_push(direction: Any, flat: Any, smooth: Any, step: Any) -> tuple[Any, Any]:
     """Vector that is added to a direction of length one at a triangle with interpolated normals.
 
@@ -114,21 +125,24 @@ def _gradual_push(direction: Any, flat: Any, smooth: Any, step: Any) -> tuple[An
 
     lean = dr.dot(flat, smooth)
     cos_flat = dr.dot(direction, flat)
-    push, exists = dr.zeros(type(lean)), None
+    push, stretch, exists = dr.zeros(type(lean)), dr.zeros(type(lean)), None
     for _ in range(2):
         mean = dr.normalize(direction + 0.5 * push * smooth)
         cosine = dr.dot(mean, smooth)
         share = cosine / (cosine * cosine + GRADUAL * GRADUAL)
         factor = lean + share * (dr.dot(mean, flat) - cosine * lean)
         # The push that changes the flat cosine as Snell's law would with this part of the step.
-        push, exists = _push(cos_flat, step * factor * lean)
-        push = dr.select(lean != 0, push / lean, 0)
+        push, exists = _push(cos_flat, step * factor * lean / (1 + 0.5 * stretch))
+        push = dr.select(exists & (lean != 0), push / lean, 0)
+        stretch = _stretch(direction, push, smooth, step)
     alone, smooth_exists = _push(dr.dot(direction, smooth), step)
+    flat_alone, flat_exists = _push(cos_flat, step)
     push = dr.select(exists, push, alone)
-    mean = direction + 0.5 * push * smooth
-    # What is missing in length changes no direction, but would if it were added on one side only.
-    stretch = (0.5 * step - push * dr.dot(mean, smooth)) / dr.squared_norm(mean)
-    return push * smooth + stretch * mean, exists | smooth_exists
+    stretch = _stretch(direction, push, smooth, step)
+    change = push * smooth + stretch * (direction + 0.5 * push * smooth)
+    smooth_exists |= exists
+    change = dr.select(smooth_exists, change, flat_alone * flat)
+    return change, smooth_exists | flat_exists
 
 
 def cross_surface(
@@ -147,8 +161,9 @@ def cross_surface(
     So m goes from the one to the other where the cosine N.d falls below ``GRADUAL``. Where
     triangles lie at right angles to N, all of this is Snell's law.
 
-    Where that has no solution the interpolated normal alone decides, and where neither has one the
-    ray is totally reflected by the triangle. No ray leaves a triangle on the side it came from.
+    Where that has no solution the interpolated normal alone decides, then the triangle's alone, and
+    where neither has one the ray is totally reflected by the triangle. No ray leaves a triangle on
+    the side it came from, and a ray that is sent back takes the same way.
 
     Parameters
     ----------

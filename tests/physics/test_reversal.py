@@ -35,5 +35,4 @@ def test_reversed_rays_return_to_the_camera(normals: str, exceptions: int) -> No
     missed_by = np.linalg.norm(np.cross(CAMERA - back.last_point, back.direction), axis=1)
     np.testing.assert_array_equal(back.crossings, hits.crossings[good])
     assert (missed_by > 1e-6).sum() <= exceptions
-    # Interpolated normals bend a ray there and back alike to the third order of the step.
-    assert np.median(missed_by) < (1e-9 if normals == "gradient" else 1e-11)
+    assert np.median(missed_by) < 1e-11
