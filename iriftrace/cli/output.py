@@ -124,6 +124,8 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
     )
     if "ensemble" in metrics:
         _add_ensemble(table, metrics["ensemble"])
+    if "shells_against_field" in metrics:
+        _add_shell_error(table, metrics["shells_against_field"])
     table.add_row(
         "coverage",
         f"{_percent(metrics['coverage'])} of the part's area in faces hit, "
@@ -185,6 +187,20 @@ def _add_ensemble(table: Table, values: dict[str, Any]) -> None:
         f"{values['rays_in_all']:,} rays count in all fields, {values['rays_in_some']:,} only in "
         "some",
     )
+
+
+def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
+    """How far the shells are from the field they were cut from, and what to do if that is much."""
+    table.add_row(
+        "shells against field",
+        f"median {_scaled(values['median_mm'], 1e3, 'um')} ({values['median_share']:.1%} of the "
+        f"median displacement), p95 {_scaled(values['p95_mm'], 1e3, 'um')} "
+        f"({values['p95_share']:.1%}); {values['rays']:,} rays of a coarser picture",
+    )
+    if not values["suffice"]:
+        table.add_row(
+            "", "closer: cut more shells (--layers 40), or trace with --engine continuous"
+        )
 
 
 def _out_of_hits(status: Status, rays: dict[str, Any]) -> str:

@@ -32,6 +32,7 @@ def render(
     engine: Literal["shells", "continuous"] | None = None,
     figures: bool = True,
     include: Statuses = None,
+    check_shells: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
     """Trace a scene: AOV EXR, metrics JSON and displacement picture.
 
@@ -60,6 +61,9 @@ def render(
         Draw the displacement picture.
     include
         Further status codes whose rays the metrics use, such as 5.
+    check_shells
+        Trace a sample of the rays through the field itself too, and say how far the shells are
+        from it; needs the field.npz likewise.
     """
     from iriftrace.cli.output import print_summary
     from iriftrace.ensemble.metrics import has_ensemble
@@ -69,7 +73,7 @@ def render(
     check_output(exr, ".exr", "out.exr", make=False)
     used = statuses(include)
     values = scene_variables(define, wavelength)
-    rendering, _ = _render(scene, exr, values, variant, used, figures, engine)
+    rendering, _ = _render(scene, exr, values, variant, used, figures, engine, check_shells)
     print_summary(out, rendering.metrics)
     scatter = [_scatter_picture(exr)] if figures and has_ensemble(rendering.image) else []
     _list_files(exr, figures, *scatter)
@@ -111,23 +115,27 @@ def metrics(
     with working("Reducing"):
         result = pose_metrics(pixels, shown, include=statuses(include))
     result["time_s"]["metrics"] = time.perf_counter() - started
-    _keep_times(result, target)
+    _keep_what_only_rendering_knew(result, target)
     write_metrics(target, result)
     print_summary(out, result)
     out.print(f"Metrics in {target}", markup=False, soft_wrap=True)
 
 
-def _keep_times(result: dict[str, Any], report: Path) -> None:
-    """Fill in the times that only the rendering knew, from the report that is to be replaced."""
+def _keep_what_only_rendering_knew(result: dict[str, Any], report: Path) -> None:
+    """Fill in times and the shells' check from the report that is to be replaced."""
     try:
         earlier = json.loads(report.read_text(encoding="utf-8"))
-        known = earlier["time_s"] if earlier["pose"] == result["pose"] else {}
+        if earlier["pose"] != result["pose"]:
+            return
+        known = earlier["time_s"]
     except (OSError, ValueError, KeyError, TypeError):
         # There is no report of this image yet.
         return
     for key, value in result["time_s"].items():
         if value is None:
             result["time_s"][key] = known.get(key)
+    if "shells_against_field" in earlier:
+        result["shells_against_field"] = earlier["shells_against_field"]
 
 
 def demo(
@@ -199,6 +207,7 @@ def _render(
     include: tuple[int, ...],
     figures: bool,
     engine: str | None = None,
+    check_shells: bool = False,
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.render import render_scene
@@ -206,8 +215,15 @@ def _render(
 
     with working("Loading the scene"):
         loaded = load_scene(scene, variables, variant=variant, engine=engine)
+    checked = {}
+    if check_shells:
+        from iriftrace.studies.shell_check import shell_error
+
+        with working("Tracing a sample through the field itself"):
+            checked["shells_against_field"] = shell_error(loaded).as_dict()
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
+    rendering.metrics.update(checked)
     if figures:
         from iriftrace.ensemble.metrics import has_ensemble
         from iriftrace.figures import displacement_figure, scatter_figure
