@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from iriftrace.air import Air as Air
     from iriftrace.camera import Camera as Camera
     from iriftrace.camera import look_at as look_at
+    from iriftrace.coverage import seen_areas as seen_areas
+    from iriftrace.displacement import displacement_map as displacement_map
+    from iriftrace.displacement import shift_map as shift_map
     from iriftrace.exr import AovImage as AovImage
     from iriftrace.exr import read_exr as read_exr
     from iriftrace.field import IndexField as IndexField
@@ -37,6 +40,7 @@ _HOME = {
     "Part": "part",
     "contour_shells": "shells",
     "displacement_figure": "figures",
+    "displacement_map": "displacement",
     "import_shells": "shell_import",
     "load_scene": "scene",
     "look_at": "camera",
@@ -45,6 +49,8 @@ _HOME = {
     "read_field": "field",
     "read_part": "part",
     "render_scene": "render",
+    "seen_areas": "coverage",
+    "shift_map": "displacement",
     "trace_rays": "render",
     "write_scene": "scene",
 }

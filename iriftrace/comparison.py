@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera import Camera
 from iriftrace.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
-from iriftrace.displacement import good_mask
+from iriftrace.displacement import shift_map
 from iriftrace.errors import InputError
 from iriftrace.exr import AovImage
 from iriftrace.measured_shift import MeasuredShift
@@ -139,13 +139,13 @@ def _at_places(
     image: AovImage, places: FloatArray, positions: Picture, include: Collection[int]
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Simulated shifts (n, 2) and refracted hits (n, 3) for places, and where they are known."""
-    good = good_mask(image, include)
-    values = np.concatenate((image.vector("shift.px"), image.vector("refracted")), axis=2)
-    found, known = _interpolated(values, good, places)
+    shift = shift_map(image, include)
+    values = np.concatenate((shift.pixels, image.vector("refracted")), axis=2)
+    found, known = _interpolated(values, shift.good, places)
     if positions == "cold":
         # Twice: shifts change slowly, so that the second time is far below what is measured.
         for _ in range(2):
-            found, known = _interpolated(values, good, places + found[:, :2])
+            found, known = _interpolated(values, shift.good, places + found[:, :2])
     return found[:, :2], found[:, 2:], known
 
 

@@ -107,9 +107,10 @@ def footprint_areas(
 def seen_areas(
     image: AovImage, part: Part, include: Collection[int] = (Status.GOOD,)
 ) -> FloatArray:
-    """Area of each face that one pose sees, to be added up over poses.
+    """Area of each face that one pose sees, for users who combine poses in Python.
 
-    What several poses see of a face together is at least the largest of their values, and at most
+    Exported as `iriftrace.seen_areas`; of one pose the metrics give the sums over the faces. What
+    several poses see of a face together is at least the largest of their values, and at most
     their sum and the face's area.
 
     Parameters

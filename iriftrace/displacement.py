@@ -104,7 +104,9 @@ def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArr
 
 
 def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> DisplacementMap:
-    """Displacement of every pixel, whole and split at the line of sight.
+    """Displacement of every pixel, whole and split at the line of sight, for work in Python.
+
+    Exported as `iriftrace.displacement_map`.
 
     Parameters
     ----------
@@ -129,6 +131,8 @@ def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,))
 
 def shift_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> ShiftMap:
     """Shift of every pixel: where its surface point appears minus where it would without hot air.
+
+    Exported as `iriftrace.shift_map`.
 
     Parameters
     ----------

@@ -111,7 +111,8 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
         not a rigid motion.
     """
     path = Path(path)
-    axes, factor = _axes(convention), length_factor(length_unit)
+    _axes(convention)  # An unknown one is refused also where no matrix needs it.
+    factor = length_factor(length_unit)
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -134,7 +135,7 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
     refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
     matrices[:, :3, :3] = _nearest_rotations(matrices[:, :3, :3])
     if not columns.get("aimed", False):
-        matrices = _with_axes(matrices, axes.T)
+        matrices = from_convention(matrices, convention)
     matrices[:, :3, 3] *= factor
     return PoseSet(matrices, *(_angles(columns, name, len(matrices), path) for name in ANGLES))
 
