@@ -1,4 +1,4 @@
-"""What the paper says of the cylinder, and whether it holds here: the README's table."""
+"""What the paper says of the cylinder, and whether it holds here: docs/paper_cylinder.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Everything the README tells the reader to type is typed here."""
+"""Everything that the README and the pages in docs/ tell the reader to type is typed here."""
 
 from __future__ import annotations
 
@@ -13,29 +13,33 @@ import pytest
 import trimesh
 
 from iriftrace.channels import CHANNELS
+from iriftrace.cli import app
 from iriftrace.scenes import folder_of
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+CHECKOUT = Path(__file__).parents[2]
+PAGES = {
+    page.name: page.read_text(encoding="utf-8")
+    for page in (CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md")))
+}
+README = PAGES["README.md"]
+
+COMMANDS = {
+    "README.md": ["doctor", "demo", "scene", "render", "metrics"],
+    "camera_position.md": ["sweep", "plan", "plan", "plan", "plot", "report"],
+    "fields.md": ["field", "field"],
+}
+"""What each page runs; all other pages run nothing."""
+PYTHON_EXAMPLES = {"README.md": 1, "python.md": 3}
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+def blocks(page: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGES[page], re.DOTALL)
 
 
-def commands() -> list[list[str]]:
-    """Every `iriftrace ...` line of the README's shell blocks."""
-    lines = "\n".join(blocks("sh")).splitlines()
+def commands(page: str) -> list[list[str]]:
+    """Every `iriftrace ...` line of a page's shell blocks."""
+    lines = "\n".join(blocks(page, "sh")).splitlines()
     return [shlex.split(line, comments=True) for line in lines if line.startswith("iriftrace ")]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's folder with a field and a part."""
-    folder = tmp_path_factory.mktemp("user")
-    shutil.copy(folder_of("cylinder") / "field.vtu", folder)
-    shutil.copy(folder_of("cylinder") / "part.ply", folder)
-    trimesh.load(folder / "part.ply", process=False).export(folder / "part.stl")
-    return folder
 
 
 def run(arguments: list[str], folder: Path) -> str:
@@ -47,23 +51,48 @@ def run(arguments: list[str], folder: Path) -> str:
     return done.stdout
 
 
-def test_commands_run_as_they_stand(folder: Path) -> None:
-    assert [c[1] for c in commands()] == [
-        *("doctor", "demo", "scene", "render", "metrics", "field", "field"),
-        *("sweep", "plan", "plan", "plan", "plot", "report"),
-    ]
-    for command in commands():
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A user's folder: a field, a part and what the README's commands have made of them."""
+    folder = tmp_path_factory.mktemp("user")
+    shutil.copy(folder_of("cylinder") / "field.vtu", folder)
+    shutil.copy(folder_of("cylinder") / "part.ply", folder)
+    trimesh.load(folder / "part.ply", process=False).export(folder / "part.stl")
+    for command in commands("README.md"):
         run(["-m", "iriftrace.cli", *command[1:]], folder)
+    return folder
+
+
+def test_every_shell_block_is_among_the_commands() -> None:
+    found = {page: [command[1] for command in commands(page)] for page in PAGES}
+    assert {page: names for page, names in found.items() if names} == COMMANDS
+
+
+def test_commands_of_the_readme_run_as_they_stand(folder: Path) -> None:
     assert (folder / "out.exr").is_file()
     assert (folder / "out.json").is_file()
     assert (folder / "out" / "cylinder.png").is_file()
 
 
+@pytest.mark.parametrize("page", sorted(COMMANDS.keys() - {"README.md"}))
+def test_commands_of_the_pages_run_as_they_stand(page: str, folder: Path) -> None:
+    for command in commands(page):
+        run(["-m", "iriftrace.cli", *command[1:]], folder)
+
+
 def test_python_examples_run_as_they_stand(folder: Path) -> None:
-    first, second = blocks("python")
-    median_mm = float(run(["-c", first], folder).splitlines()[0])
+    found = {page: len(blocks(page, "python")) for page in PAGES}
+    assert {page: count for page, count in found.items() if count} == PYTHON_EXAMPLES
+    median_mm = float(run(["-c", *blocks("README.md", "python")], folder).splitlines()[0])
     assert 0.001 < median_mm < 0.01
-    assert "displacement.norm" in run(["-c", second], folder)
+    of_pixels, of_another_camera, of_mitsuba = (
+        run(["-c", block], folder) for block in blocks("python.md", "python")
+    )
+    medians, _, share = of_pixels.splitlines()
+    assert float(medians.split()[0]) == pytest.approx(median_mm, rel=1e-6)
+    assert 0.1 < float(share) < 0.5
+    assert 0.001 < float(of_another_camera) < 0.01
+    assert "displacement.norm" in of_mitsuba
 
 
 def test_channel_table_names_every_channel() -> None:
@@ -75,7 +104,27 @@ def test_channel_table_names_every_channel() -> None:
     assert set(CHANNELS) <= named
 
 
-def test_files_that_the_readme_names_exist() -> None:
-    root = Path(__file__).parents[2]
-    for name in re.findall(r"`(tests/[\w/]+\.py)`|\]\((docs/\w+\.png)\)", README):
-        assert (root / "".join(name)).is_file()
+def test_command_table_names_every_command() -> None:
+    table = re.findall(r"^\| (`iriftrace [^|]*`) \|", README, re.MULTILINE)
+    named = re.findall(r"`iriftrace (\w+)`", " ".join(table))
+    assert sorted(named) == sorted(name for name in app if not name.startswith("-"))
+
+
+@pytest.mark.parametrize("page", sorted(PAGES))
+def test_files_and_sections_that_a_page_names_exist(page: str) -> None:
+    beside = CHECKOUT if page == "README.md" else CHECKOUT / "docs"
+    for name in re.findall(r"`(tests/[\w/]+\.py)`", PAGES[page]):
+        assert (CHECKOUT / name).is_file()
+    for link in re.findall(r"\]\(([^)\s]+)\)", PAGES[page]):
+        if "://" in link:
+            continue
+        name, _, section = link.partition("#")
+        assert (beside / name).is_file(), link
+        if section:
+            headings = re.findall(r"^#+ (.*)$", PAGES[Path(name).name], re.MULTILINE)
+            assert section in {heading.lower().replace(" ", "-") for heading in headings}, link
+
+
+def test_every_page_is_linked_from_the_readme() -> None:
+    linked = set(re.findall(r"\]\(docs/(\w+\.md)", README))
+    assert linked == PAGES.keys() - {"README.md"}
