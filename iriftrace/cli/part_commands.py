@@ -19,16 +19,21 @@ part = App(
     help_format="rst",
 )
 
-Output = Annotated[Path, Parameter(name=["-o", "--output"])]
+Output = Annotated[
+    Path,
+    Parameter(name=["-o", "--output"], help="A .ply, which keeps the named regions, or a .stl."),
+]
+Diameter = Annotated[str, Parameter(help="Of the circle through the polygon's corners.")]
+Segments = Annotated[Whole, Parameter(help="Sides of the polygon.")]
 
 
 @part.command
 def cylinder(
     *,
     output: Output,
-    diameter: str = "27 mm",
+    diameter: Diameter = "27 mm",
     length: str = "170 mm",
-    segments: Whole = 60,
+    segments: Segments = 60,
     stations: Whole = 12,
 ) -> None:
     """Make a cylinder along x.
@@ -37,13 +42,6 @@ def cylinder(
 
     Parameters
     ----------
-    output
-        A .ply, which keeps the named regions, or a .stl.
-    diameter
-        Of the circle through the polygon's corners.
-    length
-    segments
-        Sides of the polygon.
     stations
         Rows of triangles along the axis.
     """
@@ -64,11 +62,11 @@ def cylinder(
 def hybrid(
     *,
     output: Output,
-    diameter: str = "27 mm",
+    diameter: Diameter = "27 mm",
     length: str = "170 mm",
     transition: str = "10 mm",
     interface: str = "0 mm",
-    segments: Whole = 60,
+    segments: Segments = 60,
     stations: Whole = 32,
 ) -> None:
     """Make a cylinder along x of two materials, with a region for each and for the transition.
@@ -77,17 +75,10 @@ def hybrid(
 
     Parameters
     ----------
-    output
-        A .ply, which keeps the named regions, or a .stl.
-    diameter
-        Of the circle through the polygon's corners.
-    length
     transition
         Length of the region in which the temperature changes.
     interface
         Where the materials meet, as x.
-    segments
-        Sides of the polygon.
     stations
         Rows of triangles along the axis, besides those of the transition.
     """
@@ -127,9 +118,6 @@ def gear(
 
     Parameters
     ----------
-    output
-        A .ply, which keeps the named regions, or a .stl.
-    teeth
     module
         Pitch diameter at the large end over the number of teeth.
     pitch_angle
@@ -189,8 +177,6 @@ def wishbone(
 
     Parameters
     ----------
-    output
-        A .ply, which keeps the named regions, or a .stl.
     bush_distance
         Between the middles of the bushes.
     depth
@@ -239,12 +225,12 @@ def _check(path: Path) -> None:
 
 def _save(made: Part, path: Path) -> None:
     """Write the part and say what it is."""
-    from iriftrace.parts.solid import save_solid, volume
+    from iriftrace.parts.solid import save_solid
 
     save_solid(made, path)
     extent = " x ".join(f"{high - low:.5g}" for low, high in made.bounds.T)
     out.print(
-        f"{path}: {extent} mm, {volume(made):.6g} mm^3, {len(made.faces):,} triangles",
+        f"{path}: {extent} mm, {made.volume:.6g} mm^3, {len(made.faces):,} triangles",
         markup=False,
         soft_wrap=True,
     )

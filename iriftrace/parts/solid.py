@@ -1,10 +1,9 @@
-"""What a made part encloses, and its files."""
+"""The files of a made part."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import trimesh
 
 from iriftrace.errors import InputError
@@ -45,9 +44,3 @@ def save_solid(part: Part, path: str | Path) -> None:
     mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
     with whole_file(file) as temporary:
         mesh.export(temporary, file_type="stl")
-
-
-def volume(part: Part) -> float:
-    """Volume inside a closed part, mm^3: the sum of the tetrahedra from its middle."""
-    corners = (part.vertices - part.centre)[part.faces]
-    return float(np.linalg.det(corners).sum() / 6.0)

@@ -10,7 +10,6 @@ import pytest
 from iriftrace.errors import InputError
 from iriftrace.parts.bevel_gear import REGIONS, TOOTH, bevel_gear
 from iriftrace.parts.involute import Involute
-from iriftrace.parts.solid import volume
 
 
 def outline_of(teeth: int, module: float, cone_deg: float) -> Involute:
@@ -93,7 +92,7 @@ def test_a_gear_is_closed_and_encloses_the_volume_of_its_cones(
     assert part.closed
     exact = gear_volume(teeth, module, cone_deg, bore, hub, 14.0)
     # Chords cut off what the arcs have more: a share of 2 (pi / points)^2 / 3 of each circle.
-    assert volume(part) == pytest.approx(exact, rel=2e-4)
+    assert part.volume == pytest.approx(exact, rel=2e-4)
 
 
 def test_flanks_are_involutes() -> None:
@@ -133,7 +132,7 @@ def test_tooth_lines_meet_in_the_apex() -> None:
 def test_the_defaults_are_the_part_that_was_simulated() -> None:
     """Volume, area and height of the surface around which the bundled field was solved."""
     part = bevel_gear()
-    assert volume(part) == pytest.approx(30057.5234, abs=1e-3)
+    assert part.volume == pytest.approx(30057.5234, abs=1e-3)
     assert part.area == pytest.approx(10192.9304, abs=1e-3)
     assert part.bounds[1] == pytest.approx((30.997074, 30.997074, 11.507358), abs=1e-5)
 

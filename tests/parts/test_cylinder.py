@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from iriftrace.errors import InputError
 from iriftrace.part import Part
 from iriftrace.parts.cylinder import HYBRID_REGIONS, cylinder, hybrid_cylinder
-from iriftrace.parts.solid import volume
 
 
 def prism_volume(diameter: float, length: float, segments: int) -> float:
@@ -35,7 +34,7 @@ def test_a_cylinder_is_a_closed_prism(
     """A wrong orientation would warn, which fails the test."""
     part = cylinder(diameter, length, segments=segments, stations=stations)
     assert part.closed
-    assert volume(part) == pytest.approx(prism_volume(diameter, length, segments), rel=1e-12)
+    assert part.volume == pytest.approx(prism_volume(diameter, length, segments), rel=1e-12)
     side = diameter * np.sin(np.pi / segments)
     assert area_of(part, "lateral") == pytest.approx(segments * side * length, rel=1e-12)
     assert np.allclose(part.bounds[:, 0], (-length / 2, length / 2))
@@ -53,7 +52,7 @@ def test_heads_and_lateral_surface_face_outward() -> None:
 def test_the_defaults_are_the_part_that_was_simulated() -> None:
     """Volume of the surface around which the bundled field was solved."""
     for part in (cylinder(), hybrid_cylinder()):
-        assert volume(part) == pytest.approx(97156.5936, abs=1e-3)
+        assert part.volume == pytest.approx(97156.5936, abs=1e-3)
     assert len(cylinder().faces) == 2040
 
 
@@ -61,7 +60,7 @@ def test_the_hybrid_cylinder_is_cut_at_its_transition() -> None:
     part = hybrid_cylinder(20.0, 100.0, transition_mm=12.0, interface_mm=-10.0, segments=40)
     assert part.region_names == HYBRID_REGIONS
     assert part.closed
-    assert volume(part) == pytest.approx(prism_volume(20.0, 100.0, 40), rel=1e-12)
+    assert part.volume == pytest.approx(prism_volume(20.0, 100.0, 40), rel=1e-12)
     around = 40 * 20.0 * np.sin(np.pi / 40)
     assert area_of(part, "transition") == pytest.approx(around * 12.0)
     assert area_of(part, "lateral -x") == pytest.approx(around * 34.0)

@@ -7,7 +7,6 @@ import pytest
 
 from iriftrace.errors import InputError
 from iriftrace.part import Part
-from iriftrace.parts.solid import volume
 from iriftrace.parts.wishbone import REGIONS, wishbone
 from iriftrace.parts.wishbone_shape import WishboneShape
 
@@ -25,7 +24,7 @@ def test_the_default_is_the_part_that_was_simulated(part: Part) -> None:
     """Volume, area and size of the surface around which the bundled field was solved."""
     assert part.closed
     assert part.region_names == REGIONS
-    assert volume(part) == pytest.approx(68089.09, abs=1.0)
+    assert part.volume == pytest.approx(68089.09, abs=1.0)
     assert part.area == pytest.approx(23740.22, abs=0.5)
     assert np.ptp(part.bounds, axis=0) == pytest.approx((180.2403, 120.0314, 28.1559), abs=5e-3)
 
@@ -63,7 +62,7 @@ def test_a_finer_lattice_gives_the_same_solid(part: Part) -> None:
     box = float(np.prod(high - low))
     error = box * np.sqrt(inside.mean() * (1 - inside.mean()) / len(points))
     # Smoothing rounds the edges, which takes off some per mille.
-    assert volume(part) == pytest.approx(box * inside.mean(), abs=4 * error + 0.005 * 68089)
+    assert part.volume == pytest.approx(box * inside.mean(), abs=4 * error + 0.005 * 68089)
 
 
 def test_dimensions_change_what_they_name() -> None:
