@@ -11,13 +11,13 @@ from attrs import asdict, field, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.errors import InputError
+from iriftrace.units import ZERO_CELSIUS_K
 
 FloatArray = NDArray[np.float64]
 AirModel = Callable[[float, ArrayLike, ArrayLike, ArrayLike, float], FloatArray]
 
 GAS_CONSTANT = 8.314472  # J/(mol K), the value of Ciddor's time
 _WATER_MOLAR_MASS = 0.018015  # kg/mol
-_ZERO_CELSIUS = 273.15  # K
 
 WAVELENGTH_RANGE = (300.0, 1700.0)  # nm
 TEMPERATURE_RANGE = (233.15, 373.15)  # K, -40 to 100 degC
@@ -98,7 +98,7 @@ def edlen(
     """
     _check_ranges(wavelength_nm, temperature_k, pressure_pa, relative_humidity, co2_ppm)
     temperature, pressure = np.asarray(temperature_k, float), np.asarray(pressure_pa, float)
-    celsius = temperature - _ZERO_CELSIUS
+    celsius = temperature - ZERO_CELSIUS_K
     s = (1e3 / wavelength_nm) ** 2  # um^-2
     standard = 1e-8 * (8342.54 + 2406147.0 / (130.0 - s) + 15998.0 / (38.9 - s))
     density = (1.0 + 1e-8 * (0.601 - 0.00972 * celsius) * pressure) / (1.0 + 0.003661 * celsius)
@@ -122,14 +122,14 @@ def saturation_pressure(temperature_k: ArrayLike) -> FloatArray:
     water = 1e6 * (2.0 * c / (-b + np.sqrt(b**2 - 4.0 * a * c))) ** 4
     theta = temperature / 273.16
     ice = 611.657 * np.exp(-13.928169 * (1.0 - theta**-1.5) + 34.7078238 * (1.0 - theta**-1.25))
-    return np.where(temperature < _ZERO_CELSIUS, ice, water)
+    return np.where(temperature < ZERO_CELSIUS_K, ice, water)
 
 
 def water_fraction(
     temperature_k: ArrayLike, pressure_pa: ArrayLike, relative_humidity: ArrayLike
 ) -> FloatArray:
     """Molar fraction of water vapour, with Ciddor's enhancement factor (appendix A)."""
-    celsius = np.asarray(temperature_k, float) - _ZERO_CELSIUS
+    celsius = np.asarray(temperature_k, float) - ZERO_CELSIUS_K
     pressure = np.asarray(pressure_pa, float)
     enhancement = 1.00062 + 3.14e-8 * pressure + 5.60e-7 * celsius**2
     vapour = np.asarray(relative_humidity, float) * saturation_pressure(temperature_k)
@@ -232,7 +232,7 @@ def _compressibility(
     temperature: FloatArray, pressure: FloatArray, water: FloatArray
 ) -> FloatArray:
     """Compressibility Z of moist air (Ciddor 1996, equation 12, after the BIPM of 1991)."""
-    celsius = temperature - _ZERO_CELSIUS
+    celsius = temperature - ZERO_CELSIUS_K
     first = 1.58123e-6 - 2.9331e-8 * celsius + 1.1043e-10 * celsius**2
     first = first + (5.707e-6 - 2.051e-8 * celsius) * water
     first = first + (1.9898e-4 - 2.376e-6 * celsius) * water**2

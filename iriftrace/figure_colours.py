@@ -7,15 +7,14 @@ from matplotlib.colors import FuncNorm
 from numpy.typing import NDArray
 
 from iriftrace.shell_stack import ShellStack
+from iriftrace.units import ZERO_CELSIUS_K
 
 FloatArray = NDArray[np.float64]
-
-_ZERO_CELSIUS_K = 273.15
 
 
 def celsius_of(shells: ShellStack) -> FloatArray:
     """(shells,) array, degC: temperature of the air at each surface."""
-    return shells.temperature_k - _ZERO_CELSIUS_K
+    return shells.temperature_k - ZERO_CELSIUS_K
 
 
 def temperature_norm(shells: ShellStack) -> FuncNorm:
@@ -26,8 +25,8 @@ def temperature_norm(shells: ShellStack) -> FuncNorm:
         low, high = low - 10.0, high + 10.0
     return FuncNorm(
         (
-            lambda t: -1.0 / (np.asarray(t) + _ZERO_CELSIUS_K),
-            lambda u: -1.0 / np.asarray(u) - _ZERO_CELSIUS_K,
+            lambda t: -1.0 / (np.asarray(t) + ZERO_CELSIUS_K),
+            lambda u: -1.0 / np.asarray(u) - ZERO_CELSIUS_K,
         ),
         low,
         high,

@@ -14,6 +14,7 @@ from iriftrace.index_field import IndexField
 from iriftrace.nearest_face import NearestFace
 from iriftrace.part import Part
 from iriftrace.transform import apply, parse_transform
+from iriftrace.units import ZERO_CELSIUS_K
 
 FloatArray = NDArray[np.float64]
 
@@ -166,8 +167,8 @@ def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
         return []
     if np.isnan(found_k):
         return ["The field has no data at the part's surface, so its temperature is not known."]
-    # 273.15 K apart is the mark of one unit read as the other.
-    unit = abs(abs(found_k - expected_k) - 273.15) < LARGEST_DIFFERENCE_K
+    # As far apart as 0 K and 0 degC: the mark of one unit read as the other.
+    unit = abs(abs(found_k - expected_k) - ZERO_CELSIUS_K) < LARGEST_DIFFERENCE_K
     return [
         f"The air at the wall has {found_k:.1f} K instead of the expected {expected_k:.1f} K; "
         + (

@@ -9,6 +9,9 @@ from typing import Any
 
 from iriftrace.errors import InputError
 
+ZERO_CELSIUS_K = 273.15
+"""0 degC in kelvin."""
+
 _MILLIMETRES = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "inch": 25.4, "in": 25.4}
 _NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"
 _QUANTITY = re.compile(

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.enclosure import inside_closed
 from iriftrace.errors import InputError
 from iriftrace.shell_mesh import open_edges
+from iriftrace.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     from iriftrace.index_field import IndexField
@@ -102,7 +103,7 @@ def refuse_camera_inside(
         return
     outermost = max(shell.refractivity for shell in stack.shells)
     if is_in_hot_air(point, field, outermost)[0]:
-        temperature = float(field.air.temperature(field.sample(point))[0]) - 273.15
+        temperature = float(field.air.temperature(field.sample(point))[0]) - ZERO_CELSIUS_K
         raise InputError(
             f"{place} in the hot air (about {temperature:.0f} degC), where the bending along its "
             "rays is not known; move it outside the outermost shell."

@@ -25,6 +25,7 @@ from iriftrace.scene import load_scene, write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells import contour_shells
 from iriftrace.status import Status
+from iriftrace.units import ZERO_CELSIUS_K
 
 FloatArray = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ def write_all(folder: Path, spacings: Sequence[float] = SPACINGS_MM) -> dict[str
         folder / "sectionwise.txt",
         points,
         tetrahedra_of(grid).corners.astype(np.int64),
-        {"T (degC)": kelvin - 273.15},
+        {"T (degC)": kelvin - ZERO_CELSIUS_K},
     )
     files["COMSOL, spreadsheet"] = comsol.spreadsheet(
         folder / "spreadsheet.csv", points / 1e3, {"T (K)": kelvin}, separator=",", length_unit="m"

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from iriftrace.status import Status
+from iriftrace.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     from iriftrace.camera import Camera
@@ -43,7 +44,7 @@ def print_shells(
         table.add_row(
             str(report.layer),
             f"{report.refractivity * 1e6:.2f}",
-            f"{report.temperature_k - 273.15:.0f}",
+            f"{report.temperature_k - ZERO_CELSIUS_K:.0f}",
             f"{report.triangles:,}",
             _length(report.gap_next_mm),
             _length(report.gap_part_mm),
@@ -53,9 +54,10 @@ def print_shells(
     console.print(table)
     air = stack.air
     console.print(
-        f"Ambient air n - 1 = {air.ambient_refractivity:.4e} at {air.temperature_k - 273.15:g} degC"
-        f", {air.wavelength_nm:g} nm; index rule {stack.rule}; lengths in mm, field read in "
-        f"{length_unit}; cut: share of a shell inside the part."
+        f"Ambient air n - 1 = {air.ambient_refractivity:.4e} at "
+        f"{air.temperature_k - ZERO_CELSIUS_K:g} degC, {air.wavelength_nm:g} nm; index rule "
+        f"{stack.rule}; lengths in mm, field read in {length_unit}; cut: share of a shell inside "
+        "the part."
     )
     if stack.source is not None and stack.source.origin:
         console.print(f"Field: {stack.source.origin}.", markup=False, soft_wrap=True)
@@ -78,7 +80,7 @@ def print_fit(console: Console, fit: Fit) -> None:
     """How well the field's inner wall and the part lie on each other."""
     temperature = "not known"
     if np.isfinite(fit.wall_temperature_k):
-        temperature = f"{fit.wall_temperature_k - 273.15:.0f} degC"
+        temperature = f"{fit.wall_temperature_k - ZERO_CELSIUS_K:.0f} degC"
     if np.isfinite(fit.gap_median_mm):
         console.print(
             f"Field's wall to part: gap median {fit.gap_median_mm:.3f} mm, 95th percentile "
