@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from attrs import frozen
 from cyclopts import Group, Parameter
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from iriftrace.shell_stack import ShellStack
 
 CAMERA = Group("Camera", sort_key=5)
+
+Scale = Annotated[float, Parameter(group=CAMERA, help="Factor on the resolution.")]
+"""Not one of the camera's options, because every command has its own default."""
 
 
 @Parameter(name="*", group=CAMERA)
@@ -59,8 +62,6 @@ class CameraOptions:
         Point that is looked at; by default the part's centre.
     up
         Direction that is up in the picture.
-    scale
-        Factor on the resolution.
     """
 
     focal_length: str = "10 mm"
@@ -75,10 +76,11 @@ class CameraOptions:
     origin: str | None = None
     target: str | None = None
     up: str = "0,0,1"
-    scale: float = 0.5
 
-    def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
-        """The camera these options describe."""
+    def camera(
+        self, part: Part, field: IndexField | None, stack: ShellStack, scale: float
+    ) -> Camera:
+        """The camera these options describe, at its whole resolution."""
         from attrs import evolve
 
         calibration = self._calibration()
@@ -86,7 +88,7 @@ class CameraOptions:
         placed = self.origin is not None or self.target is not None
         if placed or calibration is None or calibration.matrix is None:
             camera = evolve(camera, matrix=self._pose(part, field, stack, camera.focus_mm[0]))
-        camera.scaled(self.scale)  # refuses a scale that leaves no pixel
+        camera.scaled(scale)  # refuses a scale that leaves no pixel
         return camera
 
     def _described(self) -> Camera:

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from iriftrace.cli.air_options import AirOptions
 from iriftrace.cli.checks import check_field as check_field_file
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import out, working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.field_options import FieldOptions
 from iriftrace.cli.options import finite_numbers, optional_quantity
+from iriftrace.cli.part_options import PartOptions
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from iriftrace.cli.camera_options import CameraOptions
+from iriftrace.cli.air_options import AirOptions
+from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.checks import check_field, check_folder, check_input, check_output
 from iriftrace.cli.console import out, show_warning, working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
-from iriftrace.cli.options import quantity
+from iriftrace.cli.field_options import FieldOptions
+from iriftrace.cli.options import optional_quantity
+from iriftrace.cli.part_options import PartOptions
+from iriftrace.cli.shell_options import ShellOptions
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -82,6 +85,7 @@ def scene(
     shell_options: ShellOptions = ShellOptions(),
     part_options: PartOptions = PartOptions(),
     camera_options: CameraOptions = CameraOptions(),
+    scale: Scale = 0.5,
 ) -> None:
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
 
@@ -111,12 +115,12 @@ def scene(
         Leave out what lies farther than this beside the camera's view, such as "10 mm"; the scene
         then serves this camera only.
     """
-    from iriftrace.cli.ensemble_scene import make_ensemble, members_given
-    from iriftrace.cli.output import print_camera, print_fit, print_shells
+    from iriftrace.cli.ensemble_scene import make_ensemble
+    from iriftrace.cli.given_fields import members_given
+    from iriftrace.cli.output import print_fit, print_shells
+    from iriftrace.cli.scene_for_camera import print_scene, shells_for_camera
     from iriftrace.scene import write_scene
     from iriftrace.scene_xml import PART_FILE
-    from iriftrace.shell_report import report_shells
-    from iriftrace.viewpoint import refuse_camera_inside
 
     check_field(field)
     check_input(part)
@@ -126,6 +130,7 @@ def scene(
             f"The scene's own {PART_FILE} would replace the part's file {part}; give the scene a "
             f"folder of its own, such as -o {output.with_suffix('') / output.name}."
         )
+    trim_mm = optional_quantity(trim, "mm", "--trim")
     measured = part_options.read(part)
     fields = members_given([field, *(member or [])], field_options)
     if len(fields) > 1:
@@ -137,9 +142,10 @@ def scene(
             field_options=field_options,
             shell_options=shell_options,
             camera_options=camera_options,
+            scale=scale,
             normals=normals,
             inside_hit=inside_hit,
-            trim_mm=None if trim is None else quantity(trim, "mm", "--trim"),
+            trim_mm=trim_mm,
             wall_temperature_k=part_options.hot_temperature_k(),
         )
         return
@@ -147,21 +153,16 @@ def scene(
         field, measured, air, field_options, shell_options, fields[0].member_asked_for
     )
     fit = None if volume is None else _fit(volume, measured, part_options)
-    camera = camera_options.camera(measured, volume, stack)
-    refuse_camera_inside(camera.origin, measured, stack, volume)
-    if trim is not None:
-        from iriftrace.shell_edit import trim_to_frustum
-
-        stack = trim_to_frustum(stack, camera, quantity(trim, "mm", "--trim"))
+    camera = camera_options.camera(measured, volume, stack, scale)
     with working("Measuring the shells"):
-        reports = report_shells(stack, volume, measured)
+        stack, reports = shells_for_camera(camera, measured, stack, volume, trim_mm)
     path = write_scene(
         output.parent,
         measured,
         stack,
         camera,
         name=output.name,
-        scale=camera_options.scale,
+        scale=scale,
         normals=normals,
         inside_hit=inside_hit,
         report=reports,
@@ -171,8 +172,7 @@ def scene(
     print_shells(out, stack, reports, _unit_of(stack))
     if fit is not None:
         print_fit(out, fit)
-    print_camera(out, camera, camera_options.scale)
-    out.print(f"Scene written; now run:  iriftrace render {path}", markup=False, soft_wrap=True)
+    print_scene(path, camera, scale)
 
 
 def _stack(

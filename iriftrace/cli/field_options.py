@@ -1,4 +1,4 @@
-"""Options about air, field, shells and part, and what they stand for."""
+"""Options about the field's file."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING, Literal
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.options import Whole, numbers, optional_quantity, quantity
-from iriftrace.errors import InputError
-
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -18,57 +15,8 @@ if TYPE_CHECKING:
     from iriftrace.air import Air
     from iriftrace.field import IndexField
     from iriftrace.part import Part
-    from iriftrace.shell_stack import ShellStack
 
-AIR = Group("Air", sort_key=1)
 FIELD = Group("Field", sort_key=2)
-SHELLS = Group("Shells", sort_key=3)
-PART = Group("Part", sort_key=4)
-
-LARGEST_REFRACTIVITY = 0.01
-"""n - 1 of air is far below, a temperature in degC or n itself above."""
-
-
-@Parameter(name="*", group=AIR)
-@frozen
-class AirOptions:
-    """The air around the part.
-
-    Parameters
-    ----------
-    wavelength
-        Wavelength of the light.
-    ambient
-        Temperature of the ambient air.
-    pressure
-        Air pressure.
-    humidity
-        Relative humidity, 0 to 1.
-    co2
-        Carbon dioxide in ppm.
-    air_model
-        Formula for the ambient air; hot air is scaled by its density.
-    """
-
-    wavelength: str = "633 nm"
-    ambient: str = "20 degC"
-    pressure: str = "101325 Pa"
-    humidity: float = 0.0
-    co2: float = 450.0
-    air_model: Literal["ciddor", "edlen"] = "ciddor"
-
-    def air(self) -> Air:
-        """The air these options describe."""
-        from iriftrace.air import Air
-
-        return Air(
-            wavelength_nm=quantity(self.wavelength, "nm", "--wavelength"),
-            temperature_k=quantity(self.ambient, "kelvin", "--ambient"),
-            pressure_pa=quantity(self.pressure, "pascal", "--pressure"),
-            relative_humidity=self.humidity,
-            co2_ppm=self.co2,
-            model=self.air_model,
-        )
 
 
 @Parameter(name="*", group=FIELD)
@@ -144,162 +92,3 @@ class FieldOptions:
         """What results state about the field."""
         stated = {"time": self.field_time, "symmetry": self.field_symmetry}
         return {key: value for key, value in stated.items() if value is not None}
-
-
-@Parameter(name="*", group=SHELLS)
-@frozen
-class ShellOptions:
-    """How the field becomes shells.
-
-    Parameters
-    ----------
-    layers
-        Number of shells.
-    index_range
-        End points OUTSIDE:INSIDE of the index steps, as n - 1 (2.718e-4:5.8e-5) or as temperatures
-        ("20 degC:1100 degC"); by default ambient air and the hottest air of the field.
-    levels
-        Own list of n - 1 for the shells, separated by commas, instead of layers and rule.
-    rule
-        Steps of the index and where a shell lies in them: "graded" steps are finer at the wall and
-        in the outer tail, "midpoint" ones equal; "outer" is of first order, for studies.
-    min_size
-        Pieces of a shell smaller than this are dropped.
-    smooth
-        Taubin smoothing steps.
-    subdivide
-        Times every triangle is split into four.
-    drop_inner
-        Leave out this many of the innermost shells, as Kern et al. (2025) do; for studies.
-    triangles
-        Thin out the shells to about this many triangles in all; by default all are kept.
-    """
-
-    layers: Whole = 13
-    index_range: str | None = None
-    levels: str | None = None
-    rule: Literal["graded", "midpoint", "outer"] = "graded"
-    min_size: str = "1 mm"
-    smooth: Whole = 0
-    subdivide: Whole = 0
-    triangles: Whole | None = None
-    drop_inner: Whole = 0
-
-    def build(self, field: IndexField) -> ShellStack:
-        """Contour the field."""
-        from iriftrace.shells import contour_shells
-
-        levels = None
-        if self.levels is not None:
-            count = self.levels.count(",") + 1
-            levels = numbers(self.levels, count, "--levels")
-        stack = contour_shells(
-            field,
-            self.layers,
-            index_range=self._range(field.air),
-            levels=levels,
-            rule=self.rule,
-            min_size_mm=self.min_size_mm(),
-        )
-        return self.edited(stack, self.layers if levels is None else len(levels))
-
-    def notes(self) -> dict[str, str]:
-        """What is to be known of the shells, beside what the field's options say."""
-        if not self.drop_inner:
-            return {}
-        return {"shells": f"the {self.drop_inner} innermost left out"}
-
-    def min_size_mm(self) -> float:
-        """Size below which pieces are dropped, mm."""
-        return quantity(self.min_size, "mm", "--min-size")
-
-    def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
-        """Drop inner shells, smooth, subdivide and thin out as asked."""
-        from iriftrace.shell_edit import smooth_taubin, subdivide_midpoint, without_inner
-
-        if self.drop_inner:
-            stack = without_inner(stack, self.drop_inner, levels)
-        if self.smooth:
-            stack = smooth_taubin(stack, self.smooth)
-        if self.subdivide:
-            stack = subdivide_midpoint(stack, self.subdivide)
-        if self.triangles is not None:
-            from iriftrace.shell_decimation import decimate
-
-            stack = decimate(stack, self.triangles)
-        return stack
-
-    def _range(self, air: Air) -> tuple[float, float] | None:
-        if self.index_range is None:
-            return None
-        ends = self.index_range.split(":")
-        if len(ends) != 2:
-            raise InputError(
-                f'--index-range is "{self.index_range}"; give OUTSIDE:INSIDE, as n - 1 or as '
-                "temperatures with unit."
-            )
-        outside, inside = (_refractivity(end, air) for end in ends)
-        return outside, inside
-
-
-def _refractivity(end: str, air: Air) -> float:
-    """One end of --index-range: a bare number is n - 1, anything else a temperature."""
-    try:
-        value = float(end)
-    except ValueError:
-        return float(air.refractivity(quantity(end, "kelvin", "--index-range")))
-    if not 0.0 <= value < LARGEST_REFRACTIVITY:
-        raise InputError(
-            f'--index-range has the end "{end}", which is no n - 1 of air (5.8e-5 at 1100 degC, '
-            '2.718e-4 in the room); a temperature needs its unit, such as "20 degC".'
-        )
-    return value
-
-
-@Parameter(name="*", group=PART)
-@frozen
-class PartOptions:
-    """How to read the part's file.
-
-    Parameters
-    ----------
-    length_unit
-        Unit of the part's coordinates.
-    part_transform
-        Part to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
-    expansion
-        Linear thermal expansion of a part drawn cold, such as "14e-6/K".
-    reference_temperature
-        Temperature at which the part was drawn.
-    hot_temperature
-        Temperature of the hot part; needed with expansion.
-    region_angle
-        Faces that meet at a smaller angle (degrees) belong to one region.
-    """
-
-    length_unit: str = "mm"
-    part_transform: str | None = None
-    expansion: str | None = None
-    reference_temperature: str = "20 degC"
-    hot_temperature: str | None = None
-    region_angle: float = 30.0
-
-    def read(self, path: Path) -> Part:
-        """Read the part."""
-        from iriftrace.part import read_part
-        from iriftrace.transform import parse_transform
-
-        reference = quantity(self.reference_temperature, "kelvin", "--reference-temperature")
-        return read_part(
-            path,
-            length_unit=self.length_unit,
-            transform=None if self.part_transform is None else parse_transform(self.part_transform),
-            expansion=optional_quantity(self.expansion, "1/kelvin", "--expansion"),
-            reference_temperature_k=reference,
-            hot_temperature_k=self.hot_temperature_k(),
-            region_angle_deg=self.region_angle,
-        )
-
-    def hot_temperature_k(self) -> float | None:
-        """Temperature of the hot part, K, where it is known."""
-        return optional_quantity(self.hot_temperature, "kelvin", "--hot-temperature")

@@ -9,11 +9,12 @@ from cyclopts import Parameter
 
 from iriftrace.cli.checks import check_folder, check_input, check_output
 from iriftrace.cli.console import out, working
-from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.options import Whole
+from iriftrace.cli.part_options import PartOptions
 from iriftrace.cli.simulate_options import SimulationOptions, hot_part
 from iriftrace.cli.simulate_progress import simulation_progress
 from iriftrace.errors import SetupError
+from iriftrace.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     from iriftrace.openfoam.case import Case
@@ -145,7 +146,9 @@ def _print_case(case: Case, options: SimulationOptions) -> None:
         soft_wrap=True,
     )
     for region, kelvin in wall_table(case.part, options, case).items():
-        out.print(f"  wall {region}: {kelvin:.2f} K ({kelvin - 273.15:.0f} degC)", markup=False)
+        out.print(
+            f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)", markup=False
+        )
     found = symmetric_axes(case.part)
     if found and not case.mirrors and not case.wall.regions:
         out.print(

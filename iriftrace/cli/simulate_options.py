@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from attrs import evolve, frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.options import Whole, optional_quantity, quantity
+from iriftrace.cli.part_options import PartOptions
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:

@@ -7,11 +7,17 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from iriftrace.cli.camera_options import CameraOptions
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.camera_options import Scale
 from iriftrace.cli.options import Whole, numbers
 from iriftrace.cli.study_inputs import StudyInputs, short_names
-from iriftrace.cli.study_options import ModeOptions, whole_numbers
+from iriftrace.cli.study_options import (
+    Layers,
+    Output,
+    References,
+    StudiedPart,
+    StudyOptions,
+    whole_numbers,
+)
 from iriftrace.cli.study_output import compare, measure
 from iriftrace.errors import InputError
 
@@ -21,27 +27,17 @@ study = App(
     "Example: ``iriftrace study layers field.vtu part.ply -o layers.nc``",
 )
 
-Output = Annotated[Path, Parameter(name=["-o", "--output"])]
-References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
-THE_PAPERS = ModeOptions()
-QUARTER = CameraOptions(scale=0.25)
-WHOLE = CameraOptions(scale=1.0)
-
 
 @study.command
 def layers(
     field: Path,
-    part: Path,
+    part: StudiedPart,
     *,
     output: Output = Path("layers.nc"),
     layers: str = "1:20",
     reference: References = None,
-    variant: str | None = None,
-    mode_options: ModeOptions = THE_PAPERS,
-    air: AirOptions = AirOptions(),
-    field_options: FieldOptions = FieldOptions(),
-    part_options: PartOptions = PartOptions(),
-    camera_options: CameraOptions = QUARTER,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 0.25,
 ) -> None:
     """Compare numbers of shells with references.
 
@@ -51,25 +47,19 @@ def layers(
     ----------
     field
         Volume mesh with temperature, density or index.
-    part
-        The part's surface mesh.
-    output
-        The netCDF file; the figure is written beside it.
     layers
         Numbers of shells, such as "1:20,40,80".
     reference
         "continuous" (the continuous engine), "linear cells" (likewise, with one gradient in each
         cell: the limit of facet normals), or a number of shells in the same mode; repeatable. By
         default 20, as in the paper, and continuous.
-    variant
-        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     """
     from iriftrace.studies.layers import CONTINUOUS, THE_PAPERS, layers_study
 
     counts = whole_numbers(layers, "--layers")
-    modes = mode_options.modes()
-    inputs = StudyInputs([field], part, output, air, field_options, part_options, variant)
-    view = inputs.view(camera_options)
+    modes = options.mode.modes()
+    inputs = StudyInputs([field], part, output, options)
+    view = inputs.view(scale)
     compare(
         layers_study(
             inputs.fields[0],
@@ -86,19 +76,15 @@ def layers(
 @study.command
 def smoothing(
     field: Path,
-    part: Path,
+    part: StudiedPart,
     finest: Path,
     *,
     output: Output = Path("smoothing.nc"),
     iterations: str = "0,1,2,3,5,7,10,15,20,30,40,50",
-    layers: Whole = 13,
+    layers: Layers = 13,
     reference: References = None,
-    variant: str | None = None,
-    mode_options: ModeOptions = THE_PAPERS,
-    air: AirOptions = AirOptions(),
-    field_options: FieldOptions = FieldOptions(),
-    part_options: PartOptions = PartOptions(),
-    camera_options: CameraOptions = QUARTER,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 0.25,
 ) -> None:
     """Compare smoothed shells of a coarse field with those of a fine one, left as they are.
 
@@ -110,21 +96,13 @@ def smoothing(
     ----------
     field
         The coarse field, whose shells are smoothed.
-    part
-        The part's surface mesh.
     finest
         The fine field.
-    output
-        The netCDF file; the figure is written beside it.
     iterations
         Smoothing iterations, such as "0,10,20:25".
-    layers
-        Number of shells.
     reference
         "same mode" (shells of the fine field) or "continuous" (the continuous engine on it);
         repeatable, by default both.
-    variant
-        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     """
     from iriftrace.studies.finest import SAME_MODE
     from iriftrace.studies.layers import CONTINUOUS
@@ -132,9 +110,9 @@ def smoothing(
     from iriftrace.studies.smoothing import smoothing_study
 
     counts = whole_numbers(iterations, "--iterations")
-    modes = [*mode_options.modes(), Mode("ours but facet normals", normals="facet")]
-    inputs = StudyInputs([field, finest], part, output, air, field_options, part_options, variant)
-    view = inputs.view(camera_options)
+    modes = [*options.mode.modes(), Mode("ours but facet normals", normals="facet")]
+    inputs = StudyInputs([field, finest], part, output, options)
+    view = inputs.view(scale)
     compare(
         smoothing_study(
             inputs.fields[0],
@@ -153,19 +131,15 @@ def smoothing(
 @study.command
 def mesh(
     field: Path,
-    part: Path,
+    part: StudiedPart,
     /,
     *finer: Path,
     output: Output = Path("mesh.nc"),
-    layers: Whole = 13,
+    layers: Layers = 13,
     split: Annotated[list[Path] | None, Parameter(negative=())] = None,
     reference: References = None,
-    variant: str | None = None,
-    mode_options: ModeOptions = THE_PAPERS,
-    air: AirOptions = AirOptions(),
-    field_options: FieldOptions = FieldOptions(),
-    part_options: PartOptions = PartOptions(),
-    camera_options: CameraOptions = QUARTER,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 0.25,
 ) -> None:
     """Compare flow solutions of several resolutions with the finest one, at the same levels.
 
@@ -175,28 +149,20 @@ def mesh(
     ----------
     field
         The coarsest field.
-    part
-        The part's surface mesh.
     finer
         Finer fields, the finest last.
-    output
-        The netCDF file; the figure is written beside it.
-    layers
-        Number of shells.
     split
         One of the fields that is also contoured after its cells were divided into tetrahedra, and
         after each of these was split into eight. Needs gigabytes; repeatable.
     reference
         "same mode" (shells of the finest field) or "continuous" (the continuous engine on it);
         repeatable, by default both.
-    variant
-        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     """
     from iriftrace.studies.finest import SAME_MODE
     from iriftrace.studies.layers import CONTINUOUS
     from iriftrace.studies.mesh import mesh_study
 
-    modes = mode_options.modes()
+    modes = options.mode.modes()
     paths = [field, *finer]
     names = short_names(paths)
     twice = [path for path in paths if paths.count(path) > 1]
@@ -205,8 +171,8 @@ def mesh(
     for path in split or []:
         if path not in paths:
             raise InputError(f"--split {path} is none of the study's fields; name one of them.")
-    inputs = StudyInputs(paths, part, output, air, field_options, part_options, variant)
-    view = inputs.view(camera_options)
+    inputs = StudyInputs(paths, part, output, options)
+    view = inputs.view(scale)
     compare(
         mesh_study(
             dict(zip(names, inputs.fields, strict=True)),
@@ -224,17 +190,13 @@ def mesh(
 @study.command
 def rays(
     field: Path,
-    part: Path,
+    part: StudiedPart,
     *,
     output: Output = Path("rays.nc"),
     scales: str = "0.0625,0.125,0.25,0.5",
-    layers: Whole = 13,
-    variant: str | None = None,
-    mode_options: ModeOptions = THE_PAPERS,
-    air: AirOptions = AirOptions(),
-    field_options: FieldOptions = FieldOptions(),
-    part_options: PartOptions = PartOptions(),
-    camera_options: CameraOptions = WHOLE,
+    layers: Layers = 13,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 1.0,
 ) -> None:
     """Time each stage of a picture against the number of rays.
 
@@ -244,23 +206,15 @@ def rays(
     ----------
     field
         Volume mesh with temperature, density or index.
-    part
-        The part's surface mesh.
-    output
-        The netCDF file; the figure is written beside it.
     scales
         Factors on the camera's resolution.
-    layers
-        Number of shells.
-    variant
-        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     """
     from iriftrace.studies.rays import rays_study
 
     factors = numbers(scales, scales.count(",") + 1, "--scales")
-    modes = mode_options.modes()
-    inputs = StudyInputs([field], part, output, air, field_options, part_options, variant)
-    view = inputs.view(camera_options)
+    modes = options.mode.modes()
+    inputs = StudyInputs([field], part, output, options)
+    view = inputs.view(scale)
     measure(
         rays_study(inputs.fields[0], view, factors, modes, inputs.source(view), layers=layers),
         output,
@@ -270,18 +224,14 @@ def rays(
 @study.command
 def polygons(
     field: Path,
-    part: Path,
+    part: StudiedPart,
     *,
     output: Output = Path("polygons.nc"),
     smallest: Whole = 4_700,
     largest: Whole = 320_000,
-    layers: Whole = 13,
-    variant: str | None = None,
-    mode_options: ModeOptions = THE_PAPERS,
-    air: AirOptions = AirOptions(),
-    field_options: FieldOptions = FieldOptions(),
-    part_options: PartOptions = PartOptions(),
-    camera_options: CameraOptions = QUARTER,
+    layers: Layers = 13,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 0.25,
 ) -> None:
     """Time each stage of a picture against the number of triangles of each shell.
 
@@ -291,25 +241,17 @@ def polygons(
     ----------
     field
         Volume mesh with temperature, density or index.
-    part
-        The part's surface mesh.
-    output
-        The netCDF file; the figure is written beside it.
     smallest
         Triangles of each shell to begin with; larger shells are thinned out first.
     largest
         Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
         9 GB of memory and 2 GB of disk.
-    layers
-        Number of shells.
-    variant
-        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     """
     from iriftrace.studies.polygons import polygons_study
 
-    modes = mode_options.modes()
-    inputs = StudyInputs([field], part, output, air, field_options, part_options, variant)
-    view = inputs.view(camera_options)
+    modes = options.mode.modes()
+    inputs = StudyInputs([field], part, output, options)
+    view = inputs.view(scale)
     measure(
         polygons_study(
             inputs.fields[0],

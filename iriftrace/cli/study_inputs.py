@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from iriftrace.cli.camera_options import CameraOptions
 from iriftrace.cli.checks import check_field, check_input, check_output
 from iriftrace.cli.console import working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.study_options import StudyOptions
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,30 +24,28 @@ class StudyInputs:
         fields: Sequence[Path],
         part: Path,
         output: Path,
-        air: AirOptions,
-        field_options: FieldOptions,
-        part_options: PartOptions,
-        variant: str | None,
+        options: StudyOptions,
     ) -> None:
         from iriftrace import runtime
 
         check_field(*fields)
         check_input(part)
         check_output(output, ".nc", "study.nc", make=False)
-        if field_options.isosurfaces:
+        if options.field.isosurfaces:
             raise InputError(
                 "A study contours the field anew for each case, so it needs the volume field and "
                 "no ready-made iso-surfaces."
             )
-        self.variant = runtime.ensure(variant)
-        self.part = part_options.read(part)
-        self.notes = field_options.notes()
+        self._camera = options.camera
+        self.variant = runtime.ensure(options.variant)
+        self.part = options.part.read(part)
+        self.notes = options.field.notes()
         with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
             self.fields: list[IndexField] = [
-                field_options.read(path, air.air(), self.part) for path in fields
+                options.field.read(path, options.air.air(), self.part) for path in fields
             ]
 
-    def view(self, options: CameraOptions) -> View:
+    def view(self, scale: float) -> View:
         """The camera at its traced resolution, with part and variant."""
         from iriftrace.shells import contour_shells
         from iriftrace.studies.pictures import View
@@ -56,9 +53,9 @@ class StudyInputs:
 
         finest = self.fields[-1]
         stack = contour_shells(finest, 1)
-        camera = options.camera(self.part, finest, stack)
+        camera = self._camera.camera(self.part, finest, stack, scale)
         refuse_camera_inside(camera.origin, self.part, stack, finest)
-        return View(self.part, camera.scaled(options.scale), self.variant)
+        return View(self.part, camera.scaled(scale), self.variant)
 
     def source(self, view: View) -> dict[str, Any]:
         """Where the study comes from, as plain JSON values."""

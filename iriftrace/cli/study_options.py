@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
 
+from iriftrace.cli.air_options import AirOptions
+from iriftrace.cli.camera_options import CameraOptions
+from iriftrace.cli.field_options import FieldOptions
+from iriftrace.cli.options import Whole
+from iriftrace.cli.part_options import PartOptions
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.studies.mode import Mode
+
+StudiedPart = Annotated[Path, Parameter(help="The part's surface mesh.")]
+Output = Annotated[
+    Path,
+    Parameter(name=["-o", "--output"], help="The netCDF file; the figure is written beside it."),
+]
+References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
+Layers = Annotated[Whole, Parameter(help="Number of shells.")]
 
 MODE = Group("Second mode, compared with ours (gradient, graded, refract, 0)", sort_key=0)
 
@@ -57,6 +71,25 @@ class ModeOptions:
         if any(getattr(second, name) != getattr(PAPERS, name) for name in choices):
             second = evolve(second, name="other")
         return [OURS, second, *(one_change_each(second) if self.explain else [])]
+
+
+@Parameter(name="*")
+@frozen
+class StudyOptions:
+    """How a study reads its fields and its part, and how it traces them.
+
+    Parameters
+    ----------
+    variant
+        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
+    """
+
+    variant: str | None = None
+    mode: ModeOptions = ModeOptions()
+    air: AirOptions = AirOptions()
+    field: FieldOptions = FieldOptions()
+    part: PartOptions = PartOptions()
+    camera: CameraOptions = CameraOptions()
 
 
 def whole_numbers(text: str, option: str) -> list[int]:

@@ -11,8 +11,8 @@ from cyclopts import Parameter
 
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import out, working
-from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.options import optional_quantity, quantity
+from iriftrace.cli.part_options import PartOptions
 
 if TYPE_CHECKING:
     import pyvista as pv

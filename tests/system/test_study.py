@@ -18,6 +18,7 @@ import pytest
 from hot_block import HotBlock
 
 from iriftrace.cli import main
+from iriftrace.cli.study_commands import study
 from iriftrace.studies.cases import read_study
 
 Failing = Callable[..., str]
@@ -33,6 +34,17 @@ def ended(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
     said = capsys.readouterr()
     assert code == 0, said.err
     return said.out
+
+
+@pytest.mark.parametrize(
+    ("name", "scale"), [("layers", 0.25), ("mesh", 0.25), ("polygons", 0.25), ("rays", 1.0)]
+)
+def test_moving_the_camera_does_not_change_the_resolution(name: str, scale: float) -> None:
+    words = [name, "field.vtu", "part.ply", "--origin=150,-100,120"]
+    _, bound, _ = study.parse_args(words, exit_on_error=False, print_error=False)
+    bound.apply_defaults()
+    assert bound.arguments["options"].camera.origin == "150,-100,120"
+    assert bound.arguments["scale"] == scale
 
 
 def test_layers_write_a_file_and_a_figure_and_print_a_table(
