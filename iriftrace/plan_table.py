@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from attrs import frozen
 
 from iriftrace.errors import InputError
-from iriftrace.sweep_quantities import SweepSummary
+from iriftrace.sweep_summary import SweepSummary
 
 
 @frozen

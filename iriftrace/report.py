@@ -18,7 +18,7 @@ from iriftrace.whole_file import whole_file
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.sweep_quantities import SweepSummary
+    from iriftrace.sweep_summary import SweepSummary
 
 _TEMPLATE = "templates/report.html.jinja"
 

@@ -26,7 +26,7 @@ from iriftrace.sweep_varied import setting_of
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.sweep_quantities import SweepSummary
+    from iriftrace.sweep_summary import SweepSummary
 
 Rows = tuple[tuple[str, ...], ...]
 

@@ -12,8 +12,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
+from iriftrace.pose_quantity import Quantity
 from iriftrace.status import Status
-from iriftrace.sweep_quantities import Quantity, SweepSummary
 from iriftrace.sweep_style import (
     BEST,
     BEST_COLOUR,
@@ -28,6 +28,7 @@ from iriftrace.sweep_style import (
     quantity_norm,
     unknown_label,
 )
+from iriftrace.sweep_summary import SweepSummary
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from iriftrace.exr import AovImage, read_exr
-from iriftrace.sweep_quantities import SweepSummary
+from iriftrace.sweep_summary import SweepSummary
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -19,9 +19,9 @@ from iriftrace.figure_surfaces import surface_of
 from iriftrace.figure_view import Box, View, box_around, fitting_view
 from iriftrace.part import Part
 from iriftrace.sweep_faces import FaceMap, FloatArray
-from iriftrace.sweep_quantities import SweepSummary
 from iriftrace.sweep_scene_figure import towards_cameras
 from iriftrace.sweep_style import COLOUR_MAP, TEXT_COLOUR, number
+from iriftrace.sweep_summary import SweepSummary
 
 _UNSEEN_COLOUR = "#c9c9c9"
 _EDGE_COLOUR = "#303030"

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from iriftrace.figure_file import write_pdf, write_png
 from iriftrace.sweep_charts import histogram_figure, normalised_figure, pareto_figure, rays_figure
 from iriftrace.sweep_maps import map_figure
-from iriftrace.sweep_quantities import SweepSummary
+from iriftrace.sweep_summary import SweepSummary
 
 
 def sweep_figures(summary: SweepSummary, folder: str | Path, *, vectors: bool = True) -> list[Path]:
@@ -18,7 +18,7 @@ def sweep_figures(summary: SweepSummary, folder: str | Path, *, vectors: bool = 
     Parameters
     ----------
     summary
-        What :func:`iriftrace.sweep_quantities.summarise` found in the sweep.
+        What :func:`iriftrace.sweep_summary.summarise` found in the sweep.
     folder
         An existing folder; files of the same names are replaced.
     vectors

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
-from iriftrace.sweep_quantities import Quantity, SweepSummary
+from iriftrace.pose_quantity import Quantity
 from iriftrace.sweep_style import (
     BEST,
     COLOUR_MAP,
@@ -21,6 +21,7 @@ from iriftrace.sweep_style import (
     number,
     quantity_norm,
 )
+from iriftrace.sweep_summary import SweepSummary
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

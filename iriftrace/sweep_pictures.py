@@ -12,7 +12,7 @@ from iriftrace.figures import displacement_figure
 from iriftrace.sweep_extremes import extreme_images, extreme_poses
 from iriftrace.sweep_faces import face_maps_of
 from iriftrace.sweep_figures import sweep_figures
-from iriftrace.sweep_quantities import SweepSummary
+from iriftrace.sweep_summary import SweepSummary
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -17,7 +17,7 @@ from iriftrace.figure_file import check_png_name, write_png
 from iriftrace.figure_in_space import add_picture, rendered, titled_figure
 from iriftrace.figure_surfaces import PART_COLOUR, add_part, surface_of, thinned
 from iriftrace.figure_view import Box, View, box_around, fitting_view
-from iriftrace.sweep_quantities import Quantity, SweepSummary
+from iriftrace.pose_quantity import Quantity
 from iriftrace.sweep_style import (
     BEST_RING,
     COLOUR_MAP,
@@ -25,6 +25,7 @@ from iriftrace.sweep_style import (
     marks,
     quantity_norm,
 )
+from iriftrace.sweep_summary import SweepSummary
 from iriftrace.sweep_surroundings import Surroundings
 
 FloatArray = NDArray[np.float64]

@@ -16,7 +16,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from iriftrace.figure_scale import Limits, colour_norm, even_ticks, round_ticks
-from iriftrace.sweep_quantities import BoolArray, Quantity, SweepSummary
+from iriftrace.pose_quantity import BoolArray, Quantity
+from iriftrace.sweep_summary import SweepSummary
 
 COLOUR_MAP = "viridis"
 BEST_COLOUR = "#d7191c"

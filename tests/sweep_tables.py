@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
+
+from iriftrace.planning import rank_poses
+from iriftrace.sweep_summary import SweepSummary, summarise
 
 METRIC_VARIABLES = [
     *(f"displacement_{statistic}" for statistic in ("mean", "median", "p95")),
@@ -40,6 +44,11 @@ def sweep_table(
         },
         coords={"region": ["part"]},
     )
+
+
+def summary_of(dataset: xr.Dataset, **ranking: Any) -> SweepSummary:
+    """What is shown of a sweep that is ranked with some options of `rank_poses`."""
+    return summarise(dataset, rank_poses(dataset, **ranking))
 
 
 def two_regions(part: xr.Dataset, other: xr.Dataset, name: str) -> xr.Dataset:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from page import Page, read_page
-from sweep_tables import sweep_table, with_faces
+from sweep_tables import summary_of, sweep_table, with_faces
 
 from iriftrace import report as report_module
 from iriftrace.errors import InputError
@@ -20,7 +20,6 @@ from iriftrace.report import write_report
 from iriftrace.report_content import report_content
 from iriftrace.status import Status
 from iriftrace.sweep_pictures import Pictures
-from iriftrace.sweep_quantities import summarise
 
 HOSTILE = "<img src=x onerror='go()'>&amp;<script>go().ply"
 DOT = (
@@ -81,7 +80,7 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
     table = sweep()
     file = tmp_path / "sweep.nc"
     file.write_bytes(b"content")
-    missing = write_report(tmp_path / "report.html", file, table, summarise(table), top=2)
+    missing = write_report(tmp_path / "report.html", file, table, summary_of(table), top=2)
     assert missing == ("The rest is left out & <b>missing</b>.",)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "sweep.nc"]
     return read_page(tmp_path / "report.html")
@@ -99,7 +98,7 @@ def test_text_from_files_is_text(page: Page) -> None:
 
 
 def test_the_numbers_are_those_of_the_plan(page: Page) -> None:
-    summary = summarise(sweep())
+    summary = summary_of(sweep())
     ranking = ranking_table(summary, 2)
     tables = {tuple(table[0]): table[1:] for table in page.tables}
     both = [table[1:] for table in page.tables if tuple(table[0]) == ranking.headings]
@@ -153,7 +152,7 @@ def test_every_field_of_an_ensemble_is_named() -> None:
     sources = [{"path": f"air_{k}.vtu", "sha256": f"{k}", "quantity": "density"} for k in (1, 2)]
     members = [{"number": k, "source": source} for k, source in enumerate(sources, start=1)]
     table.attrs["scenes"] = json.dumps([{"field": sources[0], "members": members}])
-    named = dict(report_content(table, summarise(table), 2).setting)["Field"]
+    named = dict(report_content(table, summary_of(table), 2).setting)["Field"]
     assert "air_1.vtu" in named
     assert "air_2.vtu" in named
 
@@ -164,10 +163,10 @@ def test_a_winner_that_is_not_clear_is_said(tmp_path: Path) -> None:
     from iriftrace.report_content import report_content
 
     table = sweep()
-    summary = summarise(table, weights=Weights(1, 0.5, 0, 0), percentile=100)
+    summary = summary_of(table, weights=Weights(1, 0.5, 0, 0), percentile=100)
     content = report_content(table, summary, 3)
     assert content.unclear is not None
     assert "pose 0 scores" in content.unclear or "pose 1 scores" in content.unclear
-    assert report_content(table, summarise(table, weights=Weights(1, 0, 0, 0)), 1).unclear is None
+    assert report_content(table, summary_of(table, weights=Weights(1, 0, 0, 0)), 1).unclear is None
     with pytest.raises(InputError, match="0 rows"):
         report_content(table, summary, 0)

@@ -17,7 +17,7 @@ from matplotlib import colormaps
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from sweep_tables import sweep_table, with_faces
+from sweep_tables import summary_of, sweep_table, with_faces
 
 from iriftrace import sweep_scene_figure as sweep_scene_figure_module
 from iriftrace.checksum import sha256_of
@@ -32,8 +32,8 @@ from iriftrace.sweep_face_figure import sweep_face_figure
 from iriftrace.sweep_faces import face_maps_of, faces_seen
 from iriftrace.sweep_figures import sweep_figures
 from iriftrace.sweep_maps import map_figure
-from iriftrace.sweep_quantities import SweepSummary, summarise
 from iriftrace.sweep_scene_figure import sweep_scene_figure
+from iriftrace.sweep_summary import SweepSummary
 from iriftrace.sweep_surroundings import Surroundings, surroundings_of
 
 ORBIT = Orbit((0.0, 0.0, 0.0), (200.0, 150.0, 150.0))
@@ -75,7 +75,7 @@ def sweep(poses: PoseSet = GRID, empty: tuple[int, ...] = EMPTY, **attributes: A
 
 @pytest.fixture(scope="module")
 def summary() -> SweepSummary:
-    return summarise(sweep())
+    return summary_of(sweep())
 
 
 def legend_of(figure: Figure) -> list[str]:
@@ -103,7 +103,7 @@ def test_values_come_in_readable_units(summary: SweepSummary) -> None:
 def test_lengths_of_centimetres_are_read_in_mm() -> None:
     data = sweep()
     data["lateral_resolution"] *= 100.0
-    assert summarise(data).lateral.unit == "mm"
+    assert summary_of(data).lateral.unit == "mm"
 
 
 def test_limits_are_those_of_the_plan(summary: SweepSummary) -> None:
@@ -118,7 +118,7 @@ def test_only_rays_that_occur_are_counted(summary: SweepSummary) -> None:
 
 
 def test_poses_with_few_hits_have_no_number() -> None:
-    few = summarise(sweep(), min_hits=1005)
+    few = summary_of(sweep(), min_hits=1005)
     assert np.flatnonzero(~few.displacement.known).tolist() == [0, 1, 2, 3, 4, 6]
     assert "6 without a rank" in few.subtitle
 
@@ -146,13 +146,13 @@ def test_the_pole_stands_for_all_azimuths(summary: SweepSummary) -> None:
     ids=["a hole", "all around", "one azimuth", "one elevation"],
 )
 def test_other_poses_are_no_grid(poses: PoseSet) -> None:
-    assert summarise(sweep(poses, empty=())).grid(np.arange(len(poses))) is None
+    assert summary_of(sweep(poses, empty=())).grid(np.arange(len(poses))) is None
 
 
 def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
     """A camera on +y that looks at the origin has azimuth 90 degrees; straight above, 0 and 90."""
     poses = orbit_poses(ORBIT, [0.0, 90.0], [0.0, 90.0])
-    found = summarise(sweep(PoseSet(poses.matrices), empty=()))
+    found = summary_of(sweep(PoseSet(poses.matrices), empty=()))
     assert found.azimuth == pytest.approx([0.0, 90.0, 0.0])
     assert found.elevation == pytest.approx([0.0, 0.0, 90.0])
     assert found.angles_of == "of the line of sight"
@@ -160,9 +160,9 @@ def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
 
 def test_a_table_of_something_else_is_refused() -> None:
     with pytest.raises(InputError, match="matrix is missing"):
-        summarise(sweep().drop_vars("matrix"))
+        summary_of(sweep().drop_vars("matrix"))
     with pytest.raises(InputError, match="None of the 14 poses"):
-        summarise(sweep(empty=tuple(range(14))))
+        summary_of(sweep(empty=tuple(range(14))))
 
 
 # What is drawn -----------------------------------------------------------------------------------
@@ -195,7 +195,7 @@ def test_a_map_marks_poses_without_a_number(summary: SweepSummary) -> None:
 
 
 def test_scattered_poses_are_all_there() -> None:
-    found = summarise(sweep(fibonacci_poses(ORBIT, 30)))
+    found = summary_of(sweep(fibonacci_poses(ORBIT, 30)))
     axes = all_axes(map_figure(found, found.coverage))[0]
     dots = axes.collections[0].get_offsets()
     marks = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
@@ -213,7 +213,7 @@ def test_a_constant_metric_can_be_drawn() -> None:
     data = sweep()
     data["coverage"][:] = 0.25
     with pytest.warns(UserWarning, match="coverage"):
-        found = summarise(data)
+        found = summary_of(data)
     low, high = all_axes(map_figure(found, found.coverage))[0].collections[0].get_clim()
     assert low < 25 < high
 
@@ -262,7 +262,7 @@ def test_poses_of_much_the_same_coverage_are_told_apart() -> None:
     """A sphere shows as much from everywhere: the axis shows the differences, and all of them."""
     data = sweep()
     data["coverage"] = 0.35 + 0.03 * data["coverage"]
-    axes = all_axes(pareto_figure(summarise(data)))[0]
+    axes = all_axes(pareto_figure(summary_of(data)))[0]
     values = 100 * data["coverage"].sel(region="part").to_numpy()
     low, high = axes.get_ylim()
     assert low < np.nanmin(values) < np.nanmax(values) < high
@@ -318,7 +318,7 @@ def test_other_focal_lengths_get_panels_of_their_own() -> None:
     twice = joined([GRID, GRID])
     data = sweep(twice, empty=())
     data["focal_length"] = ("pose", np.repeat([8.0, 12.0], 14))
-    found = summarise(data)
+    found = summary_of(data)
     assert list(found.series) == ["focal length 8 mm", "focal length 12 mm"]
     first, second, _ = all_axes(map_figure(found, found.displacement))
     for axes, members in ((first, np.arange(14)), (second, np.arange(14, 28))):
@@ -334,7 +334,7 @@ def test_what_does_not_differ_is_not_mentioned() -> None:
     data["focal_length"] = ("pose", np.full(14, 8.0))
     data["stand_off"] = ("pose", np.full(14, np.nan))
     data["scene"] = ("pose", np.array(["a/scene.xml"] * 14, dtype=object))
-    found = summarise(data)
+    found = summary_of(data)
     assert found.varied == ()
     assert list(found.series) == [""]
 
@@ -342,13 +342,13 @@ def test_what_does_not_differ_is_not_mentioned() -> None:
 def test_scenes_are_told_apart() -> None:
     data = sweep()
     data["scene"] = ("pose", np.array(["x/hot/scene.xml", "x/cold/scene.xml"] * 7, dtype=object))
-    assert set(summarise(data).varied[0].values) == {"hot", "cold"}
+    assert set(summary_of(data).varied[0].values) == {"hot", "cold"}
 
 
 def test_of_several_at_one_place_the_best_is_shown() -> None:
     """The second series has larger displacements, so the first one is the better everywhere."""
     twice = joined([GRID, GRID])
-    found = summarise(sweep(twice, empty=()), weights=Weights(1, 0, 0, 0))
+    found = summary_of(sweep(twice, empty=()), weights=Weights(1, 0, 0, 0))
     shown = sweep_scene_figure_module._best_at_each_place(found)
     assert shown.tolist() == [True] * 14 + [False] * 14
 
@@ -381,7 +381,7 @@ def faces_sweep(**more: Any) -> xr.Dataset:
 
 
 def test_faces_hit_are_counted_pose_by_pose() -> None:
-    found = summarise(faces_sweep())
+    found = summary_of(faces_sweep())
     assert found.faces.tolist() == [3, 2, 1, *[0] * 11]
     upper, faces, triangles = all_axes(rays_figure(found))
     assert faces.get_ylabel() == "Faces of the part hit"
@@ -389,7 +389,7 @@ def test_faces_hit_are_counted_pose_by_pose() -> None:
     assert triangles.get_ylabel() == "Shell triangles in view"
     assert upper.get_ylabel() == "Rays that hit the part"
     assert faces_seen(faces_sweep(), "part").tolist() == found.faces.tolist()
-    assert summarise(sweep()).faces is None
+    assert summary_of(sweep()).faces is None
 
 
 def test_maps_of_faces_are_those_of_the_sweep() -> None:
@@ -406,7 +406,7 @@ def test_faces_have_the_colours_of_their_numbers(tmp_path: Path) -> None:
     data = faces_sweep()
     _, times, _ = face_maps_of(data)
     path = tmp_path / "faces.png"
-    sweep_face_figure(summarise(data), TETRAHEDRON, times, path)
+    sweep_face_figure(summary_of(data), TETRAHEDRON, times, path)
     pixels = colours_of(path)
     assert len(pixels) == 1600 * 1200
     hue = [np.array(colormaps["viridis"](times.values[face] / 3.0)[:3]) for face in range(3)]
@@ -418,7 +418,7 @@ def test_faces_have_the_colours_of_their_numbers(tmp_path: Path) -> None:
     grey = (np.ptp(pixels, axis=1) < 3) & (abs(pixels.mean(axis=1) - 195) < 25)
     assert np.count_nonzero(grey) > 1000
     with pytest.raises(InputError, match="4 faces and the sweep 3"):
-        sweep_face_figure(summarise(data), TETRAHEDRON, evolve(times, values=np.ones(3)), path)
+        sweep_face_figure(summary_of(data), TETRAHEDRON, evolve(times, values=np.ones(3)), path)
 
 
 # In space ----------------------------------------------------------------------------------------
@@ -446,7 +446,7 @@ def test_the_part_stands_among_the_poses(summary: SweepSummary, tmp_path: Path) 
 
 def test_a_single_pose_can_be_drawn(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="do not differ"):
-        one = summarise(sweep(GRID.take([5]), empty=()))
+        one = summary_of(sweep(GRID.take([5]), empty=()))
     assert len(sweep_figures(one, tmp_path)) == 18
     sweep_scene_figure(one, one.displacement, Surroundings(), tmp_path / "scene.png")
 

@@ -12,7 +12,7 @@ from iriftrace.figures import displacement_figure
 from iriftrace.planning import rank_poses
 from iriftrace.sweep_face_figure import sweep_face_figure
 from iriftrace.sweep_faces import FaceMap
-from iriftrace.sweep_quantities import summarise
+from iriftrace.sweep_summary import summarise
 from iriftrace.swept_scene import load_swept_scene
 
 _PERCENTILES = (2.0, 98.0)
@@ -29,7 +29,8 @@ def draw_faces(swept: Swept, path: Path) -> None:
         values,
         (float(low), float(high)),
     )
-    sweep_face_figure(summarise(swept.dataset), swept.part, shown, path)
+    summary = summarise(swept.dataset, rank_poses(swept.dataset))
+    sweep_face_figure(summary, swept.part, shown, path)
     _halve(path)
 
 

@@ -10,7 +10,7 @@ from cyclopts import Group, Parameter
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.sweep_quantities import SweepSummary
+    from iriftrace.sweep_summary import SweepSummary
 
 RANKING = Group("Ranking", sort_key=1)
 
@@ -59,9 +59,10 @@ class RankingOptions:
     def summary_of(self, dataset: xr.Dataset) -> SweepSummary:
         """The sweep's poses ranked by these options."""
         from iriftrace.plan_weights import Weights
-        from iriftrace.sweep_quantities import summarise
+        from iriftrace.planning import rank_poses
+        from iriftrace.sweep_summary import summarise
 
-        return summarise(
+        plan = rank_poses(
             dataset,
             weights=Weights(self.displacement, self.coverage, self.axial, self.lateral),
             statistic=self.statistic,
@@ -71,6 +72,7 @@ class RankingOptions:
             outside=self.outside,
             min_hits=self.min_hits,
         )
+        return summarise(dataset, plan)
 
 
 THE_PAPERS = RankingOptions()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from iriftrace.refine import Refinement
-    from iriftrace.sweep_quantities import SweepSummary
+    from iriftrace.sweep_summary import SweepSummary
     from iriftrace.view_cover import ViewSet
     from iriftrace.view_plan import ViewLimits
 

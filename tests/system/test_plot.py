@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from hot_block import HotBlock
+from sweep_tables import summary_of
 
 from iriftrace import doctor, sweep_pictures
 from iriftrace.cli import main
 from iriftrace.sweep_extremes import extreme_images
-from iriftrace.sweep_quantities import summarise
 from iriftrace.sweep_store import read_sweep
 
 METRICS = ("displacement", "coverage", "axial", "lateral", "score")
@@ -90,7 +90,7 @@ def test_a_sweep_whose_scene_is_gone_is_drawn_without_it(
 def test_views_that_were_not_kept_are_rendered_again(sweep: Path, tmp_path: Path) -> None:
     """Away from its EXRs the sweep gives the same images of the extreme views, bit for bit."""
     dataset = read_sweep(sweep)
-    summary = summarise(dataset)
+    summary = summary_of(dataset)
     kept = dict(extreme_images(dataset, summary, sweep.parent))
     again = dict(extreme_images(dataset, summary, tmp_path))
     assert set(kept) == set(again) == {"smallest", "largest"}

@@ -1,4 +1,4 @@
-"""What plans, figures and reports show of a sweep: metrics in readable units, angles, counts."""
+"""What plans, figures and reports show of a sweep: its ranked poses, where they are and saw."""
 
 from __future__ import annotations
 
@@ -11,15 +11,8 @@ from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
 from iriftrace.field_origin import synthetic_mark
-from iriftrace.planning import (
-    Outside,
-    Plan,
-    Resolution,
-    Statistic,
-    Weights,
-    pareto_front,
-    rank_poses,
-)
+from iriftrace.planning import Plan, pareto_front
+from iriftrace.pose_quantity import Quantity, metric_quantity, scatter_quantity, score_quantity
 from iriftrace.status import Status
 from iriftrace.sweep_faces import faces_seen
 from iriftrace.sweep_origin import attribute, scene_of
@@ -28,64 +21,8 @@ from iriftrace.sweep_varied import Varied, series_of, varied_of
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.figure_scale import Limits
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-
-_STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th percentile of the"}
-_READINGS = {
-    "step": "step to the next pixel",
-    "nn3d": "nearest neighbour in space",
-    "nnxy": "nearest neighbour in the picture's plane",
-}
-# Values that span more than this are read on a logarithmic scale.
-_WIDE = 20.0
-
-
-@frozen(eq=False)
-class Quantity:
-    """One metric of all n poses.
-
-    Attributes
-    ----------
-    key : str
-        Short name, for files.
-    title : str
-        What it is.
-    name : str
-        The same with the reading, for axes.
-    unit : str
-        For axes.
-    values : (n,) array
-        In that unit; NaN for a pose without a number.
-    limits : (2,) tuple
-        In that unit: ends of the normalisation; of the score its smallest and largest value.
-    normalised : (n,) array
-        0 at the lower limit and 1 at the upper one and beyond; the score as it is.
-    logarithmic : bool
-        Whether colours and axes are.
-    """
-
-    key: str
-    title: str
-    name: str
-    unit: str
-    values: FloatArray
-    limits: Limits
-    normalised: FloatArray
-    logarithmic: bool
-
-    @property
-    def label(self) -> str:
-        """Name and unit for an axis."""
-        return f"{self.name} ({self.unit})"
-
-    @property
-    def known(self) -> BoolArray:
-        """(n,) mask of the poses that have a number."""
-        return np.isfinite(self.values)
 
 
 @frozen(eq=False)
@@ -188,56 +125,37 @@ class SweepSummary:
         return poses if (poses >= 0).all() and used == poses.size else None
 
 
-def summarise(
-    dataset: xr.Dataset,
-    *,
-    weights: Weights | None = None,
-    statistic: Statistic = "mean",
-    resolution: Resolution = "step",
-    region: str = "part",
-    percentile: float = 95.0,
-    outside: Outside = "clip",
-    min_hits: int = 100,
-) -> SweepSummary:
+def summarise(dataset: xr.Dataset, plan: Plan) -> SweepSummary:
     """Collect what plans, figures and reports of a sweep show.
 
     Parameters
     ----------
     dataset
         A sweep.
-    weights, statistic, resolution, region, percentile, outside, min_hits
-        As for `iriftrace.planning.rank_poses`.
+    plan
+        Its ranking, by `iriftrace.planning.rank_poses`.
 
     Raises
     ------
     InputError
-        An option is wrong, the dataset is not a sweep, or no pose can be ranked.
+        The dataset is not a sweep.
     """
-    plan = rank_poses(
-        dataset,
-        weights=weights,
-        statistic=statistic,
-        resolution=resolution,
-        region=region,
-        percentile=percentile,
-        outside=outside,
-        min_hits=min_hits,
-    )
     front = pareto_front(
-        dataset, statistic=statistic, resolution=resolution, region=region, min_hits=min_hits
+        dataset,
+        statistic=plan.statistic,
+        resolution=plan.resolution,
+        region=plan.region,
+        min_hits=plan.min_hits,
     )
-    view = dataset.sel(region=region)
-    enough = np.asarray(view["rays_good"].values) >= min_hits
-    reading = _READINGS[resolution]
+    view = dataset.sel(region=plan.region)
+    enough = np.asarray(view["rays_good"].values) >= plan.min_hits
     azimuth, elevation, angles_of = _angles(dataset)
     return SweepSummary(
-        displacement=_quantity(
-            plan, "displacement", f"{_STATISTICS[statistic]} displacement", enough
-        ),
-        coverage=_quantity(plan, "coverage", "Coverage", enough),
-        axial=_quantity(plan, "axial", f"Axial resolution, {reading}", enough),
-        lateral=_quantity(plan, "lateral", f"Lateral resolution, {reading}", enough),
-        score=_score(plan),
+        displacement=metric_quantity(plan, "displacement", enough),
+        coverage=metric_quantity(plan, "coverage", enough),
+        axial=metric_quantity(plan, "axial", enough),
+        lateral=metric_quantity(plan, "lateral", enough),
+        score=score_quantity(plan),
         matrices=np.asarray(_variable(dataset, "matrix"), dtype=np.float64),
         distance=_variable(dataset, "distance"),
         azimuth=azimuth,
@@ -245,12 +163,12 @@ def summarise(
         angles_of=angles_of,
         rays=_rays(view),
         polygons=np.asarray(_variable(dataset, "shell_triangles_in_view"), dtype=np.int64),
-        faces=faces_seen(dataset, region),
+        faces=faces_seen(dataset, plan.region),
         varied=varied_of(dataset),
         front=front,
         plan=plan,
-        subtitle=_subtitle(dataset, region, len(enough), len(plan.unranked)),
-        scatter=_scatter(view, statistic, enough),
+        subtitle=_subtitle(dataset, plan.region, len(enough), len(plan.unranked)),
+        scatter=scatter_quantity(view, plan.statistic, enough),
     )
 
 
@@ -261,59 +179,6 @@ def _variable(dataset: xr.Dataset, name: str) -> NDArray[Any]:
             "`iriftrace sweep` wrote."
         )
     return np.asarray(dataset[name].values)
-
-
-def _quantity(plan: Plan, key: str, name: str, enough: BoolArray) -> Quantity:
-    values = np.where(enough, plan.metrics[key], np.nan)
-    low, high = plan.limits[key]
-    factor, unit = 1e3, "µm"
-    if key == "coverage":
-        factor, unit = 100.0, "%"
-    elif high >= 10.0:
-        factor, unit = 1.0, "mm"
-    # Only the displacement goes over orders of magnitude; zero has no place on its scale.
-    wide = key == "displacement" and bool(np.nanmin(values) > 0.0)
-    return Quantity(
-        key=key,
-        title=name.partition(",")[0],
-        name=name,
-        unit=unit,
-        values=factor * values,
-        limits=(factor * low, factor * high),
-        normalised=plan.normalised[key],
-        logarithmic=wide and bool(np.nanmax(values) > _WIDE * np.nanmin(values)),
-    )
-
-
-def _scatter(view: xr.Dataset, statistic: Statistic, enough: BoolArray) -> Quantity | None:
-    """Standard deviation over the members of an ensemble; None for a single field."""
-    if f"scatter_{statistic}" not in view:
-        return None
-    values = np.where(enough, 1e3 * view[f"scatter_{statistic}"].values, np.nan)
-    if not np.isfinite(values).any():
-        return None
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    span = high - low or 1.0
-    title = f"{_STATISTICS[statistic]} scatter"
-    wide = low > 0.0 and high > _WIDE * low
-    return Quantity(
-        key="scatter",
-        title=title,
-        name=f"{title}, standard deviation over the members",
-        unit="µm",
-        values=values,
-        limits=(low, high),
-        normalised=np.clip((values - low) / span, 0.0, 1.0),
-        logarithmic=wide,
-    )
-
-
-def _score(plan: Plan) -> Quantity:
-    limits = float(np.nanmin(plan.score)), float(np.nanmax(plan.score))
-    unit = "dimensionless, the smaller the better"
-    return Quantity(
-        "score", "Combined score", "Combined score", unit, plan.score, limits, plan.score, False
-    )
 
 
 def _angles(dataset: xr.Dataset) -> tuple[FloatArray, FloatArray, str]:
