@@ -19,6 +19,7 @@ from iriftrace.pose_set import PoseSet, joined
 from iriftrace.provenance import provenance
 from iriftrace.scene import LoadedScene
 from iriftrace.sweep_journal import Journal, remove_leftovers, sole_writer
+from iriftrace.sweep_measures import metric_variables
 from iriftrace.sweep_pose import PoseTask, SceneSource, fingerprint
 from iriftrace.sweep_series import (
     RenderPoses,
@@ -29,13 +30,7 @@ from iriftrace.sweep_series import (
     series_variables,
     sources_of,
 )
-from iriftrace.sweep_store import (
-    metric_variables,
-    pose_variables,
-    read_sweep,
-    to_dataset,
-    write_sweep,
-)
+from iriftrace.sweep_store import pose_variables, read_sweep, to_dataset, write_sweep
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -119,7 +114,7 @@ def run_series(
     -------
     xarray.Dataset
         Dimensions ``pose``, ``region``, ``face`` and ``sighting``; see
-        :mod:`iriftrace.sweep_store` and :mod:`iriftrace.face_sightings`.
+        :mod:`iriftrace.sweep_measures` and :mod:`iriftrace.face_sightings`.
 
     Raises
     ------

@@ -22,8 +22,9 @@ from iriftrace.scene import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep import SweepOptions, run_series, run_sweep
 from iriftrace.sweep_journal import sole_writer
+from iriftrace.sweep_measures import MEASURES
 from iriftrace.sweep_series import Series
-from iriftrace.sweep_store import MEASURES, read_sweep
+from iriftrace.sweep_store import read_sweep
 from iriftrace.sweep_surface import write_surface
 from iriftrace.sweep_table import write_table
 
