@@ -9,6 +9,7 @@ from importlib.metadata import version
 from cyclopts import App, CycloptsError
 
 from iriftrace.cli.checks import sentence
+from iriftrace.cli.commands_by_name import add_command
 from iriftrace.cli.console import notes, out, show_warning
 from iriftrace.cli.field_commands import scene, shells
 from iriftrace.cli.options import with_negative_values
@@ -89,8 +90,7 @@ app.command(
     help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone.",
 )
 
-# By name, so that they are imported when they are called.
-for _module, _name, _help, _example in (
+for _by_name in (
     (
         "sweep_commands",
         "sweep",
@@ -122,8 +122,4 @@ for _module, _name, _help, _example in (
         "out.exr markers.csv",
     ),
 ):
-    app.command(
-        f"iriftrace.cli.{_module}:{_name}",
-        name=_name,
-        help=f"{_help}\n\nExample: ``iriftrace {_name} {_example}``",
-    )
+    add_command(app, "iriftrace", *_by_name)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from cyclopts import App
 
+from iriftrace.cli.commands_by_name import add_command
+
 field = App(
     name="field",
     help="Make a temperature field for a part, or check one.",
     help_format="rst",
 )
 
-for _module, _name, _help, _example in (
+for _by_name in (
     (
         "simulate_commands",
         "simulate",
@@ -36,8 +38,4 @@ for _module, _name, _help, _example in (
         "field.vtu part.ply",
     ),
 ):
-    field.command(
-        f"iriftrace.cli.{_module}:{_name}",
-        name=_name,
-        help=f"{_help}\n\nExample: ``{' '.join(('iriftrace field', _name, _example)).rstrip()}``",
-    )
+    add_command(field, "iriftrace field", *_by_name)
