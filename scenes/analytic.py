@@ -116,7 +116,7 @@ def concentric_cylinders(
             float(surfaces[k]),
             float(indices[k]),
             float(indices[k + 1]),
-            *_tube(float(radius), length_mm, sections),
+            *tube(float(radius), length_mm, sections),
         )
         for k, radius in enumerate(cylinder_radii(surfaces, air))
     ]
@@ -132,10 +132,25 @@ def _levels(layers: int, air: Air, rule: str) -> tuple[FloatArray, FloatArray]:
     return index_levels(air.ambient_refractivity, hottest, layers, rule)
 
 
-def _tube(
+def tube(
     radius: float, length: float, sections: int
 ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-    """Vertices, outward faces and radial normals of an open tube along x."""
+    """A tube along x around the origin, open at both ends.
+
+    Parameters
+    ----------
+    radius, length : float, mm
+    sections : int
+        Facets around.
+
+    Returns
+    -------
+    vertices : (n, 3) array, mm
+    faces : (m, 3) array
+        They face outward.
+    normals : (n, 3) array
+        Radial.
+    """
     angle = 2 * np.pi * np.arange(sections) / sections
     radial = np.column_stack((np.zeros(sections), np.cos(angle), np.sin(angle)))
     end = np.array((length / 2, 0.0, 0.0))

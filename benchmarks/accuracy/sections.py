@@ -5,6 +5,7 @@ from __future__ import annotations
 from benchmarks.accuracy import (
     agreement,
     air_effects,
+    column,
     exact_continuous,
     exact_shells,
     index_steps,
@@ -23,6 +24,7 @@ SECTIONS = tuple(
         index_steps,
         noise_floor,
         agreement,
+        column,
         readers,
         trouble,
         ledger,

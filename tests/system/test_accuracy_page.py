@@ -17,7 +17,7 @@ from benchmarks.accuracy.trouble import lines_of, troubles
 PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
 
 
-@pytest.mark.parametrize("name", ["ledger", "air"])
+@pytest.mark.parametrize("name", ["ledger", "air", "plume"])
 @pytest.mark.usefixtures("variant")
 def test_every_error_is_within_its_bound(name: str, tmp_path: Path) -> None:
     (section,) = (section for section in SECTIONS if section.name == name)
