@@ -69,6 +69,36 @@ def heat_capacity(temperature_k: ArrayLike) -> FloatArray:
     return result
 
 
+def enthalpy(temperature_k: ArrayLike) -> FloatArray:
+    """Enthalpy, J/kg, up to a constant: the integral of `heat_capacity`; 200 to 5000 K."""
+    kelvin = np.asarray(temperature_k, dtype=np.float64)
+    low, high = (
+        np.polyval([*(c[k] / (k + 1) for k in range(4, -1, -1)), c[5]], kelvin)
+        for c in (HEAT_CAPACITY_BELOW, HEAT_CAPACITY_ABOVE)
+    )
+    molar = np.where(kelvin < COMMON_K, low, high)
+    result: FloatArray = molar * GAS_CONSTANT / (MOLAR_MASS * 1e-3)
+    return result
+
+
+def heat_content(temperature_k: ArrayLike, ambient_k: float, pressure_pa: float) -> FloatArray:
+    """Heat that air holds more than ambient air, J/m3: density times difference in enthalpy."""
+    more = enthalpy(temperature_k) - enthalpy(ambient_k)
+    result: FloatArray = density(temperature_k, pressure_pa) * more
+    return result
+
+
+def heat_content_slope(temperature_k: ArrayLike, ambient_k: float) -> FloatArray:
+    """What `heat_content` changes by with the density at constant pressure, J/kg.
+
+    For a perfect gas d(rho (h - h_a))/d rho = h - h_a - c_p T, which is the constant -c_p T_a where
+    the heat capacity is constant: then the heat content is linear in the density.
+    """
+    kelvin = np.asarray(temperature_k, dtype=np.float64)
+    result: FloatArray = enthalpy(kelvin) - enthalpy(ambient_k) - heat_capacity(kelvin) * kelvin
+    return result
+
+
 def viscosity(temperature_k: ArrayLike) -> FloatArray:
     """Dynamic viscosity, Pa s."""
     kelvin = np.asarray(temperature_k, dtype=np.float64)

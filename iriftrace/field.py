@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from iriftrace import field_arrays as arrays
 from iriftrace import transform as motion
 from iriftrace.air import Air
+from iriftrace.air_flow import flow_in
 from iriftrace.array_units import unit_of
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field_io import linear_volume, open_volume
@@ -40,6 +41,7 @@ def read_field(
     transform: ArrayLike | None = None,
     member: int | None = None,
     part: Part | None = None,
+    flow: bool = False,
 ) -> IndexField:
     """Read a solver's result as a field of the refractive index.
 
@@ -67,6 +69,8 @@ def read_field(
         out.
     part : Part, optional
         The part, mm, world; needed only for scattered points, from whose hull it is cut out.
+    flow : bool, optional
+        Whether to look for velocities too (`IndexField.flow`), for a heat balance.
 
     Returns
     -------
@@ -87,7 +91,7 @@ def read_field(
         are of higher order; the file has several states and none was chosen.
     """
     air = Air() if air is None else air
-    contents = open_volume(path, member=member)
+    contents = open_volume(path, member=member, flow=flow)
     length_unit = _length_unit(length_unit, contents.length_unit, str(path))
     raw = contents.data
     grid = _placed(raw, length_factor(length_unit), transform)
@@ -111,6 +115,7 @@ def read_field(
             origin=origin_of(contents.data),
             wall_heat_w=wall_heat_of(contents.data),
         ),
+        flow=flow_in(raw, choice.name, contents.units, transform, air) if flow else None,
     )
     _warn_of_other_ambient(result)
     if choice.quantity == "temperature" and quantity is None and array is None:

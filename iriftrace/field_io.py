@@ -17,7 +17,7 @@ from iriftrace.readers import comsol_text, openfoam_case, vtk_file
 from iriftrace.readers.contents import Contents
 from iriftrace.readers.kinds import kind_of
 
-_READERS = {"vtk": vtk_file.read, "openfoam": openfoam_case.read, "comsol": comsol_text.read}
+_READERS = {"vtk": vtk_file.read, "comsol": comsol_text.read}
 
 # Volume cells that are not used as they are, by VTK's numbers.
 _VOXEL = 11
@@ -50,7 +50,7 @@ def read_volume(path: str | Path, *, member: int | None = None) -> pv.Unstructur
     return volume
 
 
-def open_volume(path: str | Path, *, member: int | None = None) -> Contents:
+def open_volume(path: str | Path, *, member: int | None = None, flow: bool = False) -> Contents:
     """Read the volume cells of a file, and what it states about units.
 
     Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly. Voxels
@@ -65,6 +65,9 @@ def open_volume(path: str | Path, *, member: int | None = None) -> Contents:
     member : int, optional
         Which state of a file with several, as `iriftrace.readers.members` counts them; the last
         one when left out, with a warning.
+    flow : bool, optional
+        Whether velocities are wanted at the points of an OpenFOAM case, which take memory; other
+        files are read whole in any case.
 
     Returns
     -------
@@ -79,7 +82,11 @@ def open_volume(path: str | Path, *, member: int | None = None) -> Contents:
         The file is missing, of another type, damaged, or has no volume cells.
     """
     path = Path(path)
-    contents = _READERS[kind_of(path)](path, member)
+    kind = kind_of(path)
+    if kind == "openfoam":
+        contents = openfoam_case.read(path, member, flow=flow)
+    else:
+        contents = _READERS[kind](path, member)
     if member is None and len(contents.states) > 1:
         warn(
             f"{path} has {len(contents.states)} states; the last one, {contents.states[-1][0]}, "

@@ -33,9 +33,12 @@ def wall_heat_of(data: Any) -> float | None:
 
     The gradient at the points of a file gives another one, since they carry averages of cells.
     """
-    if data is None or WALL_HEAT not in data.field_data:
+    if data is None:
         return None
-    return float(np.atleast_1d(data.field_data[WALL_HEAT])[0])
+    if WALL_HEAT in data.field_data:
+        return float(np.atleast_1d(data.field_data[WALL_HEAT])[0])
+    blocks = data if hasattr(data, "n_blocks") else ()
+    return next((heat for heat in map(wall_heat_of, blocks) if heat is not None), None)
 
 
 def state_origin(grid: Any, origin: str) -> None:

@@ -10,6 +10,7 @@ from attrs import field, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.air import Air
+from iriftrace.air_flow import AirFlow
 from iriftrace.errors import InputError
 from iriftrace.field_cells import CORNERS, point_gradient
 from iriftrace.field_wall import inner_wall
@@ -72,12 +73,15 @@ class IndexField:
     air : Air
         Ambient air, which turns n - 1 into temperature and back.
     source : FieldSource
+    flow : AirFlow, optional
+        How the air moves, where it was asked for.
     """
 
     grid: pv.UnstructuredGrid
     refractivity: FloatArray = field(converter=_float64)
     air: Air
     source: FieldSource
+    flow: AirFlow | None = None
 
     def __attrs_post_init__(self) -> None:
         """Refuse what does not fit together, and keep nothing but the refractivity in the grid."""

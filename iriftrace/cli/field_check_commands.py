@@ -36,6 +36,9 @@ def check(
 ) -> None:
     """Check a field against its part: wall, boundary layer, heat, edge of the data, gradients.
 
+    The heat that leaves with the air is balanced against the heat from the wall where the file has
+    velocities, as those of `iriftrace field simulate` and OpenFOAM's cases do.
+
     Prints a verdict on each. The exit status is 0 also when they are bad; it is 2 when field and
     part do not belong together.
 
@@ -71,7 +74,7 @@ def check(
         raise InputError(f"--diameter is {diameter}, but a cylinder's diameter is positive.")
     measured = part_options.read(part)
     with working("Reading the field"):
-        volume = field_options.read(field, air.air(), measured)
+        volume = field_options.read(field, air.air(), measured, flow=True)
     with working("Checking the field"):
         from iriftrace.field_check import check_field
 

@@ -59,11 +59,18 @@ class FieldOptions:
     field_symmetry: str | None = None
 
     def read(
-        self, path: Path, air: Air, part: Part | None = None, member: int | None = None
+        self,
+        path: Path,
+        air: Air,
+        part: Part | None = None,
+        member: int | None = None,
+        *,
+        flow: bool = False,
     ) -> IndexField:
         """Read the volume field; the part is cut out of one that is scattered points.
 
-        Of a file with several states the one with the number `member`, else that of --time.
+        Of a file with several states the one with the number `member`, else that of --time; with
+        its velocities, if `flow`.
         """
         from iriftrace.field import read_field
         from iriftrace.readers.members import member_at
@@ -80,6 +87,7 @@ class FieldOptions:
             if member is not None or self.time is None
             else member_at(path, self.time).index,
             part=part,
+            flow=flow,
         )
 
     def transform(self) -> NDArray[np.float64] | None:

@@ -37,8 +37,9 @@ def simulate(
 
     Natural convection of air, laminar, gravity along -z, around the part with the given wall
     temperature. The field's temperature is the one that has the time average of the density, which
-    the refractive index follows. A run that was interrupted goes on when the same command is given
-    again. `iriftrace field doctor` checks the OpenFOAM of this machine.
+    the refractive index follows; beside it the file has the mean velocity and what `iriftrace field
+    check` needs for a heat balance. A run that was interrupted goes on when the same command is
+    given again. `iriftrace field doctor` checks the OpenFOAM of this machine.
 
     Example: ``iriftrace field simulate part.stl -o case --wall-temperature "1100 degC"``
 

@@ -7,6 +7,7 @@ from attrs import asdict
 from numpy.typing import ArrayLike
 
 from iriftrace.field import AMBIENT_TOLERANCE_K, IndexField
+from iriftrace.field_check.balance_finding import balance_finding
 from iriftrace.field_check.cylinder import nusselt_finding
 from iriftrace.field_check.edge import edge_finding, view_finding
 from iriftrace.field_check.finding import FieldCheck, Finding, Verdict
@@ -30,6 +31,7 @@ def check_field(
     Parameters
     ----------
     field : IndexField
+        With velocities (`iriftrace.field.read_field`, ``flow=True``) for the heat balance.
     part : Part
         Closed, in the field's place.
     wall_temperature_k : float, optional
@@ -54,6 +56,7 @@ def check_field(
         _covered(fit.bare_share),
         layer_finding(wall),
         heat_finding(wall, part),
+        balance_finding(field, wall, 1.0 - fit.bare_share),
         nusselt_finding(wall, part, field, diameter_mm),
         _ambient(field),
         edge_finding(field),

@@ -113,7 +113,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     normals *= np.where(np.einsum("ij,ij->i", normals, outward) < 0.0, -1.0, 1.0)[:, None]
 
     temperature = field.temperature_k
-    potential = _conduction_potential(temperature)
+    potential = conduction_potential(temperature)
     of_cells = point_gradient(field.grid, potential)
     slope = _fitting_gradient(field.grid, number, potential, of_cells)[number]
 
@@ -174,7 +174,7 @@ def _fitting_gradient(
     return fitting
 
 
-def _conduction_potential(temperature: FloatArray) -> FloatArray:
+def conduction_potential(temperature: FloatArray) -> FloatArray:
     """Integral of the conductivity over the temperature, W/m."""
     knots = np.linspace(float(temperature.min()), float(temperature.max()), _POTENTIAL_STEPS)
     conductivity = np.asarray(gas.conductivity(knots), dtype=np.float64)

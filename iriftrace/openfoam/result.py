@@ -14,7 +14,9 @@ from iriftrace.air_properties import temperature_of_density
 from iriftrace.errors import SetupError
 from iriftrace.field_origin import WALL_HEAT, state_origin
 from iriftrace.openfoam.case import Case
+from iriftrace.openfoam.heat_carried import mean_arrays, state_arrays
 from iriftrace.openfoam.installation import SOLVER
+from iriftrace.openfoam.log import read_heat
 from iriftrace.openfoam.mesh import wall_patch
 from iriftrace.openfoam.steadiness import Steadiness
 from iriftrace.openfoam.symmetry import mirrored_grid
@@ -49,7 +51,8 @@ def write_mean(
     Returns
     -------
     pyvista.UnstructuredGrid
-        What was written: mm, world, point data ``T`` in K, field data `field_origin.WALL_HEAT`.
+        What was written: mm, world, point data ``T`` in K and those of
+        `heat_carried.mean_arrays`, field data `field_origin.WALL_HEAT`.
     """
     grid, moment = _read(folder, -1)
     if "rhoMean" not in grid.point_data:
@@ -58,7 +61,9 @@ def write_mean(
     kelvin = temperature_of_density(density, case.pressure_pa)
     state = "" if steadiness is None else f", {steadiness.text}"
     how = f"density averaged over {averaged:.3g} s up to t = {moment:.3g} s{state}"
-    whole = _whole(case, folder, grid, kelvin)
+    before = _at(folder, moment - averaged)
+    carried = {} if before is None else mean_arrays(case, grid, before, averaged)
+    whole = _whole(case, folder, grid, {"T": kelvin, **carried})
     if steadiness is not None:
         whole.field_data[WALL_HEAT] = [steadiness.heat_w]
     _write(case, whole, file, how)
@@ -83,11 +88,16 @@ def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Pa
         The states' files.
     """
     entries, files = [], []
+    heat = read_heat(folder)
     for number in range(1, count + 1):
         grid, moment = _read(folder, number - 1 - count)
         kelvin = np.asarray(grid.point_data["T"], dtype=np.float64)
         target = file.with_name(f"{file.stem}_{number:0{len(str(count))}d}.vtu")
-        _write(case, _whole(case, folder, grid, kelvin), target, f"snapshot at t = {moment:.4g} s")
+        whole = _whole(case, folder, grid, {"T": kelvin, **state_arrays(case, grid)})
+        if len(heat):
+            watts = np.interp(moment, heat[:, 0], heat[:, 1])
+            whole.field_data[WALL_HEAT] = [float(watts) * 2 ** len(case.mirrors)]
+        _write(case, whole, target, f"snapshot at t = {moment:.4g} s")
         files.append(target)
         entries.append(f'    <DataSet timestep="{moment:.9g}" part="0" file="{target.name}"/>')
     with whole_file(file) as temporary:
@@ -103,7 +113,15 @@ def _read(folder: Path, member: int) -> tuple[Any, float]:
     """One state of the case at its points, in m, and its time."""
     states = openfoam_case.states(folder)
     number = range(len(states))[member]
-    return openfoam_case.read(folder, number).data, float(states[number][1] or 0.0)
+    return openfoam_case.read(folder, number, flow=True).data, float(states[number][1] or 0.0)
+
+
+def _at(folder: Path, moment: float) -> Any | None:
+    """The state at a time, s, at its points, in m; None where none was kept."""
+    for number, (_, time) in enumerate(openfoam_case.states(folder)):
+        if time is not None and np.isclose(time, moment, rtol=1e-6, atol=1e-9):
+            return openfoam_case.read(folder, number).data
+    return None
 
 
 def _with_wall(
@@ -123,13 +141,20 @@ def _with_wall(
     return placed
 
 
-def _whole(case: Case, folder: Path, grid: Any, kelvin: FloatArray) -> pv.UnstructuredGrid:
-    """What is kept of the computed piece, in mm, with its mirror images."""
+def _whole(
+    case: Case, folder: Path, grid: Any, arrays: dict[str, FloatArray]
+) -> pv.UnstructuredGrid:
+    """What is kept of the computed piece, in mm, with its mirror images and arrays at its points.
+
+    Temperature is the array ``T``.
+    """
     domain = case.domain
     piece = pv.UnstructuredGrid()
     piece.copy_structure(grid)
     piece.points = np.asarray(grid.points, dtype=np.float64) * _MM
-    piece.point_data["T"] = _with_wall(case, folder, piece, kelvin)
+    for name, values in arrays.items():
+        piece.point_data[name] = values
+    piece.point_data["T"] = _with_wall(case, folder, piece, arrays["T"])
     centres = np.asarray(piece.cell_centers().points)
     kept = ((centres > domain.kept_lower) & (centres < domain.kept_upper)).all(axis=1)
     numbers: Any = np.flatnonzero(kept)
@@ -137,6 +162,16 @@ def _whole(case: Case, folder: Path, grid: Any, kelvin: FloatArray) -> pv.Unstru
     for name, position in domain.planes.items():
         piece = mirrored_grid(piece, "xy".index(name), position)
     return piece
+
+
+def _shortened(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Numbers with their last twelve of 24 binary digits rounded away, 1e-4 of them.
+
+    A heat balance needs no more, and compressed they take up half the room.
+    """
+    bits = np.ascontiguousarray(values).view(np.uint32)
+    rounded: NDArray[np.float32] = ((bits + 0x800) & 0xFFFFF000).view(np.float32)
+    return rounded
 
 
 def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
@@ -147,7 +182,10 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
     output = pv.UnstructuredGrid(
         grid.cells, grid.celltypes, np.asarray(grid.points, dtype=np.float32)
     )
-    output.point_data["T"] = np.asarray(grid.point_data["T"], dtype=np.float32)
+    for name in grid.point_data:
+        if not name.startswith("vtk"):
+            values = np.asarray(grid.point_data[name], dtype=np.float32)
+            output.point_data[name] = values if name == "T" else _shortened(values)
     for name in grid.field_data:
         output.field_data[name] = grid.field_data[name]
     state_origin(output, ", ".join(parts))

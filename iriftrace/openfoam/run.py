@@ -12,7 +12,12 @@ from attrs import frozen
 
 from iriftrace.errors import InputError
 from iriftrace.openfoam.case import Case, read_record
-from iriftrace.openfoam.case_files import START_FILES, write_control, write_decomposition
+from iriftrace.openfoam.case_files import (
+    AVERAGED,
+    START_FILES,
+    write_control,
+    write_decomposition,
+)
 from iriftrace.openfoam.commands import OpenFoamError, run_program
 from iriftrace.openfoam.installation import SOLVER, Installation
 from iriftrace.openfoam.log import read_steps, tail
@@ -74,7 +79,9 @@ def solve(
         started = last_time(pieces)
     since = _averaging_since(folder, pieces, started, case)
     if started < times.end * (1.0 - 1e-9):
-        write_control(case, folder, averaging=True, start=started)
+        lately = judge_steadiness(case, folder, (started - times.averaging, started))
+        steady = lately is not None and lately.steady
+        write_control(case, folder, averaging=True, start=started, steady=steady)
         _run_solver(case, folder, installation, watch, times.end)
     return times.end - since
 
@@ -160,7 +167,8 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
     for piece in pieces:
         for entry in time_folders(piece).values():
             shutil.rmtree(entry / "uniform/functionObjects", ignore_errors=True)
-            (entry / "rhoMean").unlink(missing_ok=True)
+            for name in AVERAGED:
+                (entry / f"{name}Mean").unlink(missing_ok=True)
     with whole_file(file) as temporary:
         temporary.write_text(
             json.dumps({**wanted, "snapshots": case.times.snapshots, "since": started})

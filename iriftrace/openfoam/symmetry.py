@@ -65,7 +65,8 @@ def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.U
     Parameters
     ----------
     grid
-        Tetrahedra, hexahedra, wedges and pyramids beside the plane, mm; scalar point data.
+        Tetrahedra, hexahedra, wedges and pyramids beside the plane, mm; point data are numbers,
+        or vectors, whose component across the plane changes its sign and is 0 in it.
     axis
         0 for x, 1 for y.
     position
@@ -85,6 +86,11 @@ def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.U
         cells[int(kind)] = np.concatenate((corners, turned))
     whole = pv.UnstructuredGrid(cells, np.concatenate((points, image)))
     for name in grid.point_data:
-        values = np.asarray(grid.point_data[name])
-        whole.point_data[name] = np.concatenate((values, values[beside]))
+        values = np.array(grid.point_data[name])
+        reflected = values[beside]
+        if values.ndim == 2:
+            # Points in the plane have means of the cells on one side, which still move a little.
+            values[in_plane, axis] = 0.0
+            reflected[:, axis] *= -1.0
+        whole.point_data[name] = np.concatenate((values, reflected))
     return whole

@@ -14,7 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from iriftrace.openfoam import air
-from iriftrace.openfoam.case_files import AIR_FILES, START_FILES, uniform, write_file
+from iriftrace.openfoam.case_files import (
+    AIR_FILES,
+    CONTROL_FILES,
+    CORRECTORS,
+    START_FILES,
+    uniform,
+    write_file,
+)
 from iriftrace.openfoam.commands import OpenFoamError, run_program
 from iriftrace.openfoam.installation import SOLVER, Installation, identity
 from iriftrace.openfoam.log import read_steps, tail
@@ -102,8 +109,9 @@ def write_trial(folder: Path) -> None:
         "first_step": _STEP,
         "averaging": False,
         "probes": [(0.015, 0.015, 0.015)],
+        **CORRECTORS,
     }
-    for file in (*AIR_FILES, *START_FILES, "system/blockMeshDict", "system/controlDict"):
+    for file in (*AIR_FILES, *START_FILES, *CONTROL_FILES, "system/blockMeshDict"):
         write_file(folder, file, entries)
 
 

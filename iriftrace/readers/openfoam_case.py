@@ -22,6 +22,7 @@ from iriftrace.readers.openfoam_cells import VolumeMesh, split_polyhedra
 from iriftrace.readers.openfoam_folders import processor_folders, time_folders
 from iriftrace.readers.openfoam_points import PointSums, point_sums
 from iriftrace.readers.vtk_file import quietly
+from iriftrace.velocity_arrays import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE
 
 FloatArray = NDArray[np.float64]
 
@@ -44,8 +45,8 @@ def states(path: Path) -> list[State]:
     return [(f"t = {time}", float(time)) for time in _case(path).times]
 
 
-def read(path: Path, member: int | None) -> Contents:
-    """Temperatures and other scalars of a case at its points, in m and SI units.
+def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
+    """Temperatures, other scalars and, if `flow`, velocities at a case's points, in m and SI units.
 
     Raises
     ------
@@ -55,7 +56,7 @@ def read(path: Path, member: int | None) -> Contents:
     case = _case(path)
     listed = [(f"t = {time}", float(time)) for time in case.times]
     number = chosen(listed, member, path)
-    pieces = [_piece(piece, case.times[number]) for piece in case.pieces]
+    pieces = [_piece(piece, case.times[number], flow) for piece in case.pieces]
     solver = _solver(case.folder)
     return Contents(
         data=_joined(pieces, path),
@@ -140,7 +141,7 @@ def _solver(folder: Path) -> str:
     return f" {found[1]}" if found else ""
 
 
-def _piece(folder: Path, time: str) -> tuple[VolumeMesh, PointSums]:
+def _piece(folder: Path, time: str, flow: bool) -> tuple[VolumeMesh, PointSums]:
     """Cells and point sums of one folder with a polyMesh."""
     data, named = quietly(lambda: _read_with_vtk(folder, time), folder)
     grid = data["internalMesh"] if "internalMesh" in data.keys() else None
@@ -165,9 +166,18 @@ def _piece(folder: Path, time: str) -> tuple[VolumeMesh, PointSums]:
         for name in boundary.keys()
         if boundary[name] is not None and not _NO_VALUES.fullmatch(kinds.get(name, "patch"))
     }
+    for values in (grid, *patches.values()) if flow else ():
+        _put_velocity_over_temperature(values.cell_data)
     walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
     mesh = split_polyhedra(grid)
-    return mesh, point_sums(grid, mesh, patches, walls)
+    return mesh, point_sums(grid, mesh, patches, walls, flow=flow)
+
+
+def _put_velocity_over_temperature(arrays: Any) -> None:
+    if VELOCITY in arrays and TEMPERATURE in arrays:
+        kelvin = np.asarray(arrays[TEMPERATURE], dtype=np.float64)
+        velocity = np.asarray(arrays[VELOCITY], dtype=np.float64)
+        arrays[VELOCITY_OVER_TEMPERATURE] = velocity / kelvin[:, None]
 
 
 def _read_with_vtk(folder: Path, time: str) -> tuple[Any, list[str]]:
@@ -210,7 +220,8 @@ def _joined(pieces: list[tuple[VolumeMesh, PointSums]], path: Path) -> pv.Unstru
     starts = np.cumsum([0, *(len(mesh.points) for mesh, _ in pieces)])
     count = len(points)
     weight = np.zeros((3, count))
-    totals = {name: np.zeros((3, count)) for name in names}
+    shapes = {name: pieces[0][1].sums[name].shape[2:] for name in names}
+    totals = {name: np.zeros((3, count, *shapes[name])) for name in names}
     cells: dict[int, list[NDArray[np.int64]]] = {}
     for (mesh, sums), start in zip(pieces, starts, strict=False):
         here = numbers[start : start + len(mesh.points)]

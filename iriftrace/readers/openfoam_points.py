@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from iriftrace.readers.openfoam_cells import VolumeMesh
+from iriftrace.velocity_arrays import moves
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -29,7 +30,7 @@ class PointSums:
     weight : (SOURCES, n) array
         1/distance, summed, for each kind of source.
     sums : mapping
-        For every array (SOURCES, n): weight times value, summed.
+        For every array (SOURCES, n), or (SOURCES, n, 3) for vectors: weight times value, summed.
     """
 
     weight: FloatArray
@@ -39,22 +40,27 @@ class PointSums:
         """The sums at `count` points, where point i became point ``numbers[i]``."""
 
         def add(rows: FloatArray) -> FloatArray:
-            return np.stack([np.bincount(numbers, row, minlength=count) for row in rows])
+            return np.stack([_added(numbers, row, count) for row in rows])
 
         return PointSums(add(self.weight), {name: add(rows) for name, rows in self.sums.items()})
 
     def means(self) -> dict[str, FloatArray]:
-        """Values at the points, (n,): from walls where there are any, else patches, else cells."""
+        """Values at the points: from walls where there are any, else patches, else cells."""
         source = SOURCES - 1 - (self.weight[::-1] > 0.0).argmax(axis=0)
         at = (source, np.arange(self.weight.shape[1]))
         weight = self.weight[at]
         # Points that no cell uses have no weight and no value.
         weight = np.where(weight > 0.0, weight, np.nan)
-        return {name: rows[at] / weight for name, rows in self.sums.items()}
+        return {name: (rows[at].T / weight).T for name, rows in self.sums.items()}
 
 
 def point_sums(
-    grid: Any, mesh: VolumeMesh, patches: Mapping[str, Any], walls: frozenset[str]
+    grid: Any,
+    mesh: VolumeMesh,
+    patches: Mapping[str, Any],
+    walls: frozenset[str],
+    *,
+    flow: bool,
 ) -> PointSums:
     """Sums at the points of a piece, with the inverse distance as weight as OpenFOAM does it.
 
@@ -72,16 +78,19 @@ def point_sums(
         pyvista.PolyData of the patches that state values, with cell data.
     walls : frozenset
         Names of those that are walls.
+    flow : bool
+        Also of the vectors that tell how the air moves, and not of scalars only.
     """
     points = np.asarray(grid.points, dtype=np.float64)
     names = [
         name
         for name in grid.cell_data
-        if grid.cell_data[name].ndim == 1 and grid.cell_data[name].dtype.kind == "f"
+        if grid.cell_data[name].dtype.kind == "f"
+        and (grid.cell_data[name].ndim == 1 or (flow and moves(name)))
     ]
     count = len(mesh.points)
     weight = np.zeros((SOURCES, count))
-    sums = {name: np.zeros((SOURCES, count)) for name in names}
+    sums = {name: np.zeros((SOURCES, count, *grid.cell_data[name].shape[1:])) for name in names}
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)
     corner = np.asarray(grid.cell_connectivity, dtype=np.int64)
     cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))
@@ -89,7 +98,7 @@ def point_sums(
     weight[0] += np.bincount(corner, w, minlength=count)
     for name in names:
         value = np.asarray(grid.cell_data[name], dtype=np.float64)
-        sums[name][0] += np.bincount(corner, w * value[cell], minlength=count)
+        sums[name][0] += _added(corner, (w * value[cell].T).T, count)
         sums[name][0, len(points) :] = value[mesh.polyhedra]
     weight[0, len(points) :] = 1.0
     tree = cKDTree(np.asarray(grid.points)) if patches else None
@@ -103,8 +112,15 @@ def point_sums(
         weight[row] += np.bincount(number[corner], w, minlength=count)
         for name in names:
             value = np.asarray(patch.cell_data[name], dtype=np.float64)
-            sums[name][row] += np.bincount(number[corner], w * value[face], minlength=count)
+            sums[name][row] += _added(number[corner], (w * value[face].T).T, count)
     return PointSums(weight, sums)
+
+
+def _added(numbers: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Sums (count,) or (count, 3) of the scalars or vectors that have the same number."""
+    columns = [np.bincount(numbers, column, minlength=count) for column in np.atleast_2d(values.T)]
+    total: FloatArray = np.stack(columns, axis=-1)
+    return total if values.ndim > 1 else total[:, 0]
 
 
 def _patch_corners(patch: Any) -> tuple[IntArray, IntArray, FloatArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import stat
 from pathlib import Path
 
@@ -21,13 +22,16 @@ from iriftrace.openfoam.times import Times
 from iriftrace.openfoam.wall import WallTemperatures
 from iriftrace.part import Part
 
-FILES = ("T", "U", "p", "p_rgh", "phi", "uniform/time", "rhoMean", "uniform/functionObjects/mean")
+FILES = (
+    *("T", "U", "p", "p_rgh", "phi", "uniform/time", "rhoMean", "UMean", "rhoUMean"),
+    "uniform/functionObjects/mean",
+)
 # Notes when it starts and whether it averages, and writes the state at the end time.
 SOLVER = """#!/bin/sh
 end=$(sed -n 's/^endTime *\\([^;]*\\);/\\1/p' system/controlDict)
 start=$(sed -n 's/^startTime *\\([^;]*\\);/\\1/p' system/controlDict)
 grep -q fieldAverage system/controlDict && kind=mean || kind=plain
-ls */rhoMean >/dev/null 2>&1 && kind="$kind+old"
+ls */*Mean >/dev/null 2>&1 && kind="$kind+old"
 echo "$start $end $kind" >> runs
 mkdir -p "$end/uniform/functionObjects"
 for f in {files}; do echo '// **** //' > "$end/$f"; done
@@ -62,6 +66,28 @@ def runs(folder: Path) -> list[str]:
 def test_settles_first_and_averages_then(case: Case, folder: Path, foam: Installation) -> None:
     assert solve(case, folder, foam, lambda state: None) == pytest.approx(0.5)
     assert runs(folder) == ["0 1.5 plain", "1.5 2.0 mean"]
+
+
+def test_flow_that_stands_still_is_solved_once_a_step(
+    case: Case, folder: Path, foam: Installation
+) -> None:
+    """Heat and plume were still for as long as is averaged; before there was more heat."""
+
+    def series(name: str, values: np.ndarray) -> None:
+        file = folder / "postProcessing" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        np.savetxt(file, np.column_stack((np.linspace(0.0, 1.5, 151), values)), header="Time")
+
+    solution = folder / "system/fvSolution"
+    series("plume/0/T", np.full(151, 600.0))
+    series("heat/0/surfaceFieldValue.dat", np.repeat((90.0, 70.0), (95, 56)))
+    solve(case, folder, foam, lambda state: None)
+    assert "nOuterCorrectors 1;" in solution.read_text()
+    series("heat/0/surfaceFieldValue.dat", np.repeat((90.0, 70.0), (105, 46)))
+    shutil.rmtree(folder / "2.0")
+    (folder / "averaging.json").unlink()
+    solve(case, folder, foam, lambda state: None)
+    assert "nOuterCorrectors 3;" in solution.read_text()
 
 
 def test_finished_run_is_not_run_again(case: Case, folder: Path, foam: Installation) -> None:

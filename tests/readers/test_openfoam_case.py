@@ -17,8 +17,10 @@ from numpy.testing import assert_allclose
 from benchmarks.field_files.openfoam import Form, write_case
 from benchmarks.field_files.openfoam_mesh import Patch
 from iriftrace.air import Air
+from iriftrace.air_properties import heat_content
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field import IndexField, read_field
+from iriftrace.field_io import read_volume
 from iriftrace.readers.members import member_at, members
 
 COOL = Air(temperature_k=321.5)
@@ -240,6 +242,39 @@ def test_a_wall_keeps_its_temperature_where_it_meets_other_patches(tmp_path: Pat
     outside = (np.abs(points) > 0.99 * OUTER).any(axis=1)
     assert_allclose(field.temperature_k[outside], 293.15, rtol=1e-7)
     assert_allclose(field.temperature_k[~wall & ~outside], 400.0, rtol=1e-12)
+
+
+def test_velocities_are_read_at_the_points_too(tmp_path: Path) -> None:
+    """Still at the wall, linear in the air; the flux of heat is made of the values in the cells."""
+    grid = grid_in_metres()
+    folder = write_case(tmp_path / "case", grid, {"1": {"T": linear(grid)}}, [BLOCK, OUTSIDE])
+    centres = np.asarray(grid.cell_centers().points, dtype=np.float64)
+    velocity = np.stack((10.0 * centres[:, 2], np.full(len(centres), 0.25), centres[:, 0]), axis=1)
+    rows = "\n".join(f"({x:.17g} {y:.17g} {z:.17g})" for x, y, z in velocity)
+    scalar = (folder / "1/T").read_text()
+    header = scalar[: scalar.index("dimensions")].replace("volScalarField", "volVectorField")
+    (folder / "1/U").write_text(
+        header.replace("object T", "object U")
+        + f"dimensions [0 1 -1 0 0 0 0];\ninternalField nonuniform List<vector>\n{len(velocity)}"
+        f"\n(\n{rows}\n);\nboundaryField\n{{\n    block {{ type noSlip; }}\n"
+        "    outside { type zeroGradient; }\n}\n"
+    )
+    field = read_field(folder, air=COOL, flow=True)
+    assert field.source.array == "T"
+    points = np.asarray(field.grid.points)
+    wall = (np.abs(points) < 1.001 * HALF).all(axis=1)
+    inner = ~wall & (np.abs(points) < 0.99 * OUTER).all(axis=1)
+    assert field.flow.velocity[wall] == pytest.approx(0.0)
+    x, _, z = points[inner].T / 1e3
+    expected = np.stack((10.0 * z, np.full(len(x), 0.25), x), axis=1)
+    assert field.flow.velocity[inner] == pytest.approx(expected, abs=1e-7)
+    content = heat_content(field.temperature_k[inner], COOL.temperature_k, COOL.pressure_pa)
+    # Of values in cells 6 mm apart: mean of the products, not product of the means.
+    assert field.flow.enthalpy_flux[inner] == pytest.approx(
+        content[:, None] * expected, abs=0.03 * content.max() * 0.25
+    )
+    assert read_field(folder, air=COOL).flow is None
+    assert list(read_volume(folder).point_data) == ["T"], "only where they are asked for"
 
 
 def remove(name: str) -> Callable[[Path], None]:
