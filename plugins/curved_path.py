@@ -168,10 +168,10 @@ def curved_hits(
         time = dr.select(passes, length / speed, 0)
 
         def acceleration(point: Any) -> Any:
-            return cell.gradient(point) * (1 + cell.refractivity(point))
+            return cell.gradient(point, heading) * (1 + cell.refractivity(point))
 
         stepped = nystrom_step(s.point, s.velocity, acceleration, time)
-        doubt = dr.select(passes, cell.doubt(s.point + heading * (length / 2)) * time, 0)
+        doubt = dr.select(passes, cell.doubt(s.point + heading * (length / 2), heading) * time, 0)
         enters, came_in = enters & ~ended, came_in & ~ended
         straight = dr.select(enters, gap, dr.select(came_in, back, 0))
         point = mi.Point3d(dr.select(passes, stepped.point, s.point + heading * straight))
@@ -269,9 +269,10 @@ def _ended(tables: SceneTables, medium: Any, end: Any) -> CurvedHits:
     on_part = end.outcome == HIT_PART
     inside = hit & (end.mode == INSIDE)
     cell = medium.cell(end.place, inside)
+    ahead = dr.normalize(end.velocity)
 
     def acceleration(point: Any) -> Any:
-        bent = cell.gradient(point) * (1 + cell.refractivity(point))
+        bent = cell.gradient(point, ahead) * (1 + cell.refractivity(point))
         return dr.select(inside, bent, 0)
 
     speed = dr.norm(end.velocity)
@@ -285,7 +286,7 @@ def _ended(tables: SceneTables, medium: Any, end: Any) -> CurvedHits:
     time = time + dr.clip(correction, -1e-3, 1e-3)
     stepped = nystrom_step(end.point, end.velocity, acceleration, time)
 
-    doubt = dr.select(inside, cell.doubt(end.point + end.velocity * (time / 2)) * time, 0)
+    doubt = dr.select(inside, cell.doubt(end.point + end.velocity * (time / 2), ahead) * time, 0)
     stray = end.stray + (end.sway + doubt / 2) * time
     heading = dr.normalize(stepped.velocity)
     cosine = dr.dot(normal, heading)

@@ -39,9 +39,9 @@ def plugin_class(variant: str) -> type:
         =================  =======  ==================================================  =========
         ``field``          string   field file that ``iriftrace scene`` writes, as      field.npz
                                     seen from the scene's file
-        ``gradient``       string   gradient of the index: ``recovered`` at the cells'  recovered
-                                    corners and interpolated, or ``constant`` in each
-                                    tetrahedron
+        ``gradient``       string   gradient of the index: its direction ``recovered``  recovered
+                                    at the cells' corners and interpolated, or
+                                    ``constant`` in each tetrahedron
         ``max_steps``      integer  a ray with more steps gives up (status 6)           100000
         ``trace_all``      boolean  bend also the rays whose straight twin misses the   false
                                     part (then status 4 exists)

@@ -1,8 +1,8 @@
 """Air in tetrahedra: the index between their corners, and the way from one to the next.
 
-Within a tetrahedron n is linear. Its gradient is that constant one, or the gradients recovered at
-the corners, interpolated linearly; the first is exact for the field as it is given, the second is
-of higher order for the smooth field behind it.
+Within a tetrahedron n is linear, with a constant gradient, which is exact for the field as it is
+given. For the smooth field behind it, the direction of the gradient is recovered at the corners and
+interpolated, which is of higher order, and n along the ray still changes as the corners say.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from scipy.spatial import KDTree
 
 from iriftrace.continuous_cells import BOUNDARY, tetrahedra_of
 from iriftrace.continuous_field import FieldCells
-from iriftrace.continuous_gradient import consistent_gradient
 from iriftrace.field_cells import point_gradient
 
 from .aligned import aligned
+from .refraction import GRADUAL
 
 NO_FACE = 4
 """In the place of a face's number: the tetrahedron was not entered through one of its faces."""
@@ -91,19 +91,37 @@ class Cell:
 
         return self._index[0] + dr.dot(self.constant, point - self._origin)
 
-    def gradient(self, point: Any) -> Any:
-        """Gradient of n (Vector3d, 1/mm)."""
-        return self._interpolated(point) if self._air.recovered else self.constant
+    def gradient(self, point: Any, heading: Any) -> Any:
+        """Gradient of n that bends a ray of a unit direction (Vector3d, 1/mm)."""
+        return self._smooth_gradient(point, heading) if self._air.recovered else self.constant
 
-    def doubt(self, point: Any) -> Any:
-        """Gradient recovered at the corners less the constant one (Vector3d, 1/mm).
+    def doubt(self, point: Any, heading: Any) -> Any:
+        """Gradient with the recovered direction less the constant one (Vector3d, 1/mm).
 
         The usual estimate of the constant one's error (Zienkiewicz and Zhu 1987, "A simple error
         estimator and adaptive procedure"); the recovered one's is smaller.
         """
         import drjit as dr
 
-        return dr.select(self._solid, self._interpolated(point) - self.constant, 0)
+        return dr.select(self._solid, self._smooth_gradient(point, heading) - self.constant, 0)
+
+    def _smooth_gradient(self, point: Any, heading: Any) -> Any:
+        """Along the recovered direction N, as strong as n changes along the ray.
+
+        What infinitely many shells with N at their triangles would do; see
+        `refraction.cross_surface`. With g the constant gradient and d the ray's direction it is
+        (g.d) / (N.d) N, so that the changes of n along the ray add up without error, whatever the
+        cells' noise; where the ray turns round, N.d vanishes and it is (g.N) N.
+        """
+        import drjit as dr
+
+        direction = self._interpolated(point)
+        length = dr.norm(direction)
+        direction = dr.select(length > 0, direction / length, 0)
+        strength, cosine = dr.dot(self.constant, direction), dr.dot(heading, direction)
+        share = cosine / (cosine * cosine + GRADUAL * GRADUAL)
+        strength += share * (dr.dot(self.constant, heading) - cosine * strength)
+        return dr.select(self._solid, strength * direction, 0)
 
     def _interpolated(self, point: Any) -> Any:
         import drjit as dr
@@ -200,7 +218,8 @@ class TetrahedralAir:
     ----------
     cells : FieldCells
     recovered : bool
-        Interpolate the gradients recovered at the points; else each tetrahedron has its own.
+        Interpolate the directions of the gradients recovered at the points; else each tetrahedron
+        has its own.
     """
 
     def __init__(self, cells: FieldCells, recovered: bool) -> None:
@@ -214,12 +233,7 @@ class TetrahedralAir:
         self.neighbours = mi.UInt32(aligned(tetrahedra.neighbours.ravel()))
         self.points = mi.Float(aligned(cells.points.ravel()))
         self.refractivity = mi.Float64(aligned(cells.refractivity))
-        gradient = consistent_gradient(
-            cells.points,
-            tetrahedra.corners,
-            cells.refractivity,
-            point_gradient(cells, cells.refractivity),
-        )
+        gradient = point_gradient(cells, cells.refractivity)
         self.gradient = mi.Float(aligned(gradient.astype(np.float32).ravel()))
         self.recovered = recovered
         wall = cells.wall[tetrahedra.boundary].all(axis=1)

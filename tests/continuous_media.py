@@ -53,10 +53,10 @@ class SmoothPiece:
     def refractivity(self, point: Any) -> Any:
         return self.medium.field(point)[0]
 
-    def gradient(self, point: Any) -> Any:
+    def gradient(self, point: Any, heading: Any) -> Any:
         return self.medium.field(point)[1]
 
-    def doubt(self, point: Any) -> Any:
+    def doubt(self, point: Any, heading: Any) -> Any:
         import mitsuba as mi
 
         return mi.Vector3d(0)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from iriftrace import air_properties as gas
 from iriftrace.continuous_cells import tetrahedra_of
-from iriftrace.continuous_gradient import ROUNDS, consistent_gradient
 from iriftrace.errors import InputError
 from iriftrace.field_cells import cell_corners, point_gradient
+from iriftrace.field_check.consistent_gradient import ROUNDS, consistent_gradient
 from iriftrace.index_field import IndexField
 from iriftrace.part import Part
 from iriftrace.triangles import face_crosses, unit_vectors
@@ -86,7 +86,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     The flux is the gradient of the integral of the conductivity over the temperature, which is
     nearly linear in the distance where the air rests, so cells of finite height do little harm.
     Its length is corrected so that it fits the values along the cells' edges
-    (`iriftrace.continuous_gradient`). The conductivity is that of `iriftrace.air_properties`.
+    (`consistent_gradient`). The conductivity is that of `iriftrace.air_properties`.
 
     Raises
     ------

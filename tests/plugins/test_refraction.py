@@ -162,7 +162,10 @@ def test_tangential_component_is_conserved(
 def test_a_ray_is_bent_along_the_interpolated_normal(
     direction: np.ndarray, facet: np.ndarray, lean: np.ndarray, ratio: float
 ) -> None:
-    """It stays in the plane of itself and that normal, however the triangle lies."""
+    """It stays in the plane of itself and that normal, however the triangle lies.
+
+    Where Snell's law has no solution with that normal, it may stay in the plane of the triangle's.
+    """
     normal = unit(facet + 0.3 * lean)
     outward = bool(direction @ facet > 0)
     assume(abs(direction @ facet) > 1e-3)
@@ -172,7 +175,9 @@ def test_a_ray_is_bent_along_the_interpolated_normal(
     assert leaves > 0 or reflected[0]
     # Elsewhere the direction was turned into the triangle's plane or mirrored at it.
     if not reflected[0] and leaves > 2 * GRAZING:
-        assert np.cross(direction, normal) @ bent[0] == pytest.approx(0, abs=1e-13)
+        aside = [abs(np.cross(direction, n) @ bent[0]) for n in (normal, facet)]
+        solvable = (direction @ normal) ** 2 > 1 - 1 / ratio**2
+        assert (aside[0] if solvable else min(aside)) <= 1e-13
 
 
 @pytest.mark.parametrize("angle", [10.0, 60.0, 80.0, 89.0, 90.0, 95.0, 130.0])

@@ -14,6 +14,7 @@ from hot_block import HotBlock
 from iriftrace.cli import main
 from iriftrace.render import render_scene
 from iriftrace.scene import load_scene
+from iriftrace.studies import shell_check
 from iriftrace.studies.shell_check import ShellError, shell_error
 
 KEY = "shells_against_field"
@@ -49,18 +50,24 @@ def test_a_sample_is_a_coarser_picture(hot: HotBlock) -> None:
     assert quarter.median_mm == pytest.approx(whole.median_mm, rel=0.3)
 
 
+@pytest.mark.parametrize("limit", [1e-6, 1.0])
 def test_render_says_it_and_metrics_keeps_it(
-    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    hot: HotBlock,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    limit: float,
 ) -> None:
+    monkeypatch.setattr(shell_check, "P95_LIMIT", limit)
     exr = tmp_path / "checked.exr"
     assert main(["render", str(hot.scene), "-o", str(exr), "--check-shells", "--no-figures"]) == 0
     said = capsys.readouterr().out
     report = exr.with_suffix(".json")
     values = json.loads(report.read_text())[KEY]
     assert "shells against field" in said
-    # Four shells of coarse cells are too few.
-    assert not values["suffice"]
-    assert "--engine continuous" in said
+    enough = values["median_share"] <= shell_check.MEDIAN_LIMIT and values["p95_share"] <= limit
+    assert values["suffice"] == enough
+    assert ("--engine continuous" in said) == (not enough)
     assert main(["metrics", str(exr)]) == 0
     assert json.loads(report.read_text())[KEY] == values
 

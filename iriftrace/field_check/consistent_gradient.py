@@ -31,12 +31,11 @@ def consistent_gradient(
     A volume-weighted mean of gradients has good directions, but where cells grow, and at a wall, it
     is some per cent too long or too short, because it is the gradient of a place beside the point.
     Here each length is corrected so that the mean gradient of an edge's two ends, along the
-    edge, is what the value changes by, in least squares over the edges of a point. Directions stay,
-    and with them the shells' normals.
+    edge, is what the value changes by, in least squares over the edges of a point. Directions stay.
 
-    Measured on the cells of cylinder_A with a temperature that is known everywhere, against its
-    exact rays from (150, -100, 120) mm: the error's median falls from 1.0 to 0.6 % of the median
-    displacement, its 95th percentile from 2.0 to 0.7 %.
+    Measured on the cells of a coarse flow around a cylinder with a temperature that is known
+    everywhere: at the wall the length's error falls from 7.0 % (median; 95th percentile 14.7) to
+    2.4 (4.8) %.
 
     Parameters
     ----------
