@@ -175,6 +175,19 @@ class Camera:
         """The same camera at another pose ((4, 4) array, camera to world)."""
         return evolve(self, matrix=matrix)
 
+    def check_movable(self) -> None:
+        """Refuse a camera of parallel rays, which no plugin of ours renders in another pose.
+
+        Raises
+        ------
+        InputError
+        """
+        if self.projection == "orthographic":
+            raise InputError(
+                "The camera is orthographic: it can be rendered where its scene has it, but not "
+                "moved or given other pixels; use calibrated_camera or perspective."
+            )
+
     def scaled(self, scale: float) -> Camera:
         """The same camera with ``scale`` times the pixels across and down (rounded, at least 1)."""
         if not (math.isfinite(scale) and scale > 0):

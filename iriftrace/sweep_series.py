@@ -47,12 +47,13 @@ def check_comparable(series: Sequence[Series]) -> None:
     Raises
     ------
     InputError
-        If there is no pose, or the scenes have different parts, variants, wavelengths or cameras;
-        only focal length and pose of the camera may differ.
+        If there is no pose, a camera is orthographic, or the scenes have different parts, variants,
+        wavelengths or cameras; only focal length and pose of the camera may differ.
     """
     if sum(len(one.poses) for one in series) == 0:
         raise InputError("The sweep has no pose; give angles or a list of poses.")
     first = series[0]
+    first.camera.check_movable()
     for one in series[1:]:
         names = f"{first.scene.path} and {one.scene.path}"
         same_place = np.array_equal(one.scene.part_to_world, first.scene.part_to_world)

@@ -17,9 +17,16 @@ from .properties import number
 
 
 def sensor_of(camera: Camera) -> Any:
-    """A ``calibrated_camera`` for a camera, with its own film, in the variant in force."""
+    """A ``calibrated_camera`` for a camera, with its own film, in the variant in force.
+
+    Raises
+    ------
+    InputError
+        If the camera's rays are parallel.
+    """
     import mitsuba as mi
 
+    camera.check_movable()
     near, far = camera.focus_mm
     width, height = camera.resolution
     return mi.load_dict(

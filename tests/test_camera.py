@@ -122,6 +122,14 @@ def test_points_behind_the_camera_have_no_image() -> None:
     np.testing.assert_allclose(found[1], (1224, 1024))
 
 
+def test_orthographic_camera_is_not_moved() -> None:
+    camera = Camera(
+        projection="orthographic", sensor_mm=(60, 50), resolution=(6, 5), matrix=np.eye(4)
+    )
+    with pytest.raises(InputError, match="orthographic: it can be rendered where its scene has it"):
+        camera.check_movable()
+
+
 def test_orthographic_camera_sees_lengths() -> None:
     camera = Camera(
         projection="orthographic",

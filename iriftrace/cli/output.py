@@ -29,6 +29,9 @@ MEANING = {
     Status.BLOCKED: "another object in the way",
 }
 
+MANY_SHELLS = 30
+"""From here on still more shells hardly bring a picture closer to the field."""
+
 TOO_FEW = "fewer than 100 good rays, so no numbers"
 
 
@@ -196,13 +199,12 @@ def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
     table.add_row(
         "shells against field",
         f"median {_scaled(values['median_mm'], 1e3, 'um')} ({values['median_share']:.1%} of the "
-        f"median displacement), p95 {_scaled(values['p95_mm'], 1e3, 'um')} "
-        f"({values['p95_share']:.1%}); {values['rays']:,} rays of a coarser picture",
+        f"displacement's without shells), p95 {_scaled(values['p95_mm'], 1e3, 'um')} "
+        f"({values['p95_share']:.1%}); sample of {values['rays']:,} rays",
     )
     if not values["suffice"]:
-        table.add_row(
-            "", "closer: cut more shells (--layers 40), or trace with --engine continuous"
-        )
+        more = "cut more shells (--layers 40), or " if values["shells"] < MANY_SHELLS else ""
+        table.add_row("", f"closer: {more}trace with --engine continuous")
 
 
 def _out_of_hits(status: Status, rays: dict[str, Any]) -> str:

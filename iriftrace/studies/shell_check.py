@@ -11,6 +11,9 @@ from iriftrace.render import render_scene
 from iriftrace.scene import LoadedScene, load_scene
 from iriftrace.studies.differences import Hits, compare, hits_of, own_size
 
+FEWEST = 100
+"""As for the metrics: fewer good rays give no numbers."""
+
 SAMPLE = 100_000
 """Pixels of the two pictures that are compared."""
 
@@ -24,6 +27,8 @@ class ShellError:
 
     Attributes
     ----------
+    shells : int
+        In the scene.
     rays : int
         Rays of the sample that are good with both engines.
     unmatched : int
@@ -35,6 +40,7 @@ class ShellError:
         engine.
     """
 
+    shells: int
     rays: int
     unmatched: int
     median_mm: float
@@ -66,8 +72,8 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
     Raises
     ------
     InputError
-        If the scene's engine is the continuous one, the scene is an ensemble or has no field file,
-        or no ray is good with both engines.
+        If the scene's engine is the continuous one, the scene is an ensemble, has no field file or
+        one that its shells were not cut from, or fewer than `FEWEST` rays are good with both.
     """
     if scene.engine != "shells":
         raise InputError(
@@ -80,8 +86,20 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
             'are checked at a time; choose one, "-D member=1" for example.'
         )
     continuous = load_scene(scene.path, scene.variables, variant=scene.variant, engine="continuous")
+    tables = (scene.shells_table, continuous.shells_table)
+    own, other = ((table.get("source") or {}).get("sha256") for table in tables)
+    if own != other:
+        raise InputError(
+            f"The shells of {scene.path} were cut from another field than its field file, so their "
+            "difference is no error of theirs; write the scene again."
+        )
     here, reference = (_sampled(each, sample) for each in (scene, continuous))
     differences = compare(here, reference)
+    if differences.matched < FEWEST:
+        raise InputError(
+            f"Only {differences.matched} rays are good with both engines, too few to check shells "
+            f"by; render at least {FEWEST}, with a larger -D scale."
+        )
     size = own_size(reference)
     if not size["displacement_median"] > 0.0:
         raise InputError(
@@ -89,6 +107,7 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
             "check the field."
         )
     return ShellError(
+        shells=len(scene.integrator.prepare(scene.mitsuba_scene).tables.shell_shapes),
         rays=differences.matched,
         unmatched=differences.only_here + differences.only_reference,
         median_mm=differences.median,

@@ -73,7 +73,7 @@ def test_render_says_it_and_metrics_keeps_it(
 
 
 def test_either_share_alone_is_too_much() -> None:
-    limits = {"rays": 9, "unmatched": 0, "median_mm": 1e-3, "p95_mm": 1e-2}
+    limits = {"shells": 13, "rays": 900, "unmatched": 0, "median_mm": 1e-3, "p95_mm": 1e-2}
     assert ShellError(**limits, median_share=0.019, p95_share=0.039).suffice
     assert not ShellError(**limits, median_share=0.021, p95_share=0.039).suffice
     assert not ShellError(**limits, median_share=0.019, p95_share=0.041).suffice
@@ -87,4 +87,18 @@ def test_without_shells_or_field_there_is_nothing_to_check(
     shutil.copytree(hot.scene.parent, tmp_path / "old")
     (tmp_path / "old" / "field.npz").unlink()
     assert "no field file" in fails("render", "old/scene.xml", *asked[2:])
+    shutil.copy(hot.scene.parent / "field.npz", tmp_path / "old" / "field.npz")
+    table = tmp_path / "old" / "shells" / "shells.json"
+    theirs = json.loads(table.read_text())
+    theirs["source"]["sha256"] = "0" * 64
+    table.write_text(json.dumps(theirs))
+    assert "another field than its field file" in fails("render", "old/scene.xml", *asked[2:])
     assert not (tmp_path / "out.exr").exists()
+
+
+def test_a_few_rays_check_nothing(
+    hot: HotBlock, fails: Failing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shell_check, "FEWEST", 10**6)
+    message = fails("render", str(hot.scene), "-o", "out.exr", "--check-shells")
+    assert "too few to check shells by; render at least 1000000" in message
