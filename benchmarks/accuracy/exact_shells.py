@@ -99,7 +99,7 @@ SECTION = Section(
     "A slab of 20 mm whose temperature falls linearly from 1100 °C to 20 °C (n sin θ is "
     "constant in plane layers), and a hot cylinder of 13.5 mm radius in air whose temperature "
     "falls with the logarithm of the radius (n r sin θ is constant, Bouguer). n - 1 = 2.718e-4 "
-    "at 20 °C; shells at equal steps (`--rule midpoint`). Second order is reached later near the silhouette, where the path through the "
-    "layers has a root of the distance from the wall in it.",
+    "at 20 °C; shells at equal steps (`--rule midpoint`). Second order is reached later near the "
+    "silhouette, where the path through the layers has a root of the distance from the wall in it.",
     _lines,
 )
