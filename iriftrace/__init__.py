@@ -7,7 +7,6 @@ Mitsuba nor VTK.
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from iriftrace.scene import write_scene as write_scene
     from iriftrace.shells import contour_shells as contour_shells
 
-__version__ = version("iriftrace")
+    __version__: str
 
 _HOME = {
     "Air": "air",
@@ -59,6 +58,9 @@ __all__ = sorted([*_HOME, "__version__"])
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        # Looking it up takes longer than Python's own start.
+        return import_module("importlib.metadata").version("iriftrace")
     if name not in _HOME:
         raise AttributeError(f"module 'iriftrace' has no attribute '{name}'")
     return getattr(import_module(f"iriftrace.{_HOME[name]}"), name)

@@ -23,7 +23,7 @@ WAVELENGTH_RANGE = (300.0, 1700.0)  # nm
 TEMPERATURE_RANGE = (233.15, 373.15)  # K, -40 to 100 degC
 PRESSURE_RANGE = (60e3, 120e3)  # Pa
 CO2_RANGE = (0.0, 2000.0)  # ppm
-_HOTTER = "give it in K or with its unit, and use Air.refractivity for hotter air"
+_AMBIENT = "give it in K or with its unit, and of the air far from the part, which is not heated"
 
 
 def ciddor(
@@ -251,7 +251,7 @@ def _check_ranges(
 ) -> None:
     for name, value, (low, high), unit, hint in (
         ("wavelength", wavelength_nm, WAVELENGTH_RANGE, " nm", "give it in nm"),
-        ("ambient temperature", temperature_k, TEMPERATURE_RANGE, " K", _HOTTER),
+        ("ambient temperature", temperature_k, TEMPERATURE_RANGE, " K", _AMBIENT),
         ("pressure", pressure_pa, PRESSURE_RANGE, " Pa", "give it in Pa or with its unit"),
         ("relative humidity", relative_humidity, (0.0, 1.0), "", "50 % is 0.5"),
         ("CO2 content", co2_ppm, CO2_RANGE, " ppm", "give it in ppm"),

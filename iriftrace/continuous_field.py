@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from iriftrace.errors import InputError
 from iriftrace.field_cells import CORNERS
 from iriftrace.scene_wavelength import dispersion
+from iriftrace.unreadable import check_readable, numpy_reason
 from iriftrace.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -133,6 +134,7 @@ def load_field_file(path: str | Path) -> FieldCells:
             f"There is no field file {path}, without which the continuous engine knows nothing of "
             "the air; `iriftrace scene FIELD PART -o SCENE.xml` writes it beside the scene."
         )
+    check_readable(Path(path))
     try:
         with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as content:
             arrays = {name: content[name] for name in ARRAYS}
@@ -141,7 +143,7 @@ def load_field_file(path: str | Path) -> FieldCells:
         schema = header["schema"]
     except (OSError, ValueError, LookupError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(
-            f"{path} is damaged or no field file ({error}); write the scene again."
+            f"{path} is damaged or no field file ({numpy_reason(error)}); write the scene again."
         ) from error
     if schema != SCHEMA:
         raise InputError(

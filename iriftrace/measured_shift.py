@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
+from iriftrace.unreadable import numpy_reason
 
 FloatArray = NDArray[np.float64]
 
@@ -125,7 +126,7 @@ def _npy_map(file: Path) -> FloatArray:
         field = np.load(file, allow_pickle=False)
         numbers = np.asarray(field, dtype=np.float64)
     except (OSError, ValueError, TypeError, EOFError) as error:
-        raise InputError(f"{file} is no NumPy array of numbers ({error}).") from error
+        raise InputError(f"{file} is no NumPy array of numbers ({numpy_reason(error)}).") from error
     if numbers.ndim == 3 and numbers.shape[2] == 2:
         return numbers
     if numbers.ndim == 3 and numbers.shape[0] == 2:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.scene_wavelength import WAVELENGTH, of_the_file
+from iriftrace.unreadable import check_readable
 
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
@@ -68,6 +69,9 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         raise InputError(readable(error)) from error
     nodes = list(state.nodes)
     shapes = [node.props for node in nodes if node.type == mi.ObjectType.Shape]
+    files = _files(nodes, path)
+    for file in files:
+        check_readable(file)
     parts = [props for props in shapes if props.id() == "part"]
     if len(parts) != 1:
         raise InputError(
@@ -80,6 +84,12 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
             f'The shape with id="part" in {path} is a {parts[0].plugin_name()}, but faces and '
             "regions need a mesh file; use type ply."
         )
+    _check_there(part_path, path)
+    for props in shapes:
+        mesh = _mesh_file(props, path)
+        # Mitsuba also looks in the current folder.
+        if mesh is not None and not os.path.isfile(str(props["filename"])):
+            _check_there(mesh, path)
     shell_paths = []
     flat = []
     for props in shapes:
@@ -115,7 +125,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         part_path=part_path,
         part_to_world=_placement(parts[0], "The part"),
         shell_paths=tuple(shell_paths),
-        file_paths=_files(nodes, path),
+        file_paths=files,
     )
 
 
@@ -180,6 +190,16 @@ def _mesh_file(props: Any, scene: Path) -> Path | None:
         return None
     named = Path(str(props["filename"]))
     return named if named.is_absolute() else scene.parent / named
+
+
+def _check_there(mesh: Path, scene: Path) -> None:
+    if mesh.is_file():
+        return
+    if mesh.is_relative_to(scene.parent):
+        raise InputError(
+            f"{mesh.relative_to(scene.parent)} is not beside {scene}; move the whole folder."
+        )
+    raise InputError(f"The mesh {mesh}, which {scene} names, is not there; correct its path.")
 
 
 def _files(nodes: list[Any], scene: Path) -> tuple[Path, ...]:

@@ -18,7 +18,7 @@ from iriftrace.face_maps import face_maps
 from iriftrace.pose_set import PoseSet, joined
 from iriftrace.provenance import provenance
 from iriftrace.scene import LoadedScene
-from iriftrace.sweep_journal import Journal, remove_leftovers, sole_writer
+from iriftrace.sweep_journal import Journal, journal_of, remove_leftovers, sole_writer
 from iriftrace.sweep_measures import metric_variables
 from iriftrace.sweep_pose import PoseTask, SceneSource, fingerprint
 from iriftrace.sweep_series import (
@@ -134,7 +134,7 @@ def run_series(
         raise InputError(f"The folder {out.parent} does not exist; create it first.")
     sources = sources_of(series)
     request = _request(series, sources, chosen)
-    folder = out.with_name(out.name + ".journal")
+    folder = journal_of(out)
     if out.is_file():
         finished = _finished(out, request)
         remove_leftovers(folder, request)

@@ -137,6 +137,11 @@ class Journal:
             )
 
 
+def journal_of(output: Path) -> Path:
+    """Folder of the journal beside a result."""
+    return output.with_name(output.name + ".journal")
+
+
 def remove_leftovers(folder: Path, request: str) -> None:
     """Remove the journal of a sweep whose result is there, if it was killed before it could."""
     if folder.is_dir():

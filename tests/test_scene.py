@@ -245,7 +245,7 @@ def test_missing_file_is_named(tmp_path: Path) -> None:
     [
         ("</scene>", "", "Parsing of XML file .* failed"),
         ('type="calibrated_camera"', 'type="calibrated_camra"', "calibrated_camra"),
-        ("shells/shell_03.ply", "shells/shell_33.ply", "shell_33.ply.*not found"),
+        ("shells/shell_03.ply", "shells/shell_33.ply", "shell_33.ply is not beside"),
         ('<string name="filename" value="part.ply"/>', "", '"filename"|mesh file'),
         (
             '<shape type="ply" id="shell_03">',

@@ -2,124 +2,39 @@
 
 from __future__ import annotations
 
+import signal
 import sys
-import warnings
-from importlib.metadata import version
 
-from cyclopts import App, CycloptsError
+from iriftrace.cli.interrupts import ignore, noticed, raise_if_noticed, watching
 
-from iriftrace.cli.checks import sentence
-from iriftrace.cli.commands_by_name import add_command
-from iriftrace.cli.console import notes, out, show_warning
-from iriftrace.cli.field_commands import scene, shells
-from iriftrace.cli.options import with_negative_values
-from iriftrace.cli.render_commands import demo, metrics, render
-from iriftrace.errors import InputError, IriftraceError, IriftraceWarning
-
-app = App(
-    name="iriftrace",
-    help="Traces camera rays through the hot air around a part: how far does each point move?",
-    version=lambda: version("iriftrace"),
-    help_format="rst",
-    suppress_keyboard_interrupt=False,
-)
+NOTHING_KEPT = "nothing half written was left behind"
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the program; returns the exit status (0 success, 2 wrong input, 130 interrupted)."""
-    with warnings.catch_warnings():
-        # Ours are messages to the user, even where Python was told to make warnings errors.
-        warnings.simplefilter("default", IriftraceWarning)
-        warnings.showwarning = show_warning
-        try:
-            app(
-                with_negative_values(sys.argv[1:] if arguments is None else arguments),
-                exit_on_error=False,
-                print_error=False,
-                result_action="return_value",
-            )
-        except (IriftraceError, CycloptsError, OSError, MemoryError) as error:
-            notes.print("[bold red]error:[/] ", end="")
-            notes.print(sentence(error), markup=False, soft_wrap=True)
-            return 2
-        except KeyboardInterrupt:
-            notes.print("interrupted; nothing half written was left behind")
-            return 130
-    return 0
+    with watching():
+        status = _run(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        # What is left is Python's own end, which would show Ctrl-C as a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    return status
 
 
-@app.command
-def doctor() -> int:
-    """Check this machine: versions, variants, the LLVM or CUDA library, and how to mend them.
+def _run(arguments: list[str]) -> int:
+    try:
+        # Takes a moment, in which Ctrl-C must be noticed already.
+        from iriftrace.cli.program import run
 
-    Example: ``iriftrace doctor``
-    """
-    from iriftrace.doctor import diagnose
-
-    diagnosis = diagnose()
-    colours = {"ok": "green", "warn": "yellow", "error": "red"}
-    for finding in diagnosis.findings:
-        out.print(
-            f"[{colours[finding.state]}]{finding.state:5}[/] [bold]{finding.name}[/]", end="  "
-        )
-        out.print(finding.text, markup=False, soft_wrap=True)
-        if finding.remedy:
-            out.print(f"      {finding.remedy}", markup=False, soft_wrap=True)
-    if not diagnosis.ok:
-        raise InputError("Something that iriftrace needs is missing; see the lines marked error.")
-    return 0
-
-
-for _command in (shells, scene, render, metrics, demo):
-    app.command(_command)
-
-# Commands of commands.
-app.command(
-    "iriftrace.cli.study_commands:study",
-    name="study",
-    help="Vary one thing (rays, polygons, layers, smoothing, mesh) and draw what it does.",
-)
-app.command(
-    "iriftrace.cli.field_app:field",
-    name="field",
-    help="Make a temperature field for a part, or check one.",
-)
-app.command(
-    "iriftrace.cli.part_commands:part",
-    name="part",
-    help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone.",
-)
-
-for _by_name in (
-    (
-        "sweep_commands",
-        "sweep",
-        "Render a scene from many poses into one netCDF file; resumes when interrupted.",
-        "scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19",
-    ),
-    (
-        "plan_commands",
-        "plan",
-        "Rank the poses of a sweep by the combined metric and print the best one.",
-        "sweep.nc --statistic median --region lateral",
-    ),
-    (
-        "plot_commands",
-        "plot",
-        "Draw a sweep (.nc) or one pose (.exr): maps, poses in space, histograms, Pareto front.",
-        "sweep.nc -o figures",
-    ),
-    (
-        "report_commands",
-        "report",
-        "Write what a sweep found out as one HTML page that needs neither Python nor a network.",
-        "sweep.nc -o report.html",
-    ),
-    (
-        "compare_commands",
-        "compare",
-        "Compare measured pixel shifts with a rendering: bias, residual, motion of the camera.",
-        "out.exr markers.csv",
-    ),
-):
-    add_command(app, "iriftrace", *_by_name)
+        raise_if_noticed()
+        status = run(arguments)
+        raise_if_noticed()
+        return status
+    except KeyboardInterrupt as error:
+        kept = str(error)
+    except BaseException:
+        if not noticed():
+            raise
+        kept = ""
+    ignore()
+    print(f"interrupted; {kept or NOTHING_KEPT}", file=sys.stderr)
+    return 130

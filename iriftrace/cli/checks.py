@@ -13,6 +13,7 @@ from cyclopts import CycloptsError, MissingArgumentError
 from cyclopts.exceptions import UnusedCliTokensError
 
 from iriftrace.errors import InputError
+from iriftrace.unreadable import check_readable
 
 
 def sentence(error: Exception) -> str:
@@ -47,21 +48,24 @@ def _of_the_command_line(error: CycloptsError) -> str:
 
 
 def check_input(*paths: Path | None) -> None:
-    """Refuse a folder where a file is read.
+    """Refuse a folder where a file is read, and a file that may not be read.
 
     Raises
     ------
     InputError
     """
     for path in paths:
-        if path is not None and path.is_dir():
+        if path is None:
+            continue
+        if path.is_dir():
             raise InputError(
                 f"The input {path} is a folder, but a file is needed; name the file in it."
             )
+        check_readable(path)
 
 
 def check_field(*paths: Path) -> None:
-    """Refuse a folder where a field is read, unless it is an OpenFOAM case.
+    """Refuse a folder that is no OpenFOAM case where a field is read, and an unreadable file.
 
     Raises
     ------
@@ -72,6 +76,31 @@ def check_field(*paths: Path) -> None:
     for path in paths:
         if path.is_dir():
             kind_of(path)
+        check_readable(path)
+
+
+def check_order(field: Path, part: Path) -> None:
+    """Refuse a field and a part that change places, as their names say.
+
+    Raises
+    ------
+    InputError
+    """
+    from trimesh import available_formats
+
+    from iriftrace.readers.kinds import COMPRESSED, SUFFIXES
+
+    meshes = {f".{name}" for name in available_formats()}.difference(COMPRESSED)
+    first, second = field.suffix.lower(), part.suffix.lower()
+    wrong, what = "", ""
+    if first in meshes and second not in meshes:
+        wrong, what = str(field), "field"
+    elif second in SUFFIXES and first not in SUFFIXES and not field.is_dir():
+        wrong, what = str(part), "part"
+    if wrong:
+        raise InputError(
+            f"{wrong} is no {what} that can be read here; are field and part in the wrong order?"
+        )
 
 
 def check_folder(folder: Path) -> None:

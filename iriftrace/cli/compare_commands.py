@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
+from rich.markup import escape
 from rich.table import Table
 
 from iriftrace.cli.checks import check_input, check_output
@@ -81,14 +82,16 @@ def compare(
             comparison_figure(comparison, shifts.resolution, title, picture)
         written.append(picture)
     write_comparison(target, report)
-    _print_report(report)
+    _print_report(report, image.name, rendering.resolution)
     out.print("Files: " + ", ".join(map(str, written)), markup=False, soft_wrap=True)
 
 
-def _print_report(report: dict[str, Any]) -> None:
+def _print_report(report: dict[str, Any], name: str, resolution: tuple[int, int]) -> None:
     table = Table(title="Measured shift against simulated", title_justify="left", show_header=False)
     table.add_column(style="bold")
     table.add_column()
+    width, height = resolution
+    table.add_row("rendering", f"{escape(name)}, {width} x {height} px")
     points = report["points"]
     table.add_row(
         "places",
@@ -115,7 +118,7 @@ def _print_report(report: dict[str, Any]) -> None:
             table.add_row(
                 f"camera {what}",
                 ", ".join(
-                    f"{axis} {value:.4g} +- {deviation:.2g} {unit}"
+                    f"{axis} {_with_deviation(value, deviation, unit)}"
                     for axis, value, deviation in zip("xyz", values, deviations, strict=True)
                 ),
             )
@@ -127,6 +130,18 @@ def _print_report(report: dict[str, Any]) -> None:
             f"({motion['points']:,} places, {motion['outliers']:,} outliers left out)",
         )
     out.print(table)
+
+
+def _with_deviation(value: float, deviation: float, unit: str) -> str:
+    text = f"{_digits(value, 4)} +- {_digits(deviation, 2)} {unit}"
+    return text if abs(value) >= deviation else f"{text} (not significant)"
+
+
+def _digits(value: float, digits: int) -> str:
+    """So many significant digits, without an exponent."""
+    from numpy import format_float_positional
+
+    return format_float_positional(value, precision=digits, fractional=False, trim="-")
 
 
 def _number(value: float | None) -> str:

@@ -8,6 +8,8 @@ from typing import Any
 
 from rich.console import Console
 
+from iriftrace.cli.interrupts import raise_if_noticed
+
 out = Console(highlight=False)
 notes = Console(stderr=True, highlight=False)
 
@@ -20,5 +22,7 @@ def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__:
 @contextmanager
 def working(what: str) -> Iterator[None]:
     """Show what is being done, where somebody watches."""
+    raise_if_noticed()
     with notes.status(f"{what} ..."):
         yield
+    raise_if_noticed()

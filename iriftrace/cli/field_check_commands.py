@@ -84,6 +84,7 @@ def check(
             wall_temperature_k=wall_k,
             diameter_mm=diameter_mm,
             camera=camera,
+            steady=field_options.steady,
         )
     _print(result, field)
     if output is not None:

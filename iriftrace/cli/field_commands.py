@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from iriftrace.cli.air_options import AirOptions
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.checks import check_field, check_folder, check_input, check_output
+from iriftrace.cli.checks import check_field, check_folder, check_input, check_order, check_output
 from iriftrace.cli.console import out, show_warning, working
 from iriftrace.cli.field_options import FieldOptions
 from iriftrace.cli.options import optional_quantity
@@ -122,6 +122,8 @@ def scene(
     from iriftrace.scene import write_scene
     from iriftrace.scene_xml import PART_FILE
 
+    if not field_options.isosurfaces:
+        check_order(field, part)
     check_field(field)
     check_input(part)
     check_output(output, ".xml", "scene.xml")

@@ -96,6 +96,11 @@ class FieldOptions:
 
         return None if self.field_transform is None else parse_transform(self.field_transform)
 
+    @property
+    def steady(self) -> bool | None:
+        """Whether the user says that the field is steady; None where the user does not say."""
+        return None if self.field_time is None else self.field_time == "steady"
+
     def notes(self) -> dict[str, str]:
         """What results state about the field."""
         stated = {"time": self.field_time, "symmetry": self.field_symmetry}

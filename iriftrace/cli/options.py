@@ -64,6 +64,15 @@ def quantity(text: str, unit: str, option: str) -> float:
     return value
 
 
+def quantity_with_unit(text: str, unit: str, option: str, example: str) -> float:
+    """A quantity that users think of in another unit than the library's, so a number needs one."""
+    try:
+        float(text)
+    except ValueError:
+        return quantity(text, unit, option)
+    raise InputError(f'{option} is "{text}" without a unit; write it with one, like "{example}".')
+
+
 def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
     """The same of an option that may be left out."""
     return None if text is None else quantity(text, unit, option)

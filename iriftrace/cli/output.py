@@ -9,6 +9,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from iriftrace.resolution import FRONTAL, seen_frontally
 from iriftrace.status import Status
 from iriftrace.units import ZERO_CELSIUS_K
 
@@ -136,10 +137,12 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
         f"{_percent(metrics['coverage'])} of the part's area in faces hit, "
         f"{_percent(metrics['coverage_area'])} by pixel area",
     )
+    lateral, axial = metrics["lateral_resolution_mm"], metrics["axial_resolution_mm"]
+    frontal = None not in (lateral, axial) and seen_frontally(lateral, axial)
     table.add_row(
         "resolution",
-        f"lateral {_scaled(metrics['lateral_resolution_mm'], 1e3, 'um')}, axial "
-        f"{_scaled(metrics['axial_resolution_mm'], 1e3, 'um')} (step to the next pixel)",
+        f"lateral {_scaled(lateral, 1e3, 'um')}, axial "
+        f"{f'0 ({FRONTAL})' if frontal else _scaled(axial, 1e3, 'um')} (step to the next pixel)",
     )
     rays = metrics["rays"]
     table.add_row("rays", f"{rays['launched']:,} launched, {rays['hit']:,} hit the part")

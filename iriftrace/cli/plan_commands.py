@@ -10,7 +10,7 @@ from cyclopts import Group, Parameter
 
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import notes, out
-from iriftrace.cli.options import Whole, quantity
+from iriftrace.cli.options import Whole, quantity, quantity_with_unit
 from iriftrace.cli.plan_options import THE_PAPERS, RankingOptions
 from iriftrace.errors import InputError
 
@@ -60,7 +60,7 @@ def plan(
     views
         Number of poses that together are to see as much area as possible.
     max_displacement
-        A pose does not see a face whose mean displacement is larger, such as "20 um".
+        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
     max_incidence
         A pose does not see a face that its rays hit at a larger angle, in degrees.
     refine
@@ -91,7 +91,7 @@ def plan(
     limits = ViewLimits(
         displacement_mm=math.inf
         if max_displacement is None
-        else quantity(max_displacement, "mm", "--max-displacement"),
+        else quantity_with_unit(max_displacement, "mm", "--max-displacement", "20 um"),
         incidence_deg=90.0
         if max_incidence is None
         else quantity(max_incidence, "degree", "--max-incidence"),

@@ -31,6 +31,8 @@ def print_plan(console: Console, summary: SweepSummary, ranking: RankingTable) -
     for row in ranking.rows:
         table.add_row(*row)
     console.print(table)
+    if ranking.note:
+        _say(console, ranking.note)
     if plan.unranked:
         pose, reason = next(iter(plan.unranked.items()))
         count = len(plan.unranked)

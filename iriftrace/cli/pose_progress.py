@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from rich.progress import (
     BarColumn,
@@ -16,6 +17,7 @@ from rich.progress import (
 )
 
 from iriftrace.cli.console import notes
+from iriftrace.cli.interrupts import noticed, raise_if_noticed
 
 
 class Rate(ProgressColumn):
@@ -27,11 +29,13 @@ class Rate(ProgressColumn):
 
 
 @contextmanager
-def pose_progress(what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
-    """Show a bar as soon as there is something to show.
+def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
+    """Show a bar as soon as there is something to show, and at Ctrl-C say what is kept.
 
     Parameters
     ----------
+    output : Path
+        The result; what is finished is kept in a journal beside it.
     what : str
         What is counted.
 
@@ -40,6 +44,8 @@ def pose_progress(what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
     callable
         To be called with the number of finished ones and of all.
     """
+    from iriftrace.sweep_journal import journal_of
+
     columns = (
         TextColumn(what),
         BarColumn(),
@@ -50,7 +56,16 @@ def pose_progress(what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
     bar = Progress(*columns, console=notes)
     task = bar.add_task(what, total=None)
 
+    kept = ""
+
     def report(done: int, total: int) -> None:
+        nonlocal kept
+        if done:
+            kept = (
+                f"{done} of {total} {what.lower()} are kept in {journal_of(output)}, "
+                "give the same command again to go on"
+            )
+        raise_if_noticed()
         if not bar.live.is_started:
             # What an earlier run has done must not count as speed.
             bar.reset(task, total=total, completed=done)
@@ -59,6 +74,10 @@ def pose_progress(what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
 
     try:
         yield report
+    except BaseException as error:
+        if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
+            raise KeyboardInterrupt(kept) from error
+        raise
     finally:
         if bar.live.is_started:
             bar.stop()

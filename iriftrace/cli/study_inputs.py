@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from iriftrace.cli.checks import check_field, check_input, check_output
+from iriftrace.cli.checks import check_field, check_input, check_order, check_output
 from iriftrace.cli.console import working
 from iriftrace.cli.study_options import StudyOptions
 from iriftrace.errors import InputError
@@ -28,6 +28,8 @@ class StudyInputs:
     ) -> None:
         from iriftrace import runtime
 
+        if not options.field.isosurfaces:
+            check_order(fields[0], part)
         check_field(*fields)
         check_input(part)
         check_output(output, ".nc", "study.nc", make=False)

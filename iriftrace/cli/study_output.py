@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
     from iriftrace.studies.comparison import Comparison
     from iriftrace.studies.timing import Timing
+
+_WIDEST = 1000
 
 STAGES = ("straight", "metrics", "write", "load", "build")
 
@@ -44,7 +47,7 @@ def _run(
     from iriftrace.figure_file import write_png
     from iriftrace.studies.figure import study_figure
 
-    with pose_progress("Cases") as report:
+    with pose_progress(output, "Cases") as report:
         dataset = run(what, output, report)
     show(out, dataset)
     picture = output.with_suffix(".png")
@@ -54,20 +57,16 @@ def _run(
 
 
 def print_comparison(console: Console, dataset: xr.Dataset) -> None:
-    """A table for each reference: differences of the hits in micrometres.
+    """A table for each reference: differences of the hits in micrometres."""
+    from iriftrace.studies.comparison import reference_words
 
-    ``share`` is the median difference over the median displacement; ``trimmed`` is the rmse without
-    the 1 % of rays that differ most.
-    """
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     for reference in dataset["reference"].values:
-        table = Table(title=f"Difference from {reference} / um", title_justify="left")
-        table.add_column(str(axis))
-        table.add_column("mode")
-        for heading in ("median", "share", "p95", "trimmed", "rmse"):
-            table.add_column(heading, justify="right")
-        table.add_column("unmatched", justify="right")
-        table.add_column("lost", justify="right")
+        table = _table(
+            f"Difference from {reference_words(str(reference))} / um",
+            (str(axis), "mode"),
+            ("median", "share", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
+        )
         for place in dataset[axis].values:
             for mode in dataset["mode"].values:
                 case = dataset.sel({"mode": mode, axis: place})
@@ -78,13 +77,18 @@ def print_comparison(console: Console, dataset: xr.Dataset) -> None:
                 table.add_row(
                     str(place),
                     str(mode),
-                    f"{1e3 * float(some['median']):.4f}",
-                    f"{float(some['median']) / float(case['displacement_median']):.2%}",
-                    *(f"{1e3 * float(some[name]):.4f}" for name in ("p95", "rmse_trimmed", "rmse")),
+                    f"{1e3 * float(some['median']):.3f}",
+                    f"{float(some['median']) / float(case['displacement_median']):.1%}",
+                    *(f"{1e3 * float(some[name]):.3f}" for name in ("p95", "rmse_trimmed", "rmse")),
                     str(int(some["only_here"]) + int(some["only_reference"])),
                     str(int(case["rays_lost"])),
                 )
-        console.print(table)
+        _show(console, table)
+    console.print(
+        "share: median over the median displacement; trimmed: rmse without the 1 % of rays that "
+        "differ most; unmatched: rays that are good in one of the two runs only; lost: rays of the "
+        "case whose straight twin hits the part in focus, but which are not good."
+    )
 
 
 def print_timing(console: Console, dataset: xr.Dataset) -> None:
@@ -94,9 +98,7 @@ def print_timing(console: Console, dataset: xr.Dataset) -> None:
     for mode in dataset["mode"].values:
         some = dataset.sel(mode=mode)
         title = f"{mode}: times over that of the refracted trace"
-        table = Table(title=title, title_justify="left")
-        for heading in (across.replace("_", " "), "growth", "search", *STAGES):
-            table.add_column(heading, justify="right")
+        table = _table(title, (), (across.replace("_", " "), "growth", "search", *STAGES))
         first = some.isel({axis: 0})
         for place in range(some.sizes[axis]):
             case = some.isel({axis: place})
@@ -109,8 +111,33 @@ def print_timing(console: Console, dataset: xr.Dataset) -> None:
                 f"{float(case['search_share']):.2f}",
                 *(f"{float(case[f'time_{stage}']) / refracted:.2f}" for stage in STAGES),
             )
-        console.print(table)
+        _show(console, table)
     console.print(
         "growth: refracted trace over that of the first case, if one run measured both; search: "
         "the intersection search of the refracted trace, the rest of it is refraction."
     )
+    if float(dataset["search_share"].max()) > 1.0:
+        console.print(
+            "A search above 1 is noise: the search is timed in a run of its own, so that other "
+            "programs on the machine can make it the longer one."
+        )
+
+
+def _table(title: str, texts: Sequence[str], numbers: Sequence[str]) -> Table:
+    """Columns of texts and of numbers, without rules between them, which cost width."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
+    for heading in texts:
+        table.add_column(heading, overflow="fold")
+    for heading in numbers:
+        table.add_column(heading, justify="right")
+    return table
+
+
+def _show(console: Console, table: Table) -> None:
+    """Print a table in the terminal's width, or wider where words and numbers would be cut."""
+    # A measurement ends at the console's width, unless the options know of more.
+    least = console.measure(table, options=console.options.update(width=_WIDEST)).minimum
+    if least > console.width:
+        table.width = least
+    console.print(table, crop=False, soft_wrap=True)
+    console.print()

@@ -95,7 +95,7 @@ def sweep(
     series = series_of(scenes, orbit, focal_length, variables, variant, engine)
     options = SweepOptions(nearest, statuses(include), exr)
     target = orbit.look_at(series[0].scene)
-    with _renderer(scheduler, workers) as render, pose_progress() as report:
+    with _renderer(scheduler, workers) as render, pose_progress(output) as report:
         dataset = run_series(
             series, output, target=target, options=options, progress=report, render=render
         )

@@ -9,6 +9,7 @@ from iriftrace.errors import InputError
 VTK = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm")
 OPENFOAM = (".foam", ".openfoam")
 COMSOL_TEXT = (".txt", ".csv", ".dat")
+COMPRESSED = (".gz", ".zip", ".bz2", ".xz", ".7z")
 SUFFIXES = (*VTK, *OPENFOAM, *COMSOL_TEXT)
 """Suffixes of files that can hold a field; an OpenFOAM case may also be named by its folder."""
 
@@ -37,7 +38,7 @@ def kind_of(path: Path) -> str:
         return "comsol"
     if suffix in VTK:
         return "vtk"
-    if suffix in (".gz", ".zip", ".bz2", ".xz", ".7z"):
+    if suffix in COMPRESSED:
         raise InputError(f"The field file {path} is compressed; unpack it first.")
     raise InputError(
         f"{path} is not a field file that can be read here; export it as one of "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from iriftrace.errors import InputError
 from iriftrace.face_sightings import NOTHING_SEEN
-from iriftrace.sweep_journal import Journal, remove_leftovers, sole_writer
+from iriftrace.sweep_journal import Journal, journal_of, remove_leftovers, sole_writer
 from iriftrace.sweep_pose import PoseResult, fingerprint
 from iriftrace.whole_file import whole_file
 
@@ -61,7 +61,7 @@ def run_cases(
     if not path.parent.is_dir():
         raise InputError(f"The folder {path.parent} does not exist; create it first.")
     wanted = fingerprint(version("iriftrace"), dict(request))
-    folder = path.with_name(path.name + ".journal")
+    folder = journal_of(path)
     if path.is_file():
         finished = _finished(path, wanted)
         remove_leftovers(folder, wanted)

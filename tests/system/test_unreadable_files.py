@@ -1,0 +1,109 @@
+"""Files that may not be read, are not where they were, are damaged, or are another one's."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import Failing
+from hot_block import HotBlock
+
+from iriftrace.cli import main
+from iriftrace.scene_folder import FIELD_FILE
+
+
+@pytest.fixture
+def closed(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Takes the permission from a file, also where the tests are root's, who may read anything."""
+    opened = Path.open
+
+    def close(name: str) -> None:
+        def refuse(self: Path, *more: Any, **options: Any) -> Any:
+            if self.name == name:
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+            return opened(self, *more, **options)
+
+        monkeypatch.setattr(Path, "open", refuse)
+
+    return close
+
+
+COMMANDS = {
+    "part": ("field synthetic block.stl -o out.vtu", "block.stl"),
+    "part of a scene": ("scene air.vtu block.stl -o out/scene.xml", "block.stl"),
+    "field": ("shells air.vtu -o out", "air.vtu"),
+    "image": ("metrics scene/scene.exr", "scene/scene.exr"),
+    "sweep": ("plan s.nc", "s.nc"),
+    "scene": ("render scene/scene.xml -o out.exr", "scene/scene.xml"),
+    "the scene's part": ("render scene/scene.xml -o out.exr", "scene/part.ply"),
+    "the scene's shell": ("render scene/scene.xml -o out.exr", "scene/shells/shell_02.ply"),
+    "the scene's field": (
+        "render scene/scene.xml -o out.exr --engine continuous",
+        f"scene/{FIELD_FILE}",
+    ),
+}
+
+
+@pytest.mark.parametrize(("line", "name"), COMMANDS.values(), ids=COMMANDS.keys())
+def test_without_permission_a_file_is_not_called_damaged(
+    hot: HotBlock,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    closed: Callable[[str], None],
+    line: str,
+    name: str,
+) -> None:
+    shutil.copytree(hot.folder, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "s.nc").touch()
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    closed(Path(name).name)
+    assert main(line.split()) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    # The engine names its field by the absolute path.
+    assert said.replace(f"{tmp_path}{os.sep}", "") == (
+        f"error: Cannot read {name}: Permission denied."
+    )
+
+
+@pytest.mark.parametrize("gone", ["part.ply", "shells/shell_02.ply"])
+def test_a_scene_that_was_moved_without_its_meshes(
+    hot: HotBlock, tmp_path: Path, fails: Failing, gone: str
+) -> None:
+    shutil.copytree(hot.scene.parent, tmp_path / "moved")
+    (tmp_path / "moved" / gone).unlink()
+    assert fails("render", "moved/scene.xml", "-o", "out.exr") == (
+        f"{gone} is not beside moved/scene.xml; move the whole folder."
+    )
+
+
+def test_a_damaged_field_file_is_not_to_be_trusted(
+    hot: HotBlock, tmp_path: Path, fails: Failing
+) -> None:
+    """NumPy takes what it does not know for pickled objects and proposes to load them."""
+    shutil.copytree(hot.scene.parent, tmp_path / "scene")
+    (tmp_path / "scene" / FIELD_FILE).write_bytes(b"no field at all" * 100)
+    said = fails("render", "scene/scene.xml", "-o", "out.exr", "--engine", "continuous")
+    assert "damaged or no field file (it holds something else than arrays of numbers)" in said
+    assert "pickle" not in said
+
+
+def test_field_and_part_in_the_wrong_order(hot: HotBlock, fails: Failing) -> None:
+    asked = "block.stl is no field that can be read here; are field and part in the wrong order?"
+    said = fails("scene", hot.part, hot.field, "-o", "out/scene.xml")
+    assert said.endswith(asked)
+    assert fails("study", "layers", hot.part, hot.field, "-o", "layers.nc").endswith(asked)
+    # Of two fields it is the part that is wrong, and not their order.
+    assert "order" not in fails("scene", hot.field, hot.field, "-o", "out/scene.xml")
+
+
+def test_ambient_air_that_is_too_hot(hot: HotBlock, fails: Failing) -> None:
+    said = fails("shells", hot.field, "-o", "shells", "--ambient", "300 degC")
+    assert said.endswith("and of the air far from the part, which is not heated.")
+    assert "refractivity" not in said
