@@ -14,6 +14,7 @@ from iriftrace.air_properties import density, heat_content, heat_content_slope
 from iriftrace.air_properties import temperature_of_density as temperature_of
 from iriftrace.field_cells import point_mean
 from iriftrace.velocity_arrays import (
+    SI,
     TEMPERATURE,
     VELOCITY,
     VELOCITY_OVER_TEMPERATURE,
@@ -45,6 +46,10 @@ class AirFlow:
         `HEAT_STORAGE`, where the file has it.
     name : str
         Of the velocity's arrays; "" without.
+    unit : str
+        In which they were read.
+    flux_name : str
+        Of the array of `enthalpy_flux`; "" where there is none or it was made of velocities.
     missing : str
         Why there is no velocity; "" where there is one.
     """
@@ -53,6 +58,8 @@ class AirFlow:
     enthalpy_flux: FloatArray | None = None
     storage: FloatArray | None = None
     name: str = ""
+    unit: str = SI
+    flux_name: str = ""
     missing: str = ""
 
 
@@ -129,10 +136,18 @@ def flow_in(
         return AirFlow(None, missing=missing)
     columns = [_at_points(grid, name) for name in found.names]
     velocity = columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
-    if not np.isfinite(velocity).all():
-        return AirFlow(None, missing=f"{', '.join(found.names)} is not finite everywhere")
+    gaps = np.count_nonzero(~np.isfinite(velocity).all(axis=1))
+    if gaps:
+        names = ", ".join(found.names)
+        return AirFlow(
+            None,
+            missing=f"{names} {'is' if len(found.names) == 1 else 'are'} not finite at {gaps:,} of "
+            f"{len(velocity):,} points; export {'it' if len(found.names) == 1 else 'them'} "
+            "without gaps",
+        )
     flux = None
-    if ENTHALPY_FLUX in grid.point_data:
+    stated = ENTHALPY_FLUX in grid.point_data
+    if stated:
         flux = _at_points(grid, ENTHALPY_FLUX)
     elif VELOCITY_OVER_TEMPERATURE in grid.point_data and (array, *found.names) == (
         TEMPERATURE,
@@ -145,6 +160,8 @@ def flow_in(
         enthalpy_flux=None if flux is None else flux @ turn.T,
         storage=storage,
         name=", ".join(found.names),
+        unit=found.unit,
+        flux_name=ENTHALPY_FLUX if stated else "",
     )
 
 

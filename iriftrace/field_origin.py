@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,6 +16,8 @@ WALL_HEAT = "wall_heat_flow_w"
 
 SYNTHETIC = "synthetic"
 """With this word the origin of a field begins that a model made up."""
+
+_STEADY = re.compile(r"(?<!not )(?<![\w-])steady\b", re.IGNORECASE)
 
 
 def origin_of(data: Any) -> str:
@@ -48,6 +51,14 @@ def state_origin(grid: Any, origin: str) -> None:
     # VTK's string arrays know ASCII only.
     plain = " ".join(origin.split()).encode("ascii", "replace").decode("ascii")
     grid.field_data[FIELD_ORIGIN] = [plain]
+
+
+def is_steady(origin: str | None) -> bool:
+    """Whether the air does not change in time by what a field says of its own making.
+
+    The model of synthetic fields is steady, and of a simulation's the origin says so.
+    """
+    return synthetic_mark(origin) is not None or _STEADY.search(origin or "") is not None
 
 
 def synthetic_mark(origin: str | None) -> str | None:

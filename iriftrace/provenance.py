@@ -10,6 +10,7 @@ from typing import Any
 from iriftrace.camera import Camera
 from iriftrace.checksum import sha256_of
 from iriftrace.ensemble.loaded import LoadedEnsemble
+from iriftrace.field_origin import is_steady
 from iriftrace.scene import LoadedScene
 
 ENGINES = {
@@ -64,7 +65,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             **_fields(sources),
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
-            "field_time": notes.get("time", "not stated"),
+            "field_time": notes.get("time") or _time(sources),
             "field_symmetry": notes.get("symmetry", "not stated"),
             "open_boundary": "air beyond the data is not modelled",
             "camera": camera.lens,
@@ -106,6 +107,12 @@ def _fields(sources: Sequence[dict[str, Any] | None]) -> dict[str, str]:
         "field_source": _listed(files),
         "field_origin": _listed(origins),
     }
+
+
+def _time(sources: Sequence[dict[str, Any] | None]) -> str:
+    """What the fields say of themselves where nobody else did."""
+    origins = [(source or {}).get("origin") for source in sources]
+    return "steady" if all(is_steady(origin) for origin in origins) else "not stated"
 
 
 def _listed(texts: Iterable[str]) -> str:

@@ -33,8 +33,8 @@ def check_table(path: Path) -> None:
         )
     if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
         raise SetupError(
-            f"{path} needs pyarrow, which is not installed; pip install 'iriftrace[parquet]', or "
-            "write a .csv file."
+            f"{path} needs pyarrow, which is not installed; in the clone: "
+            "pip install -e '.[parquet]', or write a .csv file."
         )
 
 

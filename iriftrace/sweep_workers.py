@@ -62,8 +62,8 @@ def check_scheduler(scheduler: str, count: int | None = None) -> None:
         raise InputError(f"{count} workers render nothing; start at least 1.")
     if find_spec("distributed") is None:
         raise SetupError(
-            "Workers need Dask distributed, which is not installed; pip install "
-            "'iriftrace[sweep]', or sweep without --scheduler."
+            "Workers need Dask distributed, which is not installed; in the clone: "
+            "pip install -e '.[sweep]', or sweep without --scheduler."
         )
 
 

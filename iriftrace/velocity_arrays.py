@@ -13,6 +13,8 @@ from iriftrace.units import parse_quantity
 
 SI = "m/s"
 
+NO_VELOCITIES = "the file has no velocities"
+
 VELOCITY, TEMPERATURE = "U", "T"
 """As OpenFOAM's solvers call them."""
 
@@ -47,10 +49,13 @@ class VelocityArrays:
         One array of vectors, or three of numbers along x, y and z.
     factor : float
         m/s in one of its unit.
+    unit : str
+        As the file states it; m/s where it states none.
     """
 
     names: tuple[str, ...]
     factor: float
+    unit: str = SI
 
 
 def velocity_arrays(
@@ -91,19 +96,21 @@ def velocity_arrays(
     for names in components:
         factors = {_factor(name, units) for name in names}
         if len(factors) == 1 and None not in factors:
-            return VelocityArrays(names, factors.pop() or 1.0), ""
+            unit = _stated_unit(names[0], units) or SI
+            return VelocityArrays(names, factors.pop() or 1.0, unit), ""
         refused = f"the unit of {', '.join(names)} is no velocity"
-    return None, refused or "the file has no velocities"
+    return None, refused or _what_lacks(grid, numbers, units) or NO_VELOCITIES
 
 
 def moves(name: str) -> bool:
     """Whether a vector array tells how the air moves, by its name."""
+    return name in (MOMENTUM_MEAN, VELOCITY_OVER_TEMPERATURE) or _names_vector(name)
+
+
+def _names_vector(name: str) -> bool:
+    """Whether an array is called as the vector of the velocity or its average is."""
     plain = _plain(name)
-    return (
-        name in (MOMENTUM_MEAN, VELOCITY_OVER_TEMPERATURE)
-        or plain in _USUAL
-        or any(pattern.fullmatch(plain) for pattern in (_MEAN, _LOOSE))
-    )
+    return plain in _USUAL or any(pattern.fullmatch(plain) for pattern in (_MEAN, _LOOSE))
 
 
 def is_mean(name: str) -> bool:
@@ -125,32 +132,85 @@ def _names(grid: Any, dimension: int) -> list[str]:
 
 def _components(names: Iterable[str]) -> list[tuple[str, ...]]:
     """Sets of three arrays that differ in the axis only."""
-    families: dict[str, dict[int, str]] = {}
+    families = _families(names).values()
+    return [tuple(f[axis] for axis in range(3)) for f in families if len(f) == 3]
+
+
+def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]]:
+    """Arrays by axis, of each plain name without its axis: what is before, axes, what is after."""
+    families: dict[tuple[str, str, str], dict[int, str]] = {}
     for name in names:
         found = _COMPONENT.fullmatch(_plain(name))
         if not found:
             continue
         (group, letter) = next((g, text) for g, text in found.groupdict().items() if text)
-        axis = ("xyz" if letter in "xyz" else "uvw").index(letter)
+        axes = "xyz" if letter in "xyz" else "uvw"
         start, end = found.span(group)
-        family = f"{found.string[:start]}*{found.string[end:]}"
-        families.setdefault(family, {}).setdefault(axis, name)
-    return [tuple(f[axis] for axis in range(3)) for f in families.values() if len(f) == 3]
+        family = (found.string[:start], axes, found.string[end:])
+        families.setdefault(family, {}).setdefault(axes.index(letter), name)
+    return families
+
+
+def _what_lacks(grid: Any, numbers: Iterable[str], units: Mapping[str, str] | None) -> str:
+    """Why arrays with the names of velocities are none; "" where no array has such a name."""
+    incomplete = {
+        family: names
+        for family, names in _families(numbers).items()
+        if len(names) < 3 and all(_factor(name, units) is not None for name in names.values())
+    }
+    for family, names in incomplete.items():
+        if len(names) == 2:
+            return _missing(family, names)
+    for data in (grid.point_data, grid.cell_data):
+        for name in data:
+            width = 1 if data[name].ndim == 1 else data[name].shape[1]
+            if width != 3 and _names_vector(name) and _factor(name, units) is not None:
+                return f"{name} has {width} component{'s' * (width > 1)}, 3 are needed"
+    for family, names in incomplete.items():
+        # A single v or w may be anything.
+        if family != ("", "uvw", ""):
+            return _missing(family, names)
+    return ""
+
+
+def _missing(family: tuple[str, str, str], names: Mapping[int, str]) -> str:
+    """Which components there are and which not, by the names that they have or would have."""
+    before, axes, after = family
+    axis, like = next(iter(names.items()))
+    missing = []
+    for other in sorted({0, 1, 2} - names.keys()):
+        wanted = f"{before}{axes[other]}{after}"
+        spelt = (
+            f"{like[: at.start()]}{letter}{like[at.end() :]}"
+            for at in re.finditer(axes[axis], like, re.IGNORECASE)
+            for letter in [axes[other].upper() if at[0].isupper() else axes[other]]
+        )
+        missing.append(next((name for name in spelt if _plain(name) == wanted), wanted))
+    there = [names[at] for at in sorted(names)]
+    return f"{_are(there)} there, {_are(missing)} missing"
+
+
+def _are(names: list[str]) -> str:
+    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}"
 
 
 def _factor(name: str, units: Mapping[str, str] | None) -> float | None:
     """m/s in one of an array's unit; None where that is no velocity."""
-    if units is None:
-        found = _BRACKETS.search(name)
-        unit = found["unit"].strip() if found else ""
-    else:
-        unit = units.get(name, "")
+    unit = _stated_unit(name, units)
     if not unit:
         return 1.0
     try:
         return parse_quantity(f"1 {unit}", SI)
     except InputError:
         return None
+
+
+def _stated_unit(name: str, units: Mapping[str, str] | None) -> str:
+    """Unit of an array as the file states it; "" where it states none."""
+    if units is not None:
+        return units.get(name, "")
+    found = _BRACKETS.search(name)
+    return found["unit"].strip() if found else ""
 
 
 def _plain(name: str) -> str:

@@ -23,6 +23,7 @@ from iriftrace.shell_report import report_shells
 from iriftrace.shells import contour_shells
 
 FIELD = "field.vtu"
+FIELD_ORIGIN = "OpenFOAM, coarse solution"
 SENSOR_MM = (6.7, 5.6)
 RESOLUTION = (2448, 2048)
 SCALE = 0.5
@@ -38,7 +39,7 @@ def write_bundled(folder: str | Path) -> list[Path]:
     field = read_field(folder_of("cylinder") / FIELD)
     cylinder = read_part(folder_of("cylinder") / "part.ply")
     # Named as it lies beside the scene, and not where this machine has it.
-    field = evolve(field, source=evolve(field.source, path=FIELD))
+    field = evolve(field, source=evolve(field.source, path=FIELD, origin=FIELD_ORIGIN))
     shells = contour_shells(field)
     scenes = {
         "cylinder": (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import hot_block
@@ -216,6 +217,71 @@ def test_verdict_follows_the_heat_that_the_solver_counted(tmp_path: Path) -> Non
         assert found["verdict"] == verdict
         assert found["off"] == pytest.approx(share - 1)
         assert found["own_flux"]
+
+
+@pytest.mark.parametrize(
+    ("factor", "name", "verdict", "hint"),
+    [
+        (1.0, "U", "good", ""),
+        (1.4, "U", "doubtful", ""),
+        (1000.0, "U", "bad", "are they mm/s?"),
+        (120.0, "U", "bad", "are they mm/s?"),
+        (1.0, "U (mm/s)", "bad", "are they m/s?"),
+        (4.0, "U", "bad", ""),
+        (0.0, "U", "bad", ""),
+        (-1.0, "U", "bad", ""),
+    ],
+)
+def test_wrong_velocities_are_bad_though_storage_is_unknown(
+    tmp_path: Path, factor: float, name: str, verdict: str, hint: str
+) -> None:
+    """A column whose heat is the solver's count; then its speed is wrong."""
+    grid = hot_block.air()
+    kelvin, speed = column(grid), rising(grid, 0.7)
+    leaving = balance(grid, kelvin, AirFlow(speed)).leaving_w
+    field, _ = checked(tmp_path, T=kelvin, **{name: factor * speed})
+    field = evolve(field, source=evolve(field.source, wall_heat_w=leaving))
+    check = check_field(field, read_part(tmp_path / "block.stl"))
+    found = finding(check, "heat balance")
+    assert found["verdict"] == verdict
+    assert (found["read_from"], found["read_in"]) == (name, "mm/s" if "mm" in name else "m/s")
+    (said,) = (f.remark for f in check.findings if f.name == "heat balance")
+    fastest = 0.7 * abs(factor) * (1e-3 if "mm" in name else 1.0)
+    assert f"velocities of {name} read as {found['read_in']}, up to {fastest:.3g} m/s" in said
+    assert ("are they" in said) == bool(hint)
+    assert hint in said
+
+
+def test_nothing_is_stored_in_a_steady_field(tmp_path: Path) -> None:
+    """So the bound is that of a known storage, by what the user or the field says."""
+    grid = hot_block.air()
+    kelvin, speed = column(grid), rising(grid, 0.7)
+    leaving = balance(grid, kelvin, AirFlow(speed)).leaving_w
+    field, _ = checked(tmp_path, T=kelvin, U=1.4 * speed)
+    part = read_part(tmp_path / "block.stl")
+
+    def judged(origin: str, steady: bool | None) -> tuple[str, str]:
+        source = evolve(field.source, wall_heat_w=leaving, origin=origin)
+        check = check_field(evolve(field, source=source), part, steady=steady)
+        (said,) = (f.remark for f in check.findings if f.name == "heat balance")
+        return finding(check, "heat balance")["verdict"], said
+
+    for origin, steady in (("", True), ("OpenFOAM, at 2 s, steady (heat flow 1 %)", None)):
+        verdict, said = judged(origin, steady)
+        assert verdict == "bad"
+        assert "stored nothing, as the field is steady" in said
+        assert "unknown" not in said
+    for origin, steady in (("", None), ("OpenFOAM, NOT STEADY", None), ("steady", False)):
+        verdict, said = judged(origin, steady)
+        assert verdict == "doubtful"
+        assert "stored unknown" in said
+    files = [str(tmp_path / name) for name in ("air.vtu", "block.stl")]
+    options = ["--field-time", "steady", "-o", str(tmp_path / "check.json")]
+    assert main(["field", "check", *files, *options]) == 0
+    written = json.loads((tmp_path / "check.json").read_text())
+    (found,) = (f for f in written["findings"] if f["name"] == "heat balance")
+    assert found["numbers"]["steady"] is True
+    assert written["verdict"] == "bad"  # and the exit status is 0 all the same
 
 
 def test_counted_heat_is_found_in_the_blocks_of_a_series(tmp_path: Path) -> None:

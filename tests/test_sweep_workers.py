@@ -171,7 +171,7 @@ def test_missing_dask_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         "iriftrace.sweep_workers.find_spec",
         lambda name: None if name == "distributed" else found(name),
     )
-    with pytest.raises(SetupError, match=r"pip install 'iriftrace\[sweep\]'"):
+    with pytest.raises(SetupError, match=r"in the clone: pip install -e '\.\[sweep\]'"):
         check_scheduler("local")
 
 

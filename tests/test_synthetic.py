@@ -274,6 +274,7 @@ def test_every_result_says_that_it_is_synthetic(written: Path) -> None:
     metrics = json.loads((written / "out.json").read_text())
     for assumptions in (header["assumptions"], metrics["assumptions"]):
         assert assumptions["field_origin"] == table["source"]["origin"]
+        assert assumptions["field_time"] == "steady"
 
 
 @pytest.mark.parametrize(

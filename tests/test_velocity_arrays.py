@@ -81,6 +81,38 @@ def test_what_is_no_velocity(tmp_path: Path, names: tuple[str, ...], words: str)
     assert words in flow.missing
 
 
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ({"U": 2}, "U has 2 components, 3 are needed"),
+        ({"UMean": 9}, "UMean has 9 components, 3 are needed"),
+        ({"U": 1}, "U has 1 component, 3 are needed"),
+        ({"u": 1, "v": 1}, "u and v are there, w is missing"),
+        (
+            {"comp1.u (m/s)": 1, "comp1.w (m/s)": 1, "U": 1},
+            "comp1.u (m/s) and comp1.w (m/s) are there, comp1.v (m/s) is missing",
+        ),
+        ({"Uz": 1}, "Uz is there, Ux and Uy are missing"),
+        ({"u (mm)": 1, "v (mm)": 1}, "the file has no velocities"),
+        ({"w": 1}, "the file has no velocities"),
+    ],
+)
+def test_half_a_velocity_says_what_it_lacks(arrays: dict[str, int], words: str) -> None:
+    grid = box().cast_to_unstructured_grid()
+    for name, width in arrays.items():
+        grid.point_data[name] = np.ones((grid.n_points, width)[: 1 + (width > 1)])
+    assert velocity_arrays(grid, None) == (None, words)
+
+
+def test_gaps_in_velocities_are_counted(tmp_path: Path) -> None:
+    grid = grid_with("U")
+    grid.point_data["U"][[1, 4, 5], [0, 1, 2]] = np.nan
+    flow = flow_of(saved(grid, tmp_path / "f.vtu"))
+    assert flow.missing == (
+        f"U is not finite at 3 of {grid.n_points} points; export it without gaps"
+    )
+
+
 def test_magnitude_alone_is_none(tmp_path: Path) -> None:
     """COMSOL calls it U; it has no direction."""
     grid = box().cast_to_unstructured_grid()

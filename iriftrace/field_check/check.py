@@ -14,6 +14,7 @@ from iriftrace.field_check.finding import FieldCheck, Finding, Verdict
 from iriftrace.field_check.gradient import gradient_finding
 from iriftrace.field_check.wall import heat_finding, layer_finding, temperature_finding
 from iriftrace.field_check.wall_state import wall_state
+from iriftrace.field_origin import is_steady
 from iriftrace.fit import LARGEST_BARE_SHARE, LARGEST_GAP_MM, fit_part_to_field
 from iriftrace.part import Part
 
@@ -25,6 +26,7 @@ def check_field(
     wall_temperature_k: float | None = None,
     diameter_mm: float | None = None,
     camera: ArrayLike | None = None,
+    steady: bool | None = None,
 ) -> FieldCheck:
     """Measure and judge a field.
 
@@ -41,6 +43,9 @@ def check_field(
         one.
     camera : (3,) array_like, mm, world, optional
         Where a camera stands; then it is said how much of its view enters the data in hot air.
+    steady : bool, optional
+        Whether the air does not change in time, so that it takes up no heat; by default what the
+        field's origin says.
 
     Raises
     ------
@@ -50,13 +55,15 @@ def check_field(
     """
     fit = fit_part_to_field(field, part)
     wall = wall_state(field, part)
+    if steady is None:
+        steady = is_steady(field.source.origin)
     findings = [
         temperature_finding(wall, wall_temperature_k),
         _gap(fit.gap_median_mm, fit.gap_p95_mm),
         _covered(fit.bare_share),
         layer_finding(wall),
         heat_finding(wall, part),
-        balance_finding(field, wall, 1.0 - fit.bare_share),
+        balance_finding(field, wall, 1.0 - fit.bare_share, steady=steady),
         nusselt_finding(wall, part, field, diameter_mm),
         _ambient(field),
         edge_finding(field),

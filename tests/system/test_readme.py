@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-import trimesh
 
 from iriftrace.channels import CHANNELS
-from iriftrace.cli import app
-from iriftrace.scenes import folder_of
+from iriftrace.cli.program import app
 
 CHECKOUT = Path(__file__).parents[2]
 PAGES = {
@@ -24,7 +21,7 @@ PAGES = {
 README = PAGES["README.md"]
 
 COMMANDS = {
-    "README.md": ["doctor", "demo", "scene", "render", "metrics"],
+    "README.md": ["doctor", "demo", "part", "field", "scene", "render", "metrics"],
     "camera_position.md": ["sweep", "plan", "plan", "plan", "plot", "report"],
     "fields.md": ["field", "field"],
 }
@@ -53,11 +50,8 @@ def run(arguments: list[str], folder: Path) -> str:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's folder: a field, a part and what the README's commands have made of them."""
+    """A user's folder, empty but for what the README's commands make."""
     folder = tmp_path_factory.mktemp("user")
-    shutil.copy(folder_of("cylinder") / "field.vtu", folder)
-    shutil.copy(folder_of("cylinder") / "part.ply", folder)
-    trimesh.load(folder / "part.ply", process=False).export(folder / "part.stl")
     for command in commands("README.md"):
         run(["-m", "iriftrace.cli", *command[1:]], folder)
     return folder

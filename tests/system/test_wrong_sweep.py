@@ -109,7 +109,7 @@ def test_what_is_not_installed(
         f"iriftrace.{module}.find_spec", lambda name: None if name == package else found(name)
     )
     message = fails(*f"sweep {hot.scene} -o a.nc {ORBIT} {option}".split())
-    assert "not installed; pip install 'iriftrace[" in message
+    assert "not installed; in the clone: pip install -e '.[" in message
 
 
 @pytest.mark.parametrize("foreign", ["text", "netCDF"])
