@@ -7,6 +7,7 @@ and the rest.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection
 from typing import Literal
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from iriftrace.camera import Camera
 from iriftrace.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.displacement import shift_map
-from iriftrace.errors import InputError
+from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.exr import AovImage
 from iriftrace.measured_shift import MeasuredShift
 from iriftrace.status import Status
@@ -90,6 +91,12 @@ def compare_shift(
     InputError
         A map has another size than the rendering, a marker lies outside it, or too few places have
         a simulated shift.
+
+    Warns
+    -----
+    IriftraceWarning
+        Markers may be positions in a picture of the camera's full resolution, which the rendering
+        has not.
     """
     if measured.resolution not in (None, image.resolution):
         assert measured.resolution is not None
@@ -117,6 +124,7 @@ def compare_shift(
             f"rendering of {width} x {height} pixels, but {FEWEST_POINTS} are needed; are the "
             "positions in its pixels, and is the pose the measured one?"
         )
+    _warn_of_another_size(image, measured)
     residual = measured.shifts[known] - shift[known]
     motion, reason = None, ""
     try:
@@ -132,6 +140,21 @@ def compare_shift(
         left_out=len(known) - count,
         motion=motion,
         no_motion=reason,
+    )
+
+
+def _warn_of_another_size(image: AovImage, measured: MeasuredShift) -> None:
+    """A map says how large its picture is, but markers of a larger one may all lie inside."""
+    full = image.header.get("full_resolution")
+    if measured.resolution is not None or full is None or tuple(full) == image.resolution:
+        return
+    (width, height), (across, down) = image.resolution, full
+    warnings.warn(
+        f"The rendering has {width} x {height} px, {width / across:.3g} times the camera's "
+        f"{across} across and {height / down:.3g} times its {down} down; the measured positions "
+        "must be in the rendering's pixels, or render the whole picture with -D scale=1.",
+        IriftraceWarning,
+        stacklevel=3,
     )
 
 

@@ -11,6 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -23,6 +24,9 @@ COLOUR_PERCENTILE = 98.0
 """A few silhouette pixels are off by pixels; this percentile keeps them out of the colours."""
 
 _DPI = 160
+_BACKGROUND = "0.85"
+_GREY_MAP = "Not compared: not measured, or no good pixel of the part in the rendering"
+_GREY_MARKERS = "No marker that is compared"
 _COMPONENTS = ("across, u", "down, v")
 
 
@@ -107,6 +111,12 @@ def _comparison_figure(
         )
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(4, integer=True))
+    figure.legend(
+        handles=[Patch(facecolor=_BACKGROUND, label=_GREY_MAP if resolution else _GREY_MARKERS)],
+        loc="outside lower center",
+        fontsize=9,
+        frameon=False,
+    )
     figure.suptitle(_headline(comparison) + "\n" + title, fontsize=11)
     return figure
 
@@ -119,7 +129,7 @@ def _draw(
     limit: float,
 ) -> ScalarMappable:
     norm = Normalize(-limit, limit)
-    axes.set_facecolor("0.85")
+    axes.set_facecolor(_BACKGROUND)
     if resolution is None:
         size = float(np.clip(4000.0 / len(places), 4.0, 40.0))
         across, down = places.T

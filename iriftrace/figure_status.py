@@ -1,4 +1,4 @@
-"""Pixels that see the part but have no displacement, in a grey for each reason."""
+"""Pixels that see the part but have no displacement, in a colour for each reason."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from iriftrace.status import Status
 
 BoolArray = NDArray[np.bool_]
 
-# Flat greys that differ from each other, from the white background and from the colour map.
-GREYS: dict[Status, tuple[str, str]] = {
+# Flat colours that differ from each other, from the white background, from the colour map and from
+# the black lines of silhouettes, beside which most rays lie whose refracted twin misses: for these
+# the vermilion of Okabe and Ito, which colour-blind eyes tell from viridis and from greys.
+COLOURS: dict[Status, tuple[str, str]] = {
     Status.OUT_OF_FOCUS: ("0.84", "Out of focus"),
     Status.BLOCKED: ("0.70", "Another object in the way"),
-    Status.REFRACTED_MISSED: ("0.10", "Refracted ray missed the part"),
+    Status.REFRACTED_MISSED: ("#d55e00", "Refracted ray missed the part"),
     Status.ONLY_REFRACTED: ("0.56", "Only the refracted ray hit"),
     Status.INDEX_MISMATCH: ("0.42", "Index steps do not add up"),
     Status.GAVE_UP: ("0.27", "Gave up (crossing limit)"),
@@ -43,7 +45,7 @@ def draw_without_displacement(
     list of Patch
         Entries of the legend.
     """
-    order = list(GREYS)
+    order = list(COLOURS)
     codes = np.full(status.shape, np.nan)
     total = int((status != Status.MISSED).sum())
     entries = []
@@ -52,13 +54,13 @@ def draw_without_displacement(
         count = int(pixels.sum())
         if count:
             codes[pixels] = number
-            grey, label = GREYS[code]
+            colour, label = COLOURS[code]
             text = f"{label}: {count:,} px ({_percent(count / total)})"
-            entries.append(Patch(facecolor=grey, edgecolor="0.3", linewidth=0.4, label=text))
+            entries.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.4, label=text))
     axes.imshow(
         codes,
         norm=Normalize(-0.5, len(order) - 0.5),
-        cmap=ListedColormap([grey for grey, _ in GREYS.values()]),
+        cmap=ListedColormap([colour for colour, _ in COLOURS.values()]),
         extent=extent,
         interpolation="nearest",
     )

@@ -23,6 +23,7 @@ from iriftrace.figure_file import check_png_name, write_png
 from iriftrace.figure_scale import Limits, colour_norm, round_ticks
 from iriftrace.figure_silhouettes import draw_silhouettes
 from iriftrace.figure_status import draw_without_displacement
+from iriftrace.ray_statistics import FEWEST_RAYS
 from iriftrace.status import Status
 
 FloatArray = NDArray[np.float64]
@@ -58,12 +59,16 @@ _FLAT = 0.5  # Height over width below which the colour bar has no room beside t
 
 
 def displacement_figure(
-    image: AovImage, path: str | Path, include: Collection[int] = (Status.GOOD,)
+    image: AovImage,
+    path: str | Path,
+    include: Collection[int] = (Status.GOOD,),
+    *,
+    view: str = "",
 ) -> None:
     """Draw the displacement of every pixel on the part and write it as PNG, 1600 pixels wide.
 
     Colours are logarithmic between the 1st and the 99th percentile of the rays that count; pixels
-    on the part without a displacement are grey, each status its own; dark lines are silhouettes.
+    on the part without a displacement have a colour for each status; dark lines are silhouettes.
 
     Parameters
     ----------
@@ -73,6 +78,8 @@ def displacement_figure(
         Name of the PNG file; an existing one is replaced.
     include
         Codes of the rays that count; 0 and 5 are possible.
+    view
+        Which view of several it is, for a line below the title.
 
     Raises
     ------
@@ -80,7 +87,7 @@ def displacement_figure(
         No ray counts, so there is nothing to draw; or the file cannot be written.
     """
     check_png_name(path)
-    write_png(_displacement_figure(image, include), path)
+    write_png(_displacement_figure(image, include, view=view), path)
 
 
 def scatter_figure(
@@ -108,7 +115,10 @@ def scatter_figure(
 
 
 def _displacement_figure(
-    image: AovImage, include: Collection[int] = (Status.GOOD,), what: Shown | None = None
+    image: AovImage,
+    include: Collection[int] = (Status.GOOD,),
+    what: Shown | None = None,
+    view: str = "",
 ) -> Figure:
     what = what or (BIAS if SCATTER.channel in image.channels else DISPLACEMENT)
     good = good_mask(image, include)
@@ -129,7 +139,7 @@ def _displacement_figure(
     figure = Figure(figsize=(_WIDTH_IN, height), dpi=_DPI, layout=_layout())
     axes = figure.add_subplot()
     extent = (0, image.resolution[0], image.resolution[1], 0)
-    greys = draw_without_displacement(axes, image.status, seen & ~good, extent)
+    entries = draw_without_displacement(axes, image.status, seen & ~good, extent)
     picture = axes.imshow(
         displacement,
         norm=colour_norm(limits),
@@ -143,12 +153,13 @@ def _displacement_figure(
         axis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
     side: Literal["right", "bottom"] = "right" if aspect > _FLAT else "bottom"
     _add_colour_bar(figure, picture, axes, displacement.compressed(), limits, side, what)
-    _add_titles(figure, axes, displacement.compressed(), image.header, what)
-    if greys:
+    second_line = "\n".join(filter(None, (view, _provenance(image.header))))
+    _add_titles(figure, axes, displacement.compressed(), second_line, what)
+    if entries:
         figure.legend(
-            handles=greys,
+            handles=entries,
             loc="outside lower center",
-            ncols=2 if len(greys) > 1 else 1,
+            ncols=2 if len(entries) > 1 else 1,
             fontsize=9,
             frameon=False,
             title="Pixels without a displacement (share of all that see the part)",
@@ -209,14 +220,17 @@ def _add_colour_bar(
 
 
 def _add_titles(
-    figure: Figure, axes: Axes, values: FloatArray, header: dict[str, Any], what: Shown
+    figure: Figure, axes: Axes, values: FloatArray, second_line: str, what: Shown
 ) -> None:
+    figure.suptitle(f"{what.title}: {_statistics(values)}", fontsize=12)
+    axes.set_title(second_line, fontsize=9, color="0.35", pad=8)
+
+
+def _statistics(values: FloatArray) -> str:
+    if len(values) < FEWEST_RAYS:
+        return f"fewer than {FEWEST_RAYS} good rays, so no numbers"
     median, p95 = np.percentile(values, (50.0, 95.0))
-    figure.suptitle(
-        f"{what.title}: median {_length(median)} µm, 95th percentile {_length(p95)} µm",
-        fontsize=12,
-    )
-    axes.set_title(_provenance(header), fontsize=9, color="0.35", pad=8)
+    return f"median {_length(median)} µm, 95th percentile {_length(p95)} µm"
 
 
 def _length(value: float) -> str:
@@ -234,7 +248,15 @@ def _provenance(header: dict[str, Any]) -> str:
         if field and field.get("path")
         else None,
         f"{wavelength:g} nm" if wavelength is not None else None,
-        f"{header['normals']} normals" if header.get("normals") else None,
+        _normals(header.get("normals")),
         f"engine: {header['engine']}" if header.get("engine") else None,
     ]
     return "  ·  ".join(part for part in parts if part)
+
+
+def _normals(stated: str | None) -> str | None:
+    """Normals of shells, or the gradient of the continuous engine, which has none."""
+    if not stated:
+        return None
+    _, none, gradient = stated.partition("none, ")
+    return gradient if none else f"{stated} normals"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from attrs import frozen
 
 from iriftrace.errors import InputError
+from iriftrace.resolution import FRONTAL
 from iriftrace.sweep_summary import SweepSummary
 
 
@@ -20,11 +21,14 @@ class RankingTable:
         With units; the short ones fit into a terminal.
     rows : tuple of tuples of str
         The best pose first.
+    note : str
+        What a number in them means, a sentence; empty where there is nothing to say.
     """
 
     headings: tuple[str, ...]
     short_headings: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    note: str = ""
 
 
 def ranking_table(summary: SweepSummary, top: int) -> RankingTable:
@@ -64,7 +68,7 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
             f"{summary.elevation[pose]:.1f}",
             *(one.values[pose] for one in summary.varied),
             f"{summary.score.values[pose]:.3f}" if pose in ranks else "",
-            *(f"{quantity.values[pose]:.4g}" for quantity in summary.metrics),
+            *(summary.value_text(quantity, pose) for quantity in summary.metrics),
         )
         for pose in poses
     ]
@@ -83,6 +87,7 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
             *(f"{name} {metric.unit}" for name, metric in zip(short, summary.metrics, strict=True)),
         ),
         tuple(rows),
+        f"Axial resolution 0: {FRONTAL}." if any(map(summary.sees_frontally, poses)) else "",
     )
 
 

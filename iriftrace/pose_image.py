@@ -83,7 +83,15 @@ def _one_field(
         "refracted": report["time_s"]["refracted"],
     }
     channels = dict(zip(scene.integrator.aov_names(), planes, strict=True))
-    return PoseImage(AovImage(channels, _header(scene, report, time_s)), time_s), report["straight"]
+    header = {**_header(scene, report, time_s), "full_resolution": _full_resolution(scene, camera)}
+    return PoseImage(AovImage(channels, header), time_s), report["straight"]
+
+
+def _full_resolution(scene: LoadedScene, camera: Camera | None) -> list[int] | None:
+    """Of the scene's film before ``scale`` changed it, px; None for a camera with another film."""
+    if camera is not None and camera.resolution != scene.camera.resolution:
+        return None
+    return list(scene.full_resolution)
 
 
 def _sensor(scene: LoadedScene, camera: Camera | None) -> Any:

@@ -18,6 +18,7 @@ from iriftrace.plan_table import (
 )
 from iriftrace.planning import stability
 from iriftrace.pose_text import PoseText, pose_text
+from iriftrace.resolution import FRONTAL
 from iriftrace.status import Status
 from iriftrace.sweep_faces import has_faces
 from iriftrace.sweep_origin import attribute, scene_of
@@ -113,7 +114,11 @@ def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> Repo
             f"ranked poses, with the score {plan.score[best]:.3f}: "
             + ", ".join(
                 f"{quantity.title[0].lower()}{quantity.title[1:]} "
-                f"{quantity.values[best]:.4g} {quantity.unit}"
+                + (
+                    f"0 ({FRONTAL})"
+                    if quantity is summary.axial and summary.sees_frontally(best)
+                    else f"{quantity.values[best]:.4g} {quantity.unit}"
+                )
                 for quantity in summary.metrics
             )
             + "."

@@ -17,6 +17,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+FRONTAL = "plane seen frontally"
+"""Why an axial resolution is 0, in words."""
+
+FRONTAL_SLOPE = 1e-3
+"""Steps along over steps across the axis below which only the rounding of hits is left of them."""
+
+
 @frozen(eq=False)
 class Spacing:
     """Distance from each point to a neighbour, (n,) arrays, mm, NaN where there is none.
@@ -76,6 +83,17 @@ def pixel_grid(pixels: IntArray, resolution: tuple[int, int]) -> PixelGrid:
     number = np.full(width * height, -1, dtype=np.int32)
     number[pixels] = np.arange(len(pixels), dtype=np.int32)
     return PixelGrid(pixels, number, width, height)
+
+
+def seen_frontally(lateral: float, axial: float) -> bool:
+    """Whether steps to the next pixel have no depth, so that a plane across the axis is seen.
+
+    Parameters
+    ----------
+    lateral, axial
+        Steps across and along the optical axis, of one unit; NaN where they are not known.
+    """
+    return bool(axial < FRONTAL_SLOPE * lateral)
 
 
 def step_spacing(points: FloatArray, grid: PixelGrid, group: IntArray) -> Spacing:

@@ -47,6 +47,8 @@ class LoadedScene:
         What the XML does to the part's file.
     camera : Camera
         The scene's own (first) sensor.
+    full_resolution : (2,) tuple of int, px
+        Of that sensor's film before ``scale`` changed it.
     variables : dict of str
         Values that were given for the file's ``<default>`` parameters.
     engine : str
@@ -70,6 +72,7 @@ class LoadedScene:
     part: Part
     part_to_world: NDArray[np.float64]
     camera: Camera
+    full_resolution: tuple[int, ...]
     variables: dict[str, str]
     engine: str
     normals: str
@@ -171,6 +174,7 @@ def _load_one(
     part = read_part(file.part_path).transformed(file.part_to_world)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
+    sensor = camera_of(scene.sensors()[0])
     continuous = integrator.engine == "continuous"
     if continuous:
         table = field_table(integrator.air.cells, table, path)
@@ -178,7 +182,8 @@ def _load_one(
         path=path,
         part=part,
         part_to_world=file.part_to_world,
-        camera=Camera.from_dict(camera_of(scene.sensors()[0]).description()),
+        camera=Camera.from_dict(sensor.description()),
+        full_resolution=sensor.full_resolution(),
         variables=values,
         engine=integrator.engine,
         normals=f"none, {integrator.gradient} gradient"

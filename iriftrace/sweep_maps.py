@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, MultipleLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
 from iriftrace.pose_quantity import Quantity
@@ -74,12 +74,29 @@ def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: 
     if best in members:
         axes.plot(summary.azimuth[best], summary.elevation[best], zorder=4, clip_on=False, **BEST)
     axes.set(xlabel=f"Azimuth {summary.angles_of} (°)", ylabel=f"Elevation {summary.angles_of} (°)")
-    for axis in (axes.xaxis, axes.yaxis):
+    for axis, angles in ((axes.xaxis, summary.azimuth), (axes.yaxis, summary.elevation)):
+        axis.set_major_formatter(lambda value, _position: number(round(value, 6)))
+        ticks = None if grid is None else _ticks(np.unique(angles[grid]))
+        if ticks is not None:
+            axis.set_major_locator(FixedLocator(ticks.tolist()))
+            continue
         low, high = axis.get_view_interval()
         step = next((s for s in _TICK_STEPS_DEG if (high - low) / s <= _MOST_TICKS), None)
         small = high - low < 2 * _TICK_STEPS_DEG[0]
         axis.set_major_locator(MaxNLocator(6) if step is None or small else MultipleLocator(step))
-        axis.set_major_formatter(lambda value, _position: number(round(value, 6)))
+
+
+def _ticks(angles: FloatArray) -> FloatArray | None:
+    """So many of the ascending angles of poses that they have room, at a round step if there is.
+
+    None where the angles have many digits.
+    """
+    if not np.allclose(angles, np.round(angles, 1), rtol=0, atol=1e-6):
+        return None
+    fewest = math.ceil(len(angles) / _MOST_TICKS)
+    step = float(angles[1] - angles[0])
+    rounds = [n for n in range(fewest, 2 * fewest + 1) if round(n * step, 6) in _TICK_STEPS_DEG]
+    return angles[:: rounds[0] if rounds else fewest]
 
 
 def _draw_cells(axes: Axes, summary: SweepSummary, quantity: Quantity, grid: IntArray) -> None:

@@ -12,6 +12,7 @@ from iriftrace.figures import displacement_figure
 from iriftrace.sweep_extremes import extreme_images, extreme_poses
 from iriftrace.sweep_faces import face_maps_of
 from iriftrace.sweep_figures import sweep_figures
+from iriftrace.sweep_style import number
 from iriftrace.sweep_summary import SweepSummary
 
 if TYPE_CHECKING:
@@ -62,19 +63,28 @@ def draw_sweep(
     files = sweep_figures(summary, folder, vectors=vectors)
     missing: list[str] = []
     try:
+        poses = extreme_poses(summary)
         for name, image in extreme_images(dataset, summary, beside):
             path = folder / f"view_{name}_displacement.png"
-            displacement_figure(image, path)
+            displacement_figure(image, path, view=_view(summary, poses[name]))
             files.append(path)
     except (InputError, SetupError) as error:
-        poses = " and ".join(str(pose) for pose in extreme_poses(summary).values())
+        numbers = " and ".join(str(pose) for pose in extreme_poses(summary).values())
         missing.append(
-            f"The views from poses {poses} (smallest and largest displacement) are left out, "
+            f"The views from poses {numbers} (smallest and largest displacement) are left out, "
             f"because no image of them was kept and they cannot be rendered again: "
             f"{str(error).rstrip('.')}."
         )
     files += _in_space(dataset, summary, folder, missing)
     return Pictures(tuple(files), tuple(missing))
+
+
+def _view(summary: SweepSummary, pose: int) -> str:
+    azimuth, elevation = (
+        f"{number(round(float(angles[pose]), 1))}°"
+        for angles in (summary.azimuth, summary.elevation)
+    )
+    return f"Pose {pose}, azimuth {azimuth}, elevation {elevation}"
 
 
 def _in_space(

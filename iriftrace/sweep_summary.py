@@ -13,6 +13,7 @@ from iriftrace.errors import InputError
 from iriftrace.field_origin import synthetic_mark
 from iriftrace.planning import Plan, pareto_front
 from iriftrace.pose_quantity import Quantity, metric_quantity, scatter_quantity, score_quantity
+from iriftrace.resolution import seen_frontally
 from iriftrace.status import Status
 from iriftrace.sweep_faces import faces_seen
 from iriftrace.sweep_origin import attribute, scene_of
@@ -84,6 +85,17 @@ class SweepSummary:
         """The metrics, of an ensemble the scatter, and the score."""
         scatter = () if self.scatter is None else (self.scatter,)
         return *self.metrics, *scatter, self.score
+
+    def value_text(self, quantity: Quantity, pose: int) -> str:
+        """A metric of a pose with four digits; what is only rounding of a resolution is 0."""
+        frontal = quantity is self.axial and self.sees_frontally(pose)
+        return "0" if frontal else f"{quantity.values[pose]:.4g}"
+
+    def sees_frontally(self, pose: int) -> bool:
+        """Whether all that a pose sees is a plane across its axis; only steps can tell that."""
+        lateral, axial = (float(self.plan.metrics[key][pose]) for key in ("lateral", "axial"))
+        known = bool(self.axial.known[pose]) and self.plan.resolution == "step"
+        return known and seen_frontally(lateral, axial)
 
     @property
     def origins(self) -> FloatArray:

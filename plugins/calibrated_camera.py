@@ -137,6 +137,7 @@ def plugin_class(variant: str) -> type:
             )
             film = self.film()
             full = tuple(int(n) for n in film.size())
+            self._full = full
             self._description = Camera(
                 focal_length_mm=number(props, "focal_length"),
                 sensor_mm=(number(props, "sensor_width"), number(props, "sensor_height")),
@@ -179,6 +180,10 @@ def plugin_class(variant: str) -> type:
         def description(self) -> dict[str, Any]:
             """The camera as ``iriftrace.camera.Camera.as_dict`` gives it."""
             return self._description.as_dict()
+
+        def full_resolution(self) -> tuple[int, ...]:
+            """Width and height of the film before ``scale`` changed them, px."""
+            return self._full
 
         def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
             """Origins and directions through image positions, double precision, world, mm."""

@@ -69,6 +69,10 @@ class StockSensor:
         """The camera as ``iriftrace.camera.Camera.as_dict`` gives it."""
         return self._description
 
+    def full_resolution(self) -> tuple[int, ...]:
+        """Width and height of the film, px."""
+        return tuple(self._description["resolution"])
+
     def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
         """Origins and directions through image positions, world, mm."""
         import drjit as dr

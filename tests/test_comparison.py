@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,14 @@ import numpy as np
 import pytest
 import trimesh
 from aov_by_hand import make_image, make_part
+from attrs import evolve
 from scipy.spatial.transform import Rotation
 
 from iriftrace.camera import Camera
 from iriftrace.comparison import compare_shift
 from iriftrace.comparison_figure import _comparison_figure, comparison_figure
 from iriftrace.comparison_report import comparison_report, correlation, write_comparison
-from iriftrace.errors import InputError
+from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.exr import AovImage
 from iriftrace.measured_shift import MeasuredShift
 from tests.lenses import LENSES, lens_camera
@@ -195,6 +197,21 @@ def test_measurements_of_another_picture_are_refused(
         compare_shift(image, wrong)
 
 
+def test_markers_on_a_scaled_rendering_give_a_warning(image: AovImage) -> None:
+    """Positions in the camera's own pixels may all lie inside a smaller picture by chance."""
+    places = places_on_part(image, 50)
+    shifts = shift_at(places)
+    scaled = evolve(image, header={**image.header, "full_resolution": [488, 408]})
+    with pytest.warns(IriftraceWarning, match=r"122 x 102 px, 0\.25 times the camera's 488 across"):
+        compare_shift(scaled, measured(places, shifts))
+    whole = evolve(image, header={**image.header, "full_resolution": [122, 102]})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        compare_shift(whole, measured(places, shifts))
+        # A map of the same size says that it belongs to this picture.
+        compare_shift(scaled, measured(places, shifts, image.resolution))
+
+
 @pytest.mark.parametrize("as_map", [True, False])
 def test_figure_shows_what_it_says(image: AovImage, tmp_path: Path, as_map: bool) -> None:
     """Four columns of two components; one scale for shifts, another one for residuals."""
@@ -216,6 +233,9 @@ def test_figure_shows_what_it_says(image: AovImage, tmp_path: Path, as_map: bool
     values = np.ma.compressed(np.ma.masked_invalid(drawn[6].get_array()))
     np.testing.assert_allclose(np.sort(values), np.sort(found.residual[:, 1]))
     assert "without the camera's motion" in figure.get_suptitle()
+    (entry,) = figure.legends[0].get_patches()
+    assert entry.get_facecolor() == figure.axes[0].get_facecolor()
+    assert "compared" in figure.legends[0].get_texts()[0].get_text()
     comparison_figure(found, resolution, "second line", tmp_path / "a.png")
     picture = matplotlib.image.imread(tmp_path / "a.png")
     assert picture.shape[1] > 1500

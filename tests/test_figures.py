@@ -178,6 +178,32 @@ def test_titles_give_the_statistics_and_the_origin() -> None:
     assert "somewhere" not in second
 
 
+def test_titles_of_few_rays_give_no_statistics() -> None:
+    """As in the metrics, numbers rest on at least 100 good rays."""
+    image = synthetic_image()
+    status = image.channels["status.code"]
+    good = np.flatnonzero(status == 0)
+    status.ravel()[good[99:]] = Status.OUT_OF_FOCUS
+    title = figures._displacement_figure(image).get_suptitle()
+    assert title == "Displacement by hot air: fewer than 100 good rays, so no numbers"
+    status.ravel()[good[99]] = Status.GOOD
+    assert "median" in figures._displacement_figure(image).get_suptitle()
+
+
+def test_second_line_of_the_continuous_engine_names_its_gradient() -> None:
+    """It has no normals, so the line must not say so."""
+    image = synthetic_image()
+    image.header.update(normals="none, recovered gradient", engine="continuous")
+    second = figures._displacement_figure(image).axes[0].get_title()
+    assert second == "plume.vtu  ·  633 nm  ·  recovered gradient  ·  engine: continuous"
+
+
+def test_second_line_names_the_view() -> None:
+    """A view of a sweep says which pose it is, on a line of its own."""
+    figure = figures._displacement_figure(synthetic_image(), view="Pose 7")
+    assert figure.axes[0].get_title().startswith("Pose 7\nplume.vtu  ·  ")
+
+
 def test_legend_counts_the_pixels_without_displacement() -> None:
     """40 of the 24 x 40 pixels on the part are out of focus and one has a mismatch; no other."""
     legend = figures._displacement_figure(synthetic_image()).legends[0]
@@ -196,7 +222,17 @@ def test_greys_lie_on_their_pixels_and_differ() -> None:
     shown = colours[..., 3] > 0
     np.testing.assert_array_equal(shown, np.isin(status, [2, 5]))
     assert len(np.unique(colours[shown], axis=0)) == 2
-    assert len({grey for grey, _ in figure_status.GREYS.values()}) == len(Status) - 2
+    assert len({colour for colour, _ in figure_status.COLOURS.values()}) == len(Status) - 2
+
+
+def test_missing_refracted_rays_do_not_look_like_outlines() -> None:
+    """They lie at the part's black outline: dark greys are for other reasons, so these have hue."""
+    image = synthetic_image()
+    image.channels["status.code"][24:28, 49] = Status.REFRACTED_MISSED
+    shown = figures._displacement_figure(image).axes[0].images[0]
+    red, green, blue, _ = shown.to_rgba(shown.get_array())[25, 49]
+    assert red - blue > 0.5
+    assert red - green > 0.3
 
 
 def test_silhouettes_are_the_outline_and_the_step_in_depth() -> None:

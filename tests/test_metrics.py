@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 import sys
@@ -11,8 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 from aov_by_hand import make_image, make_part, plate
+from rich.console import Console
 
 from iriftrace.camera import Camera
+from iriftrace.cli.output import print_summary
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.metrics import TIMES, pose_metrics, write_metrics
 from iriftrace.regions import Regions
@@ -70,6 +73,23 @@ def test_statistics_of_displacement_and_shift() -> None:
     assert metrics["incidence_angle_deg"] == pytest.approx(0, abs=1e-3)
     assert metrics["coverage"] == 1.0
     assert metrics["coverage_area"] == pytest.approx(1.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("tilt", "text"), [(0.0, "0 (plane seen frontally)"), (0.01, "9.548 um")])
+def test_summary_says_why_an_axial_resolution_is_0(tilt: float, text: str) -> None:
+    """A plate that falls back from one pixel of 1 mm to the next one on the right.
+
+    199 of the 200 pixels have a neighbour on the right or below, 190 of them one on the right:
+    10 um * 190 / 199.
+    """
+    part = plate((10, 0, 10 * tilt), (0, 5, 0), (0, 0, 50))
+    header = {**HEADER, "part": {"path": "by hand", "sha256": part.sha256}}
+    moved = (3e-6, 0, 0)
+    metrics = pose_metrics(make_image(CAMERA, part, displacement=moved, header=header), part)
+    metrics["time_s"] = dict.fromkeys(TIMES, 1.0)
+    console = Console(width=200, file=io.StringIO())
+    print_summary(console, metrics)
+    assert f"lateral 1000 um, axial {text} (step to the next pixel)" in console.file.getvalue()
 
 
 def test_rays_of_every_status_are_counted_and_sum_up() -> None:

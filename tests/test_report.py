@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -170,3 +171,26 @@ def test_a_winner_that_is_not_clear_is_said(tmp_path: Path) -> None:
     assert report_content(table, summary_of(table, weights=Weights(1, 0, 0, 0)), 1).unclear is None
     with pytest.raises(InputError, match="0 rows"):
         report_content(table, summary, 0)
+
+
+@pytest.mark.parametrize(
+    ("resolution", "frontal"), [("step", True), ("nn3d", False)], ids=["step", "nearest"]
+)
+def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool) -> None:
+    """Its steps have no depth; nearest neighbours have none on tilted planes either."""
+    table = sweep()
+    axial, lateral = ("axial_resolution", "lateral_resolution")
+    if not frontal:
+        for name in (axial, lateral):
+            table[f"{name}_nn3d"] = table[name].copy()
+        axial, lateral = f"{axial}_nn3d", f"{lateral}_nn3d"
+    table[axial][:, 0] = [3e-6, 2e-2, 1e-2, 3e-2]
+    table[lateral][:, 0] = [3e-2, 2e-2, 1e-2, 3e-2]
+    summary = summary_of(table, resolution=resolution)
+    assert summary.plan.best == 0
+    content = report_content(table, summary, 2)
+    assert ("axial resolution 0 (plane seen frontally)" in content.answer) == frontal
+    assert (content.ranking.note == "Axial resolution 0: plane seen frontally.") == frontal
+    column = content.ranking.headings.index(summary.axial.label)
+    assert (content.ranking.rows[0][column] == "0") == frontal
+    assert content.ranking.rows[1][column] in ("20", "10")

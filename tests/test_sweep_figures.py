@@ -31,7 +31,8 @@ from iriftrace.sweep_charts import histogram_figure, normalised_figure, pareto_f
 from iriftrace.sweep_face_figure import sweep_face_figure
 from iriftrace.sweep_faces import face_maps_of, faces_seen
 from iriftrace.sweep_figures import sweep_figures
-from iriftrace.sweep_maps import map_figure
+from iriftrace.sweep_maps import _ticks, map_figure
+from iriftrace.sweep_pictures import _view
 from iriftrace.sweep_scene_figure import sweep_scene_figure
 from iriftrace.sweep_summary import SweepSummary
 from iriftrace.sweep_surroundings import Surroundings, surroundings_of
@@ -182,6 +183,36 @@ def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
         "Azimuth on the orbit (°)",
         "Elevation on the orbit (°)",
     )
+
+
+def test_ticks_of_a_map_are_angles_of_poses(summary: SweepSummary) -> None:
+    axes = all_axes(map_figure(summary, summary.displacement))[0]
+    assert axes.get_xticks().tolist() == AZIMUTHS.tolist() == [0, 30, 60, 90]
+    assert axes.get_yticks().tolist() == ELEVATIONS.tolist() == [-90, -45, 0, 45, 90]
+
+
+@pytest.mark.parametrize(
+    ("angles", "ticks"),
+    [
+        (np.arange(-85.0, 86.0, 10.0), [-85, -55, -25, 5, 35, 65]),
+        (np.arange(0.0, 360.0, 10.0), [0, 60, 120, 180, 240, 300]),
+        (np.arange(0.0, 91.0, 9.0), [0, 18, 36, 54, 72, 90]),
+        (np.array([3.0, 4.5]), [3, 4.5]),
+    ],
+)
+def test_many_angles_get_some_ticks(angles: np.ndarray, ticks: list[float]) -> None:
+    """At a round step where there is one, and always at angles that poses have."""
+    assert _ticks(angles).tolist() == ticks
+
+
+def test_angles_of_many_digits_get_round_ticks() -> None:
+    """30 poses over 90 degrees: a label 12.4138 would say less than 15."""
+    assert _ticks(np.linspace(0, 90, 30)) is None
+
+
+def test_a_view_says_which_pose_it_is(summary: SweepSummary) -> None:
+    """Pose 6 is the second at elevation 0."""
+    assert _view(summary, 6) == "Pose 6, azimuth 30°, elevation 0°"
 
 
 def test_a_map_marks_poses_without_a_number(summary: SweepSummary) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.errors import InputError
+from iriftrace.ray_statistics import FEWEST_RAYS
 from iriftrace.studies.cases import Entry, run_cases
 from iriftrace.studies.differences import Hits, compare, own_size
 from iriftrace.studies.mode import Mode
@@ -126,6 +127,11 @@ def run_comparison(
     xarray.Dataset
         ``DIFFERENCES`` over mode, axis and reference; ``SIZES`` over mode and axis. NaN (-1 for
         counts) where no shell is left.
+
+    Raises
+    ------
+    InputError
+        If fewer than 100 rays of a case are good.
     """
     reference = cache(study.reference)
 
@@ -136,6 +142,7 @@ def run_comparison(
         here = study.trace(mode, position)
         if here is None:
             return {"size": None, "differences": [None for _ in study.references]}
+        _refuse_few_rays(here)
         references = [reference(mode, name) for name in study.references]
         return {
             "size": own_size(here),
@@ -152,6 +159,16 @@ def run_comparison(
         lambda entries: _dataset(study, entries),
         progress,
     )
+
+
+def _refuse_few_rays(here: Hits) -> None:
+    good, rays = int(here.good.sum()), len(here.good)
+    if good < FEWEST_RAYS:
+        raise InputError(
+            f"Only {good} of the {rays:,} rays of the study's picture are good, but its numbers "
+            f"rest on at least {FEWEST_RAYS}; give more pixels (--scale), or let the camera look "
+            "at the part."
+        )
 
 
 def _dataset(study: Comparison, entries: Sequence[Entry]) -> xr.Dataset:
@@ -195,6 +212,17 @@ def _dataset(study: Comparison, entries: Sequence[Entry]) -> xr.Dataset:
         },
     )
     return result.transpose("mode", axis.name, "reference")
+
+
+def reference_words(reference: str) -> str:
+    """What cases are compared with, as figures and tables call it."""
+    if reference.isdecimal():
+        return f"{reference} shells of the same mode"
+    return {
+        "same mode": "the finest field, same mode",
+        "continuous": "the continuous engine",
+        "linear cells": "the continuous engine, linear cells",
+    }[reference]
 
 
 def attributes(source: Mapping[str, Any]) -> dict[str, Any]:

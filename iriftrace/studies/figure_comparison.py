@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
 from iriftrace.figure_scale import round_ticks
+from iriftrace.studies.comparison import reference_words
 from iriftrace.sweep_style import new_figure, number
 
 # Colours that colour-blind eyes tell apart (Okabe and Ito): ours, the paper's, and others.
@@ -64,7 +65,7 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
         axes.yaxis.set_minor_locator(NullLocator())
         _finish(axes, "unmatched rays" if column == 0 else "")
         _name_places(axes, dataset, str(axis), places)
-        grid[0, column].set_title(f"Against {_words(reference)}", fontsize=10)
+        grid[0, column].set_title(f"Against {reference_words(reference)}", fontsize=10)
     for axes in grid[:3, 0]:
         low, high = axes.get_ylim()
         ticks = round_ticks((low, high)).tolist()
@@ -90,16 +91,6 @@ def _line(mode: int, hollow: bool = False) -> dict[str, Any]:
         "linewidth": 1.2,
         "linestyle": "--" if hollow else "-",
     }
-
-
-def _words(reference: str) -> str:
-    if reference.isdecimal():
-        return f"{reference} shells of the same mode"
-    return {
-        "same mode": "the finest field, same mode",
-        "continuous": "the continuous engine",
-        "linear cells": "the continuous engine, linear cells",
-    }[reference]
 
 
 def _places(values: Any) -> Any:

@@ -40,6 +40,15 @@ def test_rays_are_counted_and_every_stage_takes_time(variant: str, tmp_path: Pat
     ratio = found["rays_refracted"] / found["rays"]
     assert float(abs(ratio.isel(launched=0) - ratio.isel(launched=1)).max()) < 0.02
     timing_figure(found)
+    noise = "above 100 %: noise, the search is timed in a run of its own"
+    for share, count in ((0.9, 0), (1.2, 1)):
+        found["search_share"][:] = share
+        titles = [
+            axes.get_title(loc="right")
+            for body in timing_figure(found).subfigs
+            for axes in body.axes
+        ]
+        assert titles.count(noise) == count
 
 
 def test_polygons_grow_by_four(variant: str, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.camera import Camera
 from iriftrace.cli import main
+from iriftrace.cli.compare_commands import _with_deviation
 from iriftrace.exr import read_exr
 
 MOTION = np.array((4e-3, -3e-3, 6e-3, 2e-5, -3e-5, 5e-5))
@@ -76,6 +77,40 @@ def test_rendering_compared_with_itself_leaves_nothing(hot: HotBlock, tmp_path: 
     assert report["residual_px"]["max"] == 0
     assert report["points"]["without_simulation"] == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["out.exr", "out_comparison.json"]
+
+
+def test_a_scaled_rendering_says_so(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """120 x 100 pixels, a half of them: markers may be meant for either picture."""
+    image = tmp_path / "half.exr"
+    assert main(["render", str(hot.scene), "-o", str(image), "-D", "scale=0.5"]) == 0
+    found = read_exr(image)
+    assert found.header["full_resolution"] == [120, 100]
+    row, column = np.nonzero(found.status == 0)
+    shift = found.vector("shift.px", found.status == 0)
+    table = np.column_stack((column, row, shift))
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="u,v,du,dv", comments="")
+    capsys.readouterr()
+    words = ["compare", str(image), str(tmp_path / "m.csv"), "--positions=hot", "--no-figures"]
+    assert main(words) == 0
+    said = capsys.readouterr()
+    assert "half.exr, 60 x 50 px" in said.out
+    assert "60 x 50 px, 0.5 times the camera's 120 across" in said.err
+    assert "scale=1" in said.err
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation", "text"),
+    [
+        (3.14159, 118.3, "3.142 +- 120 um (not significant)"),
+        (-351.26, 1.26, "-351.3 +- 1.3 um"),
+        (-0.5, 0.6, "-0.5 +- 0.6 um (not significant)"),
+        (123456.0, 2345.0, "123500 +- 2300 um"),
+    ],
+)
+def test_motion_is_written_without_exponents(value: float, deviation: float, text: str) -> None:
+    assert _with_deviation(value, deviation, "um") == text
 
 
 WRONG = {

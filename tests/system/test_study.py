@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import shlex
@@ -15,10 +16,13 @@ from pathlib import Path
 import hot_block
 import numpy as np
 import pytest
+import xarray as xr
 from hot_block import HotBlock
+from rich.console import Console
 
 from iriftrace.cli import main
 from iriftrace.cli.study_commands import study
+from iriftrace.cli.study_output import print_comparison
 from iriftrace.studies.cases import read_study
 
 Failing = Callable[..., str]
@@ -54,7 +58,7 @@ def test_layers_write_a_file_and_a_figure_and_print_a_table(
     words = ["study", "layers", hot.field, hot.part, "-o", out, "--layers=2:3", "--drop-inner=1"]
     words += ["--reference=3", *SMALL]
     said = ended(capsys, *words)
-    assert "Difference from 3" in said
+    assert "Difference from 3 shells of the same mode / um" in said
     assert out.with_suffix(".png").stat().st_size > 10_000
     found = read_study(out)
     assert list(found["mode"].values) == ["ours", "paper's"]
@@ -92,7 +96,7 @@ def test_studies_over_several_fields(
     out = tmp_path / "study.nc"
     extra = ["-o", out, "--reference=same mode", "--inside-hit=refract", *SMALL]
     said = ended(capsys, "study", *words, *extra)
-    assert "Difference from same mode" in said
+    assert "Difference from the finest field, same mode / um" in said
     found = read_study(out)
     assert found.sizes[dimension] == length
     assert "other" in found["mode"].values
@@ -113,9 +117,66 @@ def test_times_are_printed_as_ratios(
     assert out.with_suffix(".png").is_file()
 
 
+@pytest.mark.parametrize(
+    ("width", "value", "fields", "texts"),
+    [
+        (80, 0.1246789, ["A", "B"], ["124.679", "1259.4%", "54321"]),
+        (80, 12.345678, ["plume", "plume_refined_twice"], ["12345.678", "124703.8%", "54321"]),
+        (40, 0.1246789, ["A", "B"], ["124.679", "1259.4%", "54321"]),
+    ],
+)
+def test_numbers_of_a_study_are_never_cut(
+    width: int, value: float, fields: list[str], texts: list[str]
+) -> None:
+    """Many digits, long names of modes and fields, and a narrow terminal: words may wrap."""
+    shape = (1, 2, 1)
+    numbers = {
+        name: value
+        for name in ("median", "p95", "rmse_trimmed", "rmse", "only_here", "only_reference")
+    }
+    dataset = xr.Dataset(
+        {
+            **{
+                name: (("mode", "field", "reference"), np.full(shape, number))
+                for name, number in {**numbers, "matched": 900}.items()
+            },
+            **{
+                name: (("mode", "field"), np.full(shape[:2], number))
+                for name, number in {"displacement_median": 0.0099, "rays_lost": 54321}.items()
+            },
+        },
+        coords={
+            "mode": ["paper's but inside hits refracted"],
+            "field": fields,
+            "reference": ["20"],
+        },
+    )
+    console = Console(width=width, file=io.StringIO())
+    print_comparison(console, dataset)
+    said = console.file.getvalue()
+    assert "Difference from 20 shells of the same mode / um" in " ".join(said.split())
+    for text in texts:
+        assert said.split().count(text) >= 2
+    if (width, fields[0]) == (80, "A"):
+        assert max(map(len, said.splitlines())) <= 80
+    assert "…" not in said
+    assert "lost: rays" in " ".join(said.split())
+
+
+def test_a_picture_of_few_rays_is_refused(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Statistics of less than 100 rays are none, as in the metrics of a picture."""
+    words = ["study", "layers", hot.field, hot.part, "-o", tmp_path / "a.nc", "--layers=2"]
+    small = ["--resolution=120,100", "--scale=0.05"]
+    assert main([str(word) for word in (*words, *CAMERA, *small)]) == 2
+    assert re.search(r"of the 30 rays .* at least 100", capsys.readouterr().err)
+    assert list(tmp_path.iterdir()) == []
+
+
 def _rows(said: str) -> list[list[str]]:
     """Cells of the rows of the first table that hold numbers."""
-    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in said.splitlines()]
+    rows = [line.split() for line in said.splitlines()]
     return [row for row in rows if row and row[0][0].isdigit()][:2]
 
 
