@@ -79,6 +79,8 @@ def test_ctrl_c_ends_the_workers_without_a_word_of_theirs(tmp_path: Path) -> Non
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # What runs in the background of a script is started with the signal ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 120
     while poses_done(journal) < 3 and process.poll() is None:
