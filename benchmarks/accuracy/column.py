@@ -134,6 +134,6 @@ SECTION = Section(
     "their normals, and the picture has streaks along the shells' outlines; means over many rays "
     "are right. What is expected of the shells' errors is the closed form for tubes. Such lines of "
     "sight are those through a plume, and along a wall at a distance; `iriftrace render "
-    "--check-shells` says how many a view has, and `--engine continuous` traces them right.",
+    "--check-shells` says how far off a view is, and `--engine continuous` traces them right.",
     _lines,
 )
