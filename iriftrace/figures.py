@@ -249,6 +249,7 @@ def _provenance(header: dict[str, Any]) -> str:
         else None,
         f"{wavelength:g} nm" if wavelength is not None else None,
         _normals(header.get("normals")),
+        "bent at the shells" if str(header.get("bending")).startswith("at the shells") else None,
         f"engine: {header['engine']}" if header.get("engine") else None,
     ]
     return "  ·  ".join(part for part in parts if part)

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.air import Air
 from iriftrace.air_flow import AirFlow
+from iriftrace.consistent_gradient import consistent_gradient
+from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.errors import InputError
 from iriftrace.field_cells import CORNERS, point_gradient
 from iriftrace.field_wall import inner_wall
@@ -113,6 +115,22 @@ class IndexField:
         split; see `field_cells.point_gradient` for why not VTK's unweighted one.
         """
         return point_gradient(self.grid, self.refractivity)
+
+    @cached_property
+    def gradient_length(self) -> FloatArray:
+        """Length of the gradient of n at the points, (n,) array, 1/mm.
+
+        Corrected so that it fits what n changes by between the points; the length of `gradient`
+        itself is some per cent off where cells grow. See `consistent_gradient`.
+        """
+        fitting = consistent_gradient(
+            np.asarray(self.grid.points),
+            tetrahedra_of(self.grid).corners,
+            self.refractivity,
+            self.gradient,
+        )
+        length: FloatArray = np.sqrt(np.einsum("ij,ij->i", fitting, fitting))
+        return length
 
     @cached_property
     def wall(self) -> pv.PolyData:

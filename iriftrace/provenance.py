@@ -14,7 +14,7 @@ from iriftrace.field_origin import is_steady
 from iriftrace.scene import LoadedScene
 
 ENGINES = {
-    "shells": "nested iso-index shells, Snell's law at each",
+    "shells": "nested shells of equal refractive index",
     "continuous": "ray equation through the field's own cells, order 4",
 }
 
@@ -46,6 +46,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
         "engine": scene.engine,
         "index_rule": scene.index_rule,
         "normals": scene.normals,
+        "bending": scene.bending,
         "wavelength_nm": wavelength,
         "field": source,
         **({} if ensemble is None else {"ensemble": _members(ensemble)}),
@@ -61,6 +62,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             "engine": ENGINES[scene.engine],
             "index_rule": scene.index_rule,
             "normals": scene.normals,
+            "bending": scene.bending,
             **_for_studies(scene, notes),
             **_fields(sources),
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),

@@ -85,7 +85,7 @@ class Recording:
             self.origin,
             self.direction,
             coherent=True,
-            gradient_normals=self.integrator.normals == "gradient" and tables.has_normals,
+            bending=self.integrator.rule(tables),
             max_crossings=max_crossings,
             step=self.prepared.step,
             drop_inside_hits=self.integrator.inside_hit == "drop",

@@ -18,7 +18,13 @@ from iriftrace.ensemble.loaded import LoadedEnsemble
 from iriftrace.ensemble.members import MEMBER, is_ensemble, member_folder, members_of
 from iriftrace.errors import InputError
 from iriftrace.part import Part, read_part
-from iriftrace.scene_air import field_table, shells_table_of, stated_index_rule, stated_normals
+from iriftrace.scene_air import (
+    field_table,
+    shells_table_of,
+    stated_bending,
+    stated_index_rule,
+    stated_normals,
+)
 from iriftrace.scene_file import read_scene_file, readable
 from iriftrace.scene_folder import SHELLS_FOLDER as SHELLS_FOLDER
 from iriftrace.scene_folder import write_scene as write_scene
@@ -56,6 +62,8 @@ class LoadedScene:
     normals : str
         ``"gradient"`` or ``"facet"``, and for how many shells if not for all; for the continuous
         engine where its gradient comes from.
+    bending : str
+        Where rays are bent: all along the layers, at the shells alone (and why), or continuously.
     index_rule : str
         How surfaces and layers were chosen, and whether the scene still has all of them.
     shells_table : dict
@@ -76,6 +84,7 @@ class LoadedScene:
     variables: dict[str, str]
     engine: str
     normals: str
+    bending: str
     index_rule: str
     shells_table: dict[str, Any]
     load_s: float
@@ -189,6 +198,7 @@ def _load_one(
         normals=f"none, {integrator.gradient} gradient"
         if continuous
         else stated_normals(integrator.normals, prepared.tables),
+        bending="continuously" if continuous else stated_bending(integrator, prepared.tables),
         index_rule="none, linear in each tetrahedron"
         if continuous
         else stated_index_rule(path, table, prepared.tables),

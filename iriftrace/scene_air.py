@@ -57,6 +57,15 @@ def stated_normals(wanted: str, tables: Any) -> str:
     return f"gradient, but facet for {without} of the shells" if without else wanted
 
 
+def stated_bending(integrator: Any, tables: Any) -> str:
+    """Where shells bend rays, and why not all along the layers if that was wanted."""
+    if integrator.bends_in_layers(tables):
+        return "all along the layers"
+    if integrator.bending == "layers" and integrator.normals == "gradient":
+        return "at the shells alone, which do not say how steep the index is"
+    return "at the shells alone"
+
+
 def stated_index_rule(path: Path, table: dict[str, Any], tables: Any) -> str:
     """The table's rule, as long as the scene has the table's shells."""
     rule: str | None = table.get("rule")

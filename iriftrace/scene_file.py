@@ -95,10 +95,16 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
     for props in shapes:
         if not _is_shell(props, nodes):
             continue
-        _placement(props, f"Shell '{props.id()}'")
+        placement = _placement(props, f"Shell '{props.id()}'")
         mesh = _mesh_file(props, path)
         if mesh is None:
             continue
+        if _bends_in_layers(nodes) and _changes_lengths(placement) and _head(mesh, b"steepness_1"):
+            raise InputError(
+                f"Shell '{props.id()}' in {path} has a to_world that changes lengths, but its file "
+                "says how steep the index is per mm of its own; make the scene anew with "
+                "--field-transform, or bend rays at the shells alone (-D bending=shells)."
+            )
         shell_paths.append(mesh)
         if not _flag(props, "face_normals") and not _has_normals(mesh):
             flat.append(mesh.name)
@@ -226,6 +232,29 @@ def _placement(props: Any, what: str) -> NDArray[np.float64]:
             "mirror the mesh itself instead."
         )
     return matrix
+
+
+def _bends_in_layers(nodes: list[Any]) -> bool:
+    # Without one the scene may be traced by the default one.
+    integrators = [node.props for node in nodes if _plugin(node) == "first_hit"] or [{}]
+    return any(
+        props.get("bending", "layers") == "layers"
+        and props.get("normals", "gradient") == "gradient"
+        for props in integrators
+    )
+
+
+def _changes_lengths(placement: NDArray[np.float64]) -> bool:
+    turn = placement[:3, :3]
+    return not np.allclose(turn.T @ turn, np.eye(3), atol=1e-6)
+
+
+def _head(mesh: Path, word: bytes) -> bool:
+    """Whether a word is in the head of a PLY."""
+    if not mesh.is_file() or mesh.suffix.lower() != ".ply":
+        return False
+    head, end, _ = mesh.read_bytes()[:4096].partition(b"end_header")
+    return bool(end) and word in head
 
 
 def _has_normals(mesh: Path) -> bool:

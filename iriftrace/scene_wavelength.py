@@ -89,3 +89,4 @@ def set_shells(scene: Any, factor: float) -> None:
     for bsdf in shells.values():
         bsdf.ext_ior = 1.0 + factor * (bsdf.ext_ior - 1.0)
         bsdf.int_ior = 1.0 + factor * (bsdf.int_ior - 1.0)
+        bsdf.iso_ior = 1.0 + factor * (bsdf.iso_ior - 1.0)

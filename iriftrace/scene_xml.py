@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera import Camera
 from iriftrace.errors import InputError
-from iriftrace.shell_stack import ShellStack
+from iriftrace.shell_stack import Shell, ShellStack
 
 PART_FILE = "part.ply"
 
@@ -69,6 +69,7 @@ def scene_xml(
         '<scene version="3.0.0">',
         f'    <default name="scale" value="{scale!r}"/>',
         f'    <default name="normals" value={quoteattr(normals)}/>',
+        '    <default name="bending" value="layers"/>',
         *(
             f'    <default name="{name}" value={quoteattr(value)}/>'
             for name, value in (parameters or {}).items()
@@ -77,6 +78,7 @@ def scene_xml(
         "",
         '    <integrator type="first_hit">',
         '        <string name="normals" value="$normals"/>',
+        '        <string name="bending" value="$bending"/>',
         *(
             [f'        <string name="inside_hit" value={quoteattr(inside_hit)}/>']
             if inside_hit != "refract"
@@ -146,11 +148,22 @@ def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list
             '        <bsdf type="iso_shell">',
             f'            <float name="ext_ior" value="{float(1 + shell.ext)!r}"/>',
             f'            <float name="int_ior" value="{float(1 + shell.int_)!r}"/>',
+            *(
+                [f'            <float name="iso_ior" value="{float(1 + shell.refractivity)!r}"/>']
+                if _off_the_middle(shell)
+                else []
+            ),
             f'            <string name="layer" value="{shell.layer}"/>',
             "        </bsdf>",
             "    </shape>",
         ]
     return lines
+
+
+def _off_the_middle(shell: Shell) -> bool:
+    """Whether the air on the surface is not that midway between its two sides."""
+    middle = 0.5 * (shell.ext + shell.int_)
+    return abs(shell.refractivity - middle) > 1e-9 * abs(shell.ext - shell.int_)
 
 
 def included_xml(shapes: Sequence[str]) -> str:

@@ -37,7 +37,7 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
 
     Garland and Heckbert's quadric error metric with the normals as attributes (1998, "Simplifying
     surfaces with color and texture using quadric error metrics"). Every shell keeps the same share.
-    Normals of the new vertices are those of the nearest points of the shells before.
+    Normals and steepness of the new vertices are those of the nearest points of the shells before.
 
     Parameters
     ----------
@@ -90,13 +90,17 @@ def _thinned(shell: Shell, share: float) -> Shell:
     vertices = np.asarray(thin.points, dtype=np.float32)
     faces = drop_degenerate(vertices, weld(vertices, np.asarray(thin.regular_faces, np.int64)))
     faces = _without_pinholes(_without_fins(faces))
-    gradient = _normals_at(shell, vertices.astype(np.float64))
+    corners, weights = _nearest(shell, vertices.astype(np.float64))
+    gradient = _normals_at(shell, corners, weights)
     # Contracting an edge may turn a sliver over; the pieces keep the side they had.
     faces, _, _ = face_along(vertices, faces, gradient[faces].mean(axis=1))
     used, faces = used_vertices(len(vertices), faces)
     vertices = vertices[used]
     normals = normals_along(vertices, faces, gradient[used]) if smooth else None
-    return evolve(shell, vertices=vertices, faces=faces, normals=normals)
+    steepness = None
+    if shell.steepness is not None:
+        steepness = np.einsum("ij,ij->i", weights, shell.steepness[corners])[used]
+    return evolve(shell, vertices=vertices, faces=faces, normals=normals, steepness=steepness)
 
 
 def _without_fins(faces: IntArray) -> IntArray:
@@ -139,20 +143,25 @@ def _edges(faces: IntArray) -> tuple[IntArray, IntArray]:
     return edge.reshape(-1, 3), count
 
 
-def _normals_at(shell: Shell, points: FloatArray) -> FloatArray:
-    """(n, 3) array: the shell's normals, interpolated, at its points nearest to given ones."""
+def _nearest(shell: Shell, points: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Vertices (n, 3) of the triangle nearest to each point, and their weights (n, 3) there."""
     found: Any = polydata(shell.vertices, shell.faces).find_closest_cell(
         points, return_closest_point=True
     )
     nearest, close = found
-    corners = shell.vertices[shell.faces[nearest]].astype(np.float64)
-    a, b, c = corners.transpose(1, 0, 2)
+    faces = shell.faces[nearest].astype(np.int64)
+    a, b, c = shell.vertices[faces].astype(np.float64).transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
-    if shell.normals is None:
-        return normal
     square = np.maximum(np.einsum("ij,ij->i", normal, normal), np.finfo(float).tiny)
     at_a = np.einsum("ij,ij->i", np.cross(c - b, close - b), normal) / square
     at_b = np.einsum("ij,ij->i", np.cross(a - c, close - c), normal) / square
-    weight = np.clip(np.stack((at_a, at_b, 1.0 - at_a - at_b), axis=1), 0.0, 1.0)
-    own = shell.normals[shell.faces[nearest]].astype(np.float64)
-    return np.asarray(np.einsum("ij,ijk->ik", weight, own))
+    return faces, np.clip(np.stack((at_a, at_b, 1.0 - at_a - at_b), axis=1), 0.0, 1.0)
+
+
+def _normals_at(shell: Shell, corners: IntArray, weights: FloatArray) -> FloatArray:
+    """(n, 3) array: the shell's normals, interpolated; those of its facets if it has no others."""
+    if shell.normals is None:
+        a, b, c = shell.vertices[corners].astype(np.float64).transpose(1, 0, 2)
+        return np.cross(b - a, c - a)
+    own = shell.normals[corners].astype(np.float64)
+    return np.asarray(np.einsum("ij,ijk->ik", weights, own))

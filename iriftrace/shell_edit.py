@@ -55,7 +55,14 @@ def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> Shel
             return None
         used, faces = used_vertices(len(points), shell.faces[kept])
         normals = None if shell.normals is None else shell.normals[used]
-        return evolve(shell, vertices=shell.vertices[used], faces=faces, normals=normals)
+        steepness = None if shell.steepness is None else shell.steepness[used]
+        return evolve(
+            shell,
+            vertices=shell.vertices[used],
+            faces=faces,
+            normals=normals,
+            steepness=steepness,
+        )
 
     shells = [shell for shell in map(trimmed, stack.shells) if shell is not None]
     if not shells:
@@ -101,7 +108,7 @@ def smooth_taubin(
 
     Each iteration moves every vertex by ``lambda_`` and then by ``mu`` times the way to the mean of
     its neighbours. Vertices on a border stay, so that shells still end on the wall or the data's
-    edge. Gradient normals belong to the surface before, so the result has none.
+    edge. Gradient normals and steepness belong to the surface before, so the result has none.
 
     Parameters
     ----------
@@ -137,7 +144,7 @@ def smooth_taubin(
         for _ in range(iterations):
             for factor in (lambda_, mu):
                 points += factor * free * (mean @ points - points)
-        return evolve(shell, vertices=points, normals=None)
+        return evolve(shell, vertices=points, normals=None, steepness=None)
 
     return _with_each(stack, smoothed)
 
@@ -146,7 +153,7 @@ def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
     """Split every triangle into four at the middles of its edges.
 
     The surface stays where it is but for the rounding of the new vertices to float32 (4e-6 mm at
-    100 mm), which turns facets by that over their size. Normals are interpolated.
+    100 mm), which turns facets by that over their size. Normals and steepness are interpolated.
 
     Parameters
     ----------
@@ -225,9 +232,14 @@ def _subdivided(shell: Shell) -> Shell:
         # Opposite normals leave no mean; either is then as good.
         between = np.where(np.any(between, axis=1)[:, None], between, old[one])
         normals = np.vstack((old, between))
+    steepness = None
+    if shell.steepness is not None:
+        known = shell.steepness.astype(np.float64)
+        steepness = np.concatenate((known, 0.5 * (known[one] + known[two])))
     return evolve(
         shell,
         vertices=vertices,
         faces=np.stack([np.stack(quarter, axis=1) for quarter in quarters], axis=1).reshape(-1, 3),
         normals=normals,
+        steepness=steepness,
     )

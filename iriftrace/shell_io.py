@@ -27,6 +27,8 @@ PARAVIEW = "shells.vtm"
 _FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 _POSITION = ("x", "y", "z")
 _NORMAL = ("nx", "ny", "nz")
+_STEEPNESS = ("steepness_1",)
+"""Mitsuba turns a column of this name into the attribute ``vertex_steepness``."""
 
 
 def save_shells(
@@ -71,7 +73,7 @@ def save_shells(
         raise InputError(f"cannot make the folder {folder}: {error.strerror}.") from error
     written = [folder / f"shell_{shell.layer:02d}.ply" for shell in stack.shells]
     for path, shell in zip(written, stack.shells, strict=True):
-        write_ply(path, shell.vertices, shell.faces, shell.normals)
+        write_ply(path, shell.vertices, shell.faces, shell.normals, shell.steepness)
     if paraview:
         written.append(_write_paraview(folder, stack))
     _remove_stale(folder, {path.name for path in written})
@@ -128,10 +130,18 @@ def write_ply(
     vertices: Float32Array,
     faces: AnyIntArray,
     normals: Float32Array | None = None,
+    steepness: Float32Array | None = None,
 ) -> None:
-    """Write triangles as binary little-endian PLY, float32, with or without normals."""
-    columns = [vertices] if normals is None else [vertices, normals]
-    names = _POSITION if normals is None else _POSITION + _NORMAL
+    """Write triangles as binary little-endian PLY, float32.
+
+    With normals, if they are given, and with them how steep the index is.
+    """
+    columns: list[Float32Array] = [vertices]
+    names: tuple[str, ...] = _POSITION
+    if normals is not None:
+        columns, names = [*columns, normals], names + _NORMAL
+        if steepness is not None:
+            columns, names = [*columns, steepness[:, None]], names + _STEEPNESS
     records = np.empty(len(faces), dtype=_FACE)
     records["count"], records["corners"] = 3, faces
     with whole_file(path) as temporary, temporary.open("wb") as file:
@@ -140,8 +150,10 @@ def write_ply(
         file.write(records.tobytes())
 
 
-def read_ply(path: str | Path) -> tuple[Float32Array, AnyIntArray, Float32Array | None]:
-    """Vertices, faces and normals (or None) of a PLY that :func:`write_ply` wrote.
+def read_ply(
+    path: str | Path,
+) -> tuple[Float32Array, AnyIntArray, Float32Array | None, Float32Array | None]:
+    """Vertices, faces, normals and steepness (or None) of a PLY that :func:`write_ply` wrote.
 
     Raises
     ------
@@ -156,14 +168,15 @@ def read_ply(path: str | Path) -> tuple[Float32Array, AnyIntArray, Float32Array 
     words = [line.split() for line in content[: max(end, 0)].decode("ascii", "replace").split("\n")]
     counts = {w[1]: int(w[2]) for w in words if w[:1] == ["element"] and w[-1].isdecimal()}
     sizes = counts.get("vertex", 0), counts.get("face", 0)
-    for names in (_POSITION, _POSITION + _NORMAL):
+    for names in (_POSITION, _POSITION + _NORMAL, _POSITION + _NORMAL + _STEEPNESS):
         header = _header(names, *sizes)
         body = content[len(header) :]
         split = sizes[0] * 4 * len(names)
         if content.startswith(header) and len(body) == split + sizes[1] * _FACE.itemsize:
             points = np.frombuffer(body[:split], dtype="<f4").reshape(-1, len(names))
             corners = np.frombuffer(body[split:], dtype=_FACE)["corners"]
-            return points[:, :3], corners, points[:, 3:] if len(names) == 6 else None
+            normals = points[:, 3:6] if len(names) > 3 else None
+            return points[:, :3], corners, normals, points[:, 6] if len(names) > 6 else None
     raise InputError(
         f"{path} is cut short or was written by another program; write the shells again, or use "
         "import_shells for surfaces from elsewhere."
@@ -228,6 +241,8 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
         mesh = polydata(shell.vertices, shell.faces)
         if shell.normals is not None:
             mesh.point_data["Normals"] = shell.normals
+        if shell.steepness is not None:
+            mesh.point_data["steepness_1_mm"] = shell.steepness
         count = mesh.n_cells
         mesh.cell_data["layer"] = np.full(count, shell.layer, dtype=np.int32)
         mesh.cell_data["refractivity"] = np.full(count, shell.refractivity)

@@ -16,11 +16,11 @@ FloatArray = NDArray[np.float64]
 
 MOST_LAYERS = 10_000
 
-RULES = ("graded", "midpoint", "outer")
+RULES = ("midpoint", "graded", "outer")
 
 
 def index_levels(
-    ambient: float, hottest: float, layers: int = 13, rule: str = "graded"
+    ambient: float, hottest: float, layers: int = 13, rule: str = "midpoint"
 ) -> tuple[FloatArray, FloatArray]:
     """Refractivities of shells and layers from ambient to the hottest air.
 
@@ -31,12 +31,11 @@ def index_levels(
     layers : int
         Number of shells N.
     rule : str
-        ``"graded"``: shell k lies at ``(e_{k-1} + e_k) / 2``, and the steps of ``e`` are the mean
-        of equal ones and of the cosine's: half an equal step at both ends, 1.3 times one in the
-        middle. What the innermost layer does to rays that graze the part, and the outermost one to
-        all, makes most of the error; see the accuracy page for its comparison with equal steps.
-        ``"midpoint"``: the same with equal steps; second order in 1/N where the air ends
-        somewhere, first order where its outer tail fades exponentially.
+        ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, in equal steps of ``e``.
+        ``"graded"``: the same, but the steps of ``e`` are the mean of equal ones and of the
+        cosine's: half an equal step at both ends, 1.3 times one in the middle. It serves rays that
+        are bent at the shells alone: what the innermost layer does to rays that graze the part, and
+        the outermost one to all, makes most of their error; see the accuracy page.
         ``"outer"``: shell k lies at ``e_k``, in equal steps, so that each layer has the value of
         its outer surface; first order (5 to 6 % off with 13 shells), for studies only. Its last
         shell is the hottest air itself and so normally empty.

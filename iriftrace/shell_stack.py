@@ -28,6 +28,10 @@ def _optional_float32(values: ArrayLike | None) -> Float32Array | None:
     return None if values is None else _float32(values)
 
 
+def _optional_column(values: ArrayLike | None) -> Float32Array | None:
+    return None if values is None else np.ascontiguousarray(values, dtype=np.float32).ravel()
+
+
 def _shells(values: Iterable[Shell]) -> tuple[Shell, ...]:
     return tuple(values)
 
@@ -57,6 +61,9 @@ class Shell:
         Counter-clockwise seen from outside, so facet normals point to the ``ext`` side.
     normals : (n, 3) array of float32 or None, world
         Unit vectors at the vertices along +grad(n), that is outward. None: only facets are known.
+    steepness : (n,) array of float32 or None, 1/mm
+        Length of grad(n) at the vertices over the shell's step ``|ext - int_|``, by which rays are
+        bent all along the layers. None: rays are bent at this shell alone.
 
     Raises
     ------
@@ -71,6 +78,8 @@ class Shell:
     vertices: Float32Array = field(converter=_float32, repr=False)
     faces: AnyIntArray = field(converter=_int32, repr=False)
     normals: Float32Array | None = field(default=None, converter=_optional_float32, repr=False)
+
+    steepness: Float32Array | None = field(default=None, converter=_optional_column, repr=False)
 
     @vertices.validator
     def _check_vertices(self, _: Attribute[Float32Array], vertices: Float32Array) -> None:
@@ -98,6 +107,18 @@ class Shell:
             raise InputError(
                 f"Shell {self.layer} has {len(normals)} normals for {len(self.vertices)} "
                 "vertices; give one each or none."
+            )
+
+    @steepness.validator
+    def _check_steepness(
+        self, _: Attribute[Float32Array | None], steepness: Float32Array | None
+    ) -> None:
+        if steepness is None:
+            return
+        if self.normals is None or len(steepness) != len(self.vertices):
+            raise InputError(
+                f"Shell {self.layer} has {len(steepness)} steepnesses for {len(self.vertices)} "
+                "vertices, or no normals beside them; give one and a normal for each, or none."
             )
 
 

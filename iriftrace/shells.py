@@ -43,7 +43,7 @@ def contour_shells(
     *,
     index_range: tuple[float, float] | None = None,
     levels: Sequence[float] | None = None,
-    rule: str = "graded",
+    rule: str = "midpoint",
     min_size_mm: float = 1.0,
 ) -> ShellStack:
     """Cut a field into layers along its own surfaces of equal index.
@@ -51,7 +51,8 @@ def contour_shells(
     The surfaces are contoured on the solver's cells without resampling, rounded to float32 (the
     precision of the renderer's geometry), welded, freed of degenerate triangles and of crumbs, and
     wound so that facets face the cooler air. Vertex normals are ``field.gradient``, interpolated
-    along the cell edges and normalised.
+    along the cell edges and normalised, and each vertex knows how steep the index is there
+    (``field.gradient_length``); not with the rule ``"outer"``, which is about steps at the shells.
 
     Levels that the field does not reach are left out with a warning, and no other step changes:
     there is no such air. Should a level in between be left without triangles (all of it crumbs),
@@ -91,17 +92,18 @@ def contour_shells(
         surfaces, e = layers_between(levels, ambient, hottest)
         rule = "custom"
     grid = _bare_grid(field)
-    found: dict[int, tuple[Float32Array, IntArray, Float32Array]] = {}
+    found: dict[int, tuple[Float32Array, IntArray, Float32Array, FloatArray]] = {}
     crumbs = []
     for layer, level in enumerate(surfaces.tolist(), start=1):
-        vertices, faces, gradient = _contour(grid, level)
+        vertices, faces, gradient, length = _contour(grid, level)
         towards = gradient[faces].mean(axis=1)
         faces, pieces, triangles = face_along(vertices, faces, towards, min_size_mm)
         crumbs += [Crumbs(layer, pieces, triangles)] if pieces else []
         if len(faces):
             used, faces = used_vertices(len(vertices), faces)
             vertices = vertices[used]
-            found[layer] = vertices, faces, normals_along(vertices, faces, gradient[used])
+            normals = normals_along(vertices, faces, gradient[used])
+            found[layer] = vertices, faces, normals, length[used]
     if not found:
         raise InputError(
             f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
@@ -111,10 +113,12 @@ def contour_shells(
     _warn_of_missing(field, surfaces, found.keys())
     shells = []
     inside = None
-    for layer, mesh in found.items():
+    for layer, (vertices, faces, normals, length) in found.items():
         ext = e[layer - 1] if inside is None else inside
         inside = float(e[layer])
-        shells.append(Shell(layer, float(surfaces[layer - 1]), float(ext), inside, *mesh))
+        steepness = None if rule == "outer" else length / abs(inside - ext)
+        level = float(surfaces[layer - 1])
+        shells.append(Shell(layer, level, float(ext), inside, vertices, faces, normals, steepness))
     return ShellStack(shells, field.air, rule, field.source, crumbs)
 
 
@@ -137,20 +141,28 @@ def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
     grid.copy_structure(field.grid)
     grid.point_data["refractivity"] = field.refractivity
     grid.point_data["gradient"] = field.gradient
+    grid.point_data["length"] = field.gradient_length
     return grid
 
 
-def _contour(grid: pv.UnstructuredGrid, level: float) -> tuple[Float32Array, IntArray, FloatArray]:
-    """Vertices, faces and gradients of one surface, welded, without degenerate triangles."""
+def _contour(
+    grid: pv.UnstructuredGrid, level: float
+) -> tuple[Float32Array, IntArray, FloatArray, FloatArray]:
+    """One surface, welded, without degenerate triangles.
+
+    Vertices, faces, and at the vertices the gradient and its length.
+    """
     surface = grid.contour([level], scalars="refractivity", method="contour")
     if surface.n_cells == 0:
-        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64), np.zeros((0, 3))
+        nothing = np.zeros((0, 3))
+        return nothing.astype(np.float32), nothing.astype(np.int64), nothing, np.zeros(0)
     if not surface.is_all_triangles:
         surface = surface.triangulate()
     points = np.asarray(surface.points, dtype=np.float32)
     gradient = np.asarray(surface.point_data["gradient"], dtype=np.float64)
     faces = weld(points, np.asarray(surface.regular_faces, dtype=np.int64))
-    return points, drop_degenerate(points, faces), gradient
+    length = np.asarray(surface.point_data["length"], dtype=np.float64)
+    return points, drop_degenerate(points, faces), gradient, length
 
 
 def _warn_of_missing(field: IndexField, surfaces: FloatArray, found: Iterable[int]) -> None:

@@ -88,7 +88,7 @@ def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
     files = scene_of_pose(dataset, 0).get("files", {})
     if str(outermost.resolve()) in files:
         check_unchanged(outermost, files[str(outermost.resolve())])
-    vertices, faces, _ = read_ply(outermost)
+    vertices, faces, *_ = read_ply(outermost)
     return vertices, faces
 
 

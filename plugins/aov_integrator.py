@@ -100,7 +100,7 @@ def integrator_class(variant: str) -> type:
                 prepared,
                 rays,
                 count,
-                bend=self.bending(prepared, coherent),
+                bend=self.bender(prepared, coherent),
                 check=self.checking(prepared),
                 focus=focus,
                 coherent=coherent,
@@ -108,7 +108,7 @@ def integrator_class(variant: str) -> type:
                 straight=straight,
             )
 
-        def bending(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
+        def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
             """What bends the rays: from origins and directions to where they end."""
             raise NotImplementedError
 

@@ -7,12 +7,15 @@ from functools import cache
 from typing import Any
 
 from .aov_integrator import integrator_class
+from .bending import AtShells, InLayers
+from .geometry import SceneTables
 from .index_check import index_check
 from .prepared import PreparedScene
 from .properties import choice, flag, whole_number
 from .tracing import refracted_hits
 
 NORMALS = ("gradient", "facet")
+BENDING = ("layers", "shells")
 INSIDE_HITS = ("refract", "drop")
 
 
@@ -29,6 +32,10 @@ def plugin_class(variant: str) -> type:
         =================  =======  ==================================================  ========
         ``normals``        string   refract at normals interpolated from grad(n)        gradient
                                     (``gradient``) or at the triangles' (``facet``)
+        ``bending``        string   turn rays all along the layers (``layers``; only    layers
+                                    with gradient normals, and if every shell's file
+                                    says how steep the index is), or at the shells
+                                    alone, by Snell's law (``shells``)
         ``max_crossings``  integer  a ray with more crossings gives up (status 6)       1000
         ``trace_all``      boolean  refract also the rays whose straight twin misses    false
                                     the part (then status 4 exists)
@@ -61,6 +68,7 @@ def plugin_class(variant: str) -> type:
         def __init__(self, props: mi.Properties) -> None:
             super().__init__(props)
             self.normals = choice(props, "normals", NORMALS)
+            self.bending = choice(props, "bending", BENDING)
             self.max_crossings = whole_number(props, "max_crossings", 1000)
             self.trace_all = flag(props, "trace_all", False)
             self.inside_hit = choice(props, "inside_hit", INSIDE_HITS)
@@ -68,9 +76,21 @@ def plugin_class(variant: str) -> type:
         def to_string(self) -> str:
             return f"FirstHit[normals={self.normals}, max_crossings={self.max_crossings}]"
 
-        def bending(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
-            """Snell's law at every shell."""
+        def bends_in_layers(self, tables: SceneTables) -> bool:
+            """Whether rays turn all along the layers of a scene, or at its shells alone."""
+            wanted = self.bending == "layers" and self.normals == "gradient"
+            return wanted and tables.knows_steepness
+
+        def rule(self, tables: SceneTables) -> AtShells | InLayers:
+            """How rays are bent in a scene."""
+            if self.bends_in_layers(tables):
+                return InLayers(tables)
+            return AtShells(tables, self.normals == "gradient" and tables.has_normals)
+
+        def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
+            """Where bent rays end."""
             tables = prepared.tables
+            rule = self.rule(tables)
             return lambda origin, direction: refracted_hits(
                 prepared.scene,
                 prepared.opaque,
@@ -78,7 +98,7 @@ def plugin_class(variant: str) -> type:
                 origin,
                 direction,
                 coherent=coherent,
-                gradient_normals=self.normals == "gradient" and tables.has_normals,
+                bending=rule,
                 max_crossings=self.max_crossings,
                 step=prepared.step,
                 drop_inside_hits=self.inside_hit == "drop",

@@ -21,6 +21,10 @@ from .refraction import Triangle, facet_normal
 SHELL, PART, BLOCKER = 0, 1, 2
 
 PART_ID = "part"
+
+STEEPNESS = "vertex_steepness"
+"""Mitsuba's name of a shell's vertex attribute: length of grad(n) over the shell's index step."""
+
 MAX_PART_FACES = 2**24 - 2
 
 
@@ -35,6 +39,34 @@ def shell_indices(bsdf: Any) -> tuple[float, float] | None:
     if bsdf.class_name() == "SmoothDielectric":
         return 1.0, float(mi.traverse(bsdf)["eta"])
     return None
+
+
+def surface_index(bsdf: Any) -> float:
+    """Index of the air on a shell itself."""
+    pair = shell_indices(bsdf)
+    assert pair is not None
+    return float(getattr(bsdf, "iso_ior", 0.5 * (pair[0] + pair[1])))
+
+
+def _steepness(shape: Any) -> Any | None:
+    """How steep the index is at a shell's vertices, in its own steps per mm; None if not known."""
+    import mitsuba as mi
+
+    values = mi.traverse(shape)
+    return values[STEEPNESS] if STEEPNESS in values else None
+
+
+def _gradients(normals: Any, steepness: Any, step: float) -> Any:
+    """Gradient of the index at a shell's vertices, 1/mm, three numbers each.
+
+    It is as many of the shell's steps per mm as that is steep, so a shell without one bends
+    nothing.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    vectors = dr.unravel(mi.Vector3f, normals) * (steepness * step)
+    return dr.select(dr.isfinite(dr.ravel(vectors)), dr.ravel(vectors), 0)
 
 
 def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
@@ -103,8 +135,9 @@ class SceneTables:
                 f"{MAX_PART_FACES} exactly; simplify the mesh."
             )
 
-        kinds, ext, interior, smooth = [], [], [], []
-        positions, normals, faces, first_face = [], [], [], []
+        kinds, ext, interior, smooth, level = [], [], [], [], []
+        positions, normals, gradients, faces, first_face = [], [], [], [], []
+        knowing = []
         vertex_count = face_count = 0
         self.stock_shells = 0
         self.shell_shapes: list[Any] = []
@@ -126,6 +159,7 @@ class SceneTables:
             kinds.append(kind)
             ext.append(pair[0] if pair else 1.0)
             interior.append(pair[1] if pair else 1.0)
+            level.append(surface_index(shape.bsdf()) if pair else 1.0)
             first_face.append(face_count)
             has_normals = False
             if kind != BLOCKER:
@@ -141,6 +175,14 @@ class SceneTables:
                     shape.vertex_normals_buffer()
                     if has_normals
                     else dr.zeros(mi.Float, 3 * shape.vertex_count())
+                )
+                steep = _steepness(shape) if kind == SHELL and has_normals else None
+                if kind == SHELL:
+                    knowing.append(steep is not None)
+                gradients.append(
+                    dr.zeros(mi.Float, 3 * shape.vertex_count())
+                    if steep is None
+                    else _gradients(normals[-1], steep, ext[-1] - interior[-1])
                 )
                 faces.append(shape.faces_buffer() + vertex_count)
                 vertex_count += shape.vertex_count()
@@ -158,13 +200,17 @@ class SceneTables:
         joined = dr.concat(normals)
         # Mitsuba turns a (0, 0, 0) normal into NaN; zero makes the tracer take the facet's.
         self._normals = dr.select(dr.isfinite(joined), joined, 0)
+        # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
+        self.knows_steepness = bool(knowing) and all(knowing) and not self.stock_shells
+        self._gradients = dr.concat(gradients) if self.knows_steepness else mi.Float(0)
         self._faces = dr.concat(faces)
         self._first_face = mi.UInt32(first_face)
         self._kind = mi.UInt32(kinds)
         self._ext = mi.Float64(ext)
         self._int = mi.Float64(interior)
+        self._level = mi.Float64(level)
         self._number = self._numbers(shapes)
-        dr.eval(self._positions, self._normals, self._faces, self._number)
+        dr.eval(self._positions, self._normals, self._gradients, self._faces, self._number)
         self.part_first_face = first_face[parts[0]]
         beyond = edge_neighbours(*self.part_arrays())
         self._neighbours = mi.UInt32(aligned(beyond.ravel()))
@@ -221,6 +267,17 @@ class SceneTables:
     def vertex_normals(self, face: Any, active: Any) -> Triangle:
         """Vertex normals of triangles in double precision; zero where a mesh has none."""
         return self._corners(self._normals, face, active)
+
+    def level(self, shape: Any, active: Any) -> Any:
+        """Index of the air on a shell itself (Float64)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        return dr.gather(mi.Float64, self._level, shape, active)
+
+    def gradients(self, face: Any, active: Any) -> Triangle:
+        """Gradients of the index at the corners of shells' triangles, 1/mm (Vector3d)."""
+        return self._corners(self._gradients, face, active)
 
     def _corners(self, table: Any, face: Any, active: Any) -> Triangle:
         import drjit as dr

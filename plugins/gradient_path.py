@@ -123,7 +123,7 @@ def plugin_class(variant: str) -> type:
                 return "part"
             return "hot air" if self.air.is_hot(point) else None
 
-        def bending(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
+        def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
             """The ray equation."""
             return lambda origin, direction: curved_hits(
                 prepared.opaque,

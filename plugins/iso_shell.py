@@ -24,15 +24,17 @@ def plugin_class(variant: str) -> type:
         ============  =========  =====================================================  ========
         ``ext_ior``   float      index on the side the normals point to (outside)       required
         ``int_ior``   float      index on the other side                                required
+        ``iso_ior``   float      index of the air on the surface itself                  the mean
         ``layer``     string     name of the shell, unique, so that Mitsuba does not    empty
                                  merge shells whose indices are equal
         ============  =========  =====================================================  ========
 
         Bends a ray by Snell's law and lets all of it pass: neighbouring layers of air differ by
         1e-5, so the reflected share (below 1e-10) is left out. Both numbers are kept in double
-        precision; ``first_hit`` refracts with them directly. Mitsuba's own integrators work too
-        (in single precision): the bsdf is a perfect transmission of weight 1. Shadow rays stop at
-        shells, so such pictures need lights that a camera ray can hit.
+        precision; ``first_hit`` takes them directly, and bends rays at the shell or, where its file
+        says how steep the index is, all along the layers (only then is ``iso_ior`` used). Mitsuba's
+        own integrators work too (in single precision): the bsdf is a perfect transmission of weight
+        1. Shadow rays stop at shells, so such pictures need lights that a camera ray can hit.
 
         .. code-block:: xml
 
@@ -51,7 +53,13 @@ def plugin_class(variant: str) -> type:
             super().__init__(props)
             self.ext_ior = number(props, "ext_ior")
             self.int_ior = number(props, "int_ior")
-            for name, value in (("ext_ior", self.ext_ior), ("int_ior", self.int_ior)):
+            mean = 0.5 * (self.ext_ior + self.int_ior)
+            self.iso_ior = number(props, "iso_ior", mean)
+            for name, value in (
+                ("ext_ior", self.ext_ior),
+                ("int_ior", self.int_ior),
+                ("iso_ior", self.iso_ior),
+            ):
                 if not 0.5 < value < 5:
                     raise InputError(
                         f'"{name}" is {value}, which is no refractive index; air has about 1.0003 '

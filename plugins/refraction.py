@@ -61,22 +61,17 @@ def distance_to_plane(
     return dr.clip(exact, rough - doubt, rough + doubt)
 
 
-def interpolated_normal(point: Any, triangle: Triangle, normals: Triangle, facet: Any) -> Any:
-    """Vertex normals interpolated linearly at a point of the triangle.
+def interpolated_vector(point: Any, triangle: Triangle, vectors: Triangle, facet: Any) -> Any:
+    """Vectors at the corners interpolated linearly at a point of the triangle (Vector3d).
 
     Parameters
     ----------
     point : Point3d, mm
         A point of the triangle's plane; outside the triangle the nearest weights are used.
-    triangle, normals : Triangle
-        Corners, and the unit normals at them.
+    triangle, vectors : Triangle
+        Corners, and the vectors at them.
     facet : Vector3d
         Unit normal of the plane.
-
-    Returns
-    -------
-    Vector3d
-        Unit normal; the facet's own where the interpolated one vanishes.
     """
     import drjit as dr
 
@@ -86,7 +81,17 @@ def interpolated_normal(point: Any, triangle: Triangle, normals: Triangle, facet
     weight_c = dr.dot(facet, dr.cross(triangle.b - triangle.a, to_point)) / doubled_area
     weight_b = dr.clip(weight_b, 0, 1)
     weight_c = dr.clip(weight_c, 0, 1 - weight_b)
-    normal = normals.a * (1 - weight_b - weight_c) + normals.b * weight_b + normals.c * weight_c
+    return vectors.a * (1 - weight_b - weight_c) + vectors.b * weight_b + vectors.c * weight_c
+
+
+def interpolated_normal(point: Any, triangle: Triangle, normals: Triangle, facet: Any) -> Any:
+    """Unit normal between the vertex normals, as :func:`interpolated_vector` (Vector3d).
+
+    The facet's own where the interpolated one vanishes.
+    """
+    import drjit as dr
+
+    normal = interpolated_vector(point, triangle, normals, facet)
     length = dr.norm(normal)
     return dr.select(length > 1e-3, normal / length, facet)
 

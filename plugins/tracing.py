@@ -1,4 +1,4 @@
-"""Marching rays through a scene: straight to the part, refracted at every shell, step by step.
+"""Marching rays through a scene: straight to the part, bent by shells, step by step.
 
 Mitsuba's ray query (single precision) only says *which triangle* comes next. The point on that
 triangle's plane and the direction behind it are computed in double precision, and the next query
@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from .bending import Passage
 from .edges import settle
 from .geometry import BLOCKER, PART, SHELL, SceneTables
-from .refraction import cross_surface, distance_to_plane, interpolated_normal
+from .layer_turn import onto_plane
+from .refraction import distance_to_plane
 
 ESCAPED, HIT_PART, HIT_BLOCKER, GAVE_UP = range(4)
 
@@ -154,12 +156,12 @@ def refracted_hits(
     direction: Any,
     *,
     coherent: bool,
-    gradient_normals: bool,
+    bending: Any,
     max_crossings: int,
     step: float,
     drop_inside_hits: bool = False,
 ) -> RefractedHits:
-    """Ends of rays that are refracted at every shell.
+    """Ends of rays that are bent by shells or by the layers between them.
 
     Parameters
     ----------
@@ -172,8 +174,7 @@ def refracted_hits(
         Rays, mm, world; directions of length one.
     coherent : bool
         A hint to the ray query, as for :func:`straight_hits`.
-    gradient_normals : bool
-        Refract at the normals interpolated from the vertices, not at the facets'.
+    bending : AtShells or InLayers
     max_crossings : int
         Rays with more crossings give up.
     step : float, mm
@@ -205,6 +206,7 @@ def refracted_hits(
         shape: Any
         outward: Any
         start: Any  # of the next query
+        memory: Any
         active: Any
 
     def advance(*values: Any) -> tuple[Any, ...]:
@@ -238,12 +240,23 @@ def refracted_hits(
         outside, inside = tables.sides(shape, crossed)
         near = dr.select(outward, inside, outside)
         far = dr.select(outward, outside, inside)
-        shading = None
-        if gradient_normals:
-            shading = interpolated_normal(
-                point, triangle, tables.vertex_normals(face, crossed), normal
-            )
-        bent, reflected = cross_surface(s.direction, normal, shading, near / far, outward)
+        bent, reflected, memory = bending.cross(
+            s.memory,
+            Passage(
+                direction=s.direction,
+                length=distance,
+                first=s.crossings == 0,
+                point=point,
+                outward=outward,
+                face=face,
+                triangle=triangle,
+                facet=normal,
+                shape=shape,
+                near=near,
+                far=far,
+                crossed=crossed,
+            ),
+        )
 
         leaving = dr.dot(bent, normal)
         beyond = dr.select(outward ^ reflected, normal, -normal)
@@ -273,6 +286,7 @@ def refracted_hits(
             dr.select(crossed, shape, s.shape),
             dr.select(crossed, outward, s.outward),
             start,
+            memory,
             on_shell & ~gave_up,
         )
 
@@ -290,6 +304,7 @@ def refracted_hits(
         mi.UInt32(nothing),
         dr.full(mi.Bool, False, width),
         mi.Point3d(origin),
+        bending.start(width),
         dr.full(mi.Bool, True, width),
     )
     end = State(
@@ -297,8 +312,33 @@ def refracted_hits(
             state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="march"
         )
     )
-    hits = RefractedHits(*end[:8])
-    return settled(tables, _back_on_front(opaque, tables, hits, end.segment, coherent, step))
+    marched = RefractedHits(*end[:8])
+    hits = _back_on_front(opaque, tables, marched, end.segment, coherent, step)
+    length = end.segment + (hits.path_length - marched.path_length)
+    return settled(tables, _put_right(bending, tables, hits, end.memory, length))
+
+
+def _put_right(
+    bending: Any, tables: SceneTables, hits: RefractedHits, memory: Any, length: Any
+) -> RefractedHits:
+    """Ends of rays where they really are, and their directions there.
+
+    Those that left the scene are given by a point and the direction in which they left.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    on_part, escaped = hits.outcome == HIT_PART, hits.outcome == ESCAPED
+    _, normal = tables.plane(hits.face, on_part)
+    length = dr.select(escaped, mi.Float64(dr.inf), length)
+    aside, direction = bending.end(memory, hits.direction, length, normal, hits.crossings > 0)
+    back = dr.select(on_part, onto_plane(aside, hits.direction, normal), 0)
+    ends = on_part | escaped
+    return hits._replace(
+        point=dr.select(ends, hits.point + aside + back * hits.direction, hits.point),
+        direction=dr.select(ends, direction, hits.direction),
+        path_length=hits.path_length + back,
+    )
 
 
 def settled(tables: SceneTables, hits: Any) -> Any:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from attrs import evolve
 from numpy.typing import NDArray
 
 from iriftrace.air import Air
@@ -73,6 +74,8 @@ def slab(
         )
         for k, height in enumerate(slab_heights(surfaces, air))
     ]
+    per_mm = (WALL_K - air.temperature_k) / SLAB_MM
+    shells = [_steep(shell, per_mm, air, rule) for shell in shells]
     box = trimesh.creation.box((size_mm, size_mm, 5.0))
     box.apply_translation((0, 0, -2.5))
     return _part(box), ShellStack(shells, air, rule)
@@ -120,6 +123,11 @@ def concentric_cylinders(
         )
         for k, radius in enumerate(cylinder_radii(surfaces, air))
     ]
+    rise = (WALL_K - air.temperature_k) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
+    shells = [
+        _steep(shell, rise / float(radius), air, rule)
+        for shell, radius in zip(shells, cylinder_radii(surfaces, air), strict=True)
+    ]
     solid = trimesh.creation.cylinder(
         CYLINDER_RADIUS_MM, length_mm, sections=part_sections or sections
     )
@@ -130,6 +138,15 @@ def concentric_cylinders(
 def _levels(layers: int, air: Air, rule: str) -> tuple[FloatArray, FloatArray]:
     hottest = float(air.refractivity(WALL_K))
     return index_levels(air.ambient_refractivity, hottest, layers, rule)
+
+
+def _steep(shell: Shell, kelvin_per_mm: float, air: Air, rule: str) -> Shell:
+    """A shell that knows how steep the index is, from the gradient of the temperature there."""
+    if rule == "outer":
+        return shell
+    slope = shell.refractivity / float(air.temperature(shell.refractivity)) * kelvin_per_mm
+    steepness = np.full(len(shell.vertices), slope / (shell.ext - shell.int_))
+    return evolve(shell, steepness=steepness)
 
 
 def tube(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 
+from iriftrace.consistent_gradient import consistent_gradient
 from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.field_cells import point_gradient
-from iriftrace.field_check.consistent_gradient import consistent_gradient
 from tests.shell_fields import hexahedra
 
 

@@ -152,6 +152,9 @@ def test_defaults_of_the_parameters_are_written(
     loaded = load_scene(xml)
     assert camera_of(loaded).resolution == (76, 64)
     assert loaded.normals == "facet"
+    names = re.findall(r'<default name="(\w+)" value="(\w+)"/>', xml.read_text())
+    assert dict(names) == {"normals": "facet", "bending": "layers"}
+    assert loaded.integrator.bending == "layers"
 
 
 @pytest.mark.usefixtures("variant")
@@ -272,7 +275,7 @@ def test_other_integrators_are_refused(xml: Path) -> None:
     text = re.sub(
         r"<integrator.*?</integrator>", '<integrator type="path"/>', xml.read_text(), flags=re.S
     )
-    xml.write_text(text.replace('<default name="normals" value="gradient"/>', ""))
+    xml.write_text(re.sub(r'<default name="(normals|bending)".*?/>', "", text))
     with pytest.raises(InputError, match=r'PathIntegrator.*<integrator type="first_hit"/>'):
         load_scene(xml)
 

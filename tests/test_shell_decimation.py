@@ -24,7 +24,16 @@ def ball(*, half: bool = False, normals: bool = True) -> ShellStack:
     sphere = sphere.triangulate().clean()
     points = np.asarray(sphere.points, dtype=np.float64)
     radial = points / np.linalg.norm(points, axis=1)[:, None]
-    shell = Shell(1, 2e-4, 2.7e-4, 1e-4, points, sphere.regular_faces, radial if normals else None)
+    shell = Shell(
+        layer=1,
+        refractivity=2e-4,
+        ext=2.7e-4,
+        int_=1e-4,
+        vertices=points,
+        faces=sphere.regular_faces,
+        normals=radial if normals else None,
+        steepness=2.0 + points[:, 2] / RADIUS_MM if normals else None,
+    )
     return ShellStack([shell], Air(), "custom")
 
 
@@ -42,6 +51,14 @@ def test_a_sphere_stays_a_closed_sphere_with_radial_normals() -> None:
     # As far as the facets of the sphere before turn between their vertices.
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.5 * 360 / 50
     assert np.einsum("ij,ij->", area_vectors(points, thin.faces), points[thin.faces[:, 0]]) > 0
+
+
+def test_steepness_is_that_of_the_nearest_point_before() -> None:
+    (thin,) = decimate(ball(), 600).shells
+    expected = 2.0 + thin.vertices[:, 2].astype(np.float64) / RADIUS_MM
+    # A vertex lies at most this far from the surface before, and the steepness changes by 1/R.
+    sag = np.pi * RADIUS_MM / (600 * np.sqrt(3) / 4)
+    assert np.abs(thin.steepness - expected).max() < 2 * sag / RADIUS_MM
 
 
 def test_the_border_of_an_open_shell_stays() -> None:
@@ -67,6 +84,7 @@ def test_every_shell_keeps_the_same_share() -> None:
 def test_shells_without_normals_stay_without() -> None:
     (thin,) = decimate(ball(normals=False), 600).shells
     assert thin.normals is None
+    assert thin.steepness is None
     points = thin.vertices.astype(np.float64)
     assert np.einsum("ij,ij->", area_vectors(points, thin.faces), points[thin.faces[:, 0]]) > 0
 

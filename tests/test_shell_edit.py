@@ -74,7 +74,12 @@ def test_margin_widens_the_view(stack):
     trimmed = trim_to_frustum(stack, camera, 0.0)
     # The picture is 2 mm wide at 10 mm focal length: 12 mm at the centre, up to a triangle's size.
     assert_allclose(np.abs(trimmed.shells[0].vertices[:, 1]).max(), 6.0, atol=3.0)
-    assert len(trimmed.shells[0].normals) == len(trimmed.shells[0].vertices)
+    # What belonged to a vertex still does.
+    full, part = (
+        np.column_stack((shell.vertices, shell.normals, shell.steepness)).tolist()
+        for shell in (stack.shells[0], trimmed.shells[0])
+    )
+    assert {tuple(row) for row in part} < {tuple(row) for row in full}
 
 
 def test_view_without_shells_and_bad_margin_are_refused(stack):
@@ -90,7 +95,13 @@ def rough(stack: ShellStack) -> ShellStack:
     points = np.asarray(ball.points)
     points = points * (1 + np.random.default_rng(3).normal(0, 0.01, (len(points), 1)))
     faces = np.asarray(ball.regular_faces)
-    shell = evolve(stack.shells[0], vertices=points, faces=faces, normals=points)
+    shell = evolve(
+        stack.shells[0],
+        vertices=points,
+        faces=faces,
+        normals=points,
+        steepness=np.ones(len(points)),
+    )
     return evolve(stack, shells=[shell])
 
 
@@ -116,6 +127,7 @@ def test_taubin_takes_noise_and_keeps_the_volume(stack):
     assert (1 - 0.20 * k) ** (3 * 40) < 0.8
     assert_array_equal(after.faces, before.faces)
     assert after.normals is None
+    assert after.steepness is None
 
 
 def test_taubin_keeps_borders_and_does_nothing_in_no_iteration(stack):
@@ -136,7 +148,8 @@ def test_taubin_step_by_hand():
     faces = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]
     some = contour_shells(sphere_field(4), layers=1)
     pyramid = evolve(
-        some, shells=[evolve(some.shells[0], vertices=points, faces=faces, normals=None)]
+        some,
+        shells=[evolve(some.shells[0], vertices=points, faces=faces, normals=None, steepness=None)],
     )
     smooth = smooth_taubin(pyramid, 1).shells[0].vertices
     assert_allclose(smooth[0], [0, 0, 0.968], rtol=1e-6)
@@ -171,16 +184,27 @@ def test_subdivision_keeps_the_surface(stack, times):
         )
         assert_allclose(np.linalg.norm(b.normals, axis=1), 1.0, rtol=1e-6)
         assert_array_equal(b.normals[: len(a.normals)], a.normals)
+        assert_array_equal(b.steepness[: len(a.steepness)], a.steepness)
 
 
 def test_subdivision_without_normals_and_with_opposite_ones(stack):
     shell = stack.shells[0]
-    bare = evolve(stack, shells=[evolve(shell, normals=None)])
-    assert subdivide_midpoint(bare).shells[0].normals is None
+    bare = evolve(stack, shells=[evolve(shell, normals=None, steepness=None)])
+    (divided,) = subdivide_midpoint(bare).shells
+    assert divided.normals is None
+    assert divided.steepness is None
     opposite = shell.normals.copy()
     opposite[shell.faces[0, 0]] = -opposite[shell.faces[0, 1]]
     turned = subdivide_midpoint(evolve(stack, shells=[evolve(shell, normals=opposite)]))
     assert_allclose(np.linalg.norm(turned.shells[0].normals, axis=1), 1.0, rtol=1e-6)
+
+
+def test_subdivision_takes_the_mean_steepness_of_both_ends(stack):
+    # Linear along z as far as the vertices go, so also at the middles of the edges.
+    shell = stack.shells[0]
+    linear = evolve(shell, steepness=2.0 + 0.1 * shell.vertices[:, 2])
+    (fine,) = subdivide_midpoint(evolve(stack, shells=[linear]), 2).shells
+    assert_allclose(fine.steepness, 2.0 + 0.1 * fine.vertices[:, 2], rtol=1e-6)
 
 
 def test_negative_subdivision_is_refused(stack):

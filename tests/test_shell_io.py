@@ -32,6 +32,7 @@ def test_stack_comes_back_bit_for_bit(stack, tmp_path):
         assert_array_equal(a.vertices, b.vertices)
         assert_array_equal(a.faces, b.faces)
         assert_array_equal(a.normals, b.normals)
+        assert_array_equal(a.steepness, b.steepness)
 
 
 def test_files_are_named_by_layer_and_complete(stack, tmp_path):
@@ -49,15 +50,26 @@ def test_ply_is_what_other_programs_expect(stack, tmp_path):
     assert_allclose(mesh.vertex_normals, stack.shells[0].normals, atol=1e-6)
     assert_array_equal(pv.read(path).regular_faces, stack.shells[0].faces)
     header = path.read_bytes().split(b"end_header")[0]
-    assert b"property float nz" in header
+    # A name of this kind is what Mitsuba takes for an attribute of the vertices.
+    assert b"property float nz\nproperty float steepness_1\nelement face" in header
     assert b"double" not in header
 
 
 def test_shell_without_normals_says_so(stack, tmp_path):
-    bare = evolve(stack, shells=[evolve(s, normals=None) for s in stack.shells])
+    bare = evolve(stack, shells=[evolve(s, normals=None, steepness=None) for s in stack.shells])
     path = save_shells(bare, tmp_path)[0]
     assert b"nx" not in path.read_bytes()[:400]
     assert not load_shells(tmp_path).has_normals
+
+
+def test_shell_without_steepness_keeps_its_normals(stack, tmp_path):
+    bare = evolve(stack, shells=[evolve(s, steepness=None) for s in stack.shells])
+    path = save_shells(bare, tmp_path)[0]
+    assert b"steepness" not in path.read_bytes()[:400]
+    back = load_shells(tmp_path)
+    assert back.has_normals
+    assert [s.steepness for s in back.shells] == [None] * 3
+    assert "steepness_1_mm" not in pv.read(tmp_path / "shells.vtm")[0].point_data
 
 
 def test_paraview_file_has_all_shells_with_their_values(stack, tmp_path):
@@ -71,6 +83,7 @@ def test_paraview_file_has_all_shells_with_their_values(stack, tmp_path):
         assert_array_equal(block.cell_data["temperature_k"], kelvin)
         assert_array_equal(block.cell_data["layer"], shell.layer)
         assert_array_equal(block.point_data["Normals"], shell.normals)
+        assert_array_equal(block.point_data["steepness_1_mm"], shell.steepness)
 
 
 def test_table_tells_provenance_and_the_report(stack, tmp_path):
@@ -78,7 +91,7 @@ def test_table_tells_provenance_and_the_report(stack, tmp_path):
     table = json.loads((tmp_path / "shells.json").read_text(encoding="utf-8"))
     assert table["schema"] == "iriftrace.shells/1"
     assert table["notes"] == {"time": "snapshot"}
-    assert table["rule"] == "graded"
+    assert table["rule"] == "midpoint"
     assert table["air"]["wavelength_nm"] == 633.0
     assert table["source"]["array"] == "T"
     first = table["shells"][0]

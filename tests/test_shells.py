@@ -8,6 +8,7 @@ import warnings
 import numpy as np
 import pytest
 import pyvista as pv
+from attrs import evolve
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -37,21 +38,21 @@ from iriftrace.shells import (
 
 def test_midpoint_levels_by_hand():
     # By hand with e = 10, 8, 6, 4 (1e-5): surfaces midway.
-    surfaces, e = index_levels(10e-5, 4e-5, layers=3, rule="midpoint")
+    surfaces, e = index_levels(10e-5, 4e-5, layers=3)
     assert_allclose(e, [10e-5, 8e-5, 6e-5, 4e-5])
     assert_allclose(surfaces, [9e-5, 7e-5, 5e-5])
 
 
 def test_graded_levels_by_hand():
     # The cosine's steps of a range of 6 are 1.5, 3 and 1.5, equal ones 2; half of each is taken.
-    surfaces, e = index_levels(10e-5, 4e-5, layers=3)
+    surfaces, e = index_levels(10e-5, 4e-5, layers=3, rule="graded")
     assert_allclose(e, [10e-5, 8.25e-5, 5.75e-5, 4e-5])
     assert_allclose(surfaces, [9.125e-5, 7e-5, 4.875e-5])
 
 
 @given(st.integers(1, 200))
 def test_graded_steps_fill_the_range_evenly_to_both_sides(layers):
-    steps = -np.diff(index_levels(10e-5, 4e-5, layers)[1]) * layers / 6e-5
+    steps = -np.diff(index_levels(10e-5, 4e-5, layers, "graded")[1]) * layers / 6e-5
     assert_allclose(steps, steps[::-1], rtol=1e-9)
     assert_allclose(steps.mean(), 1)
     # Half an equal step at the ends, where the cosine is flat, and (1 + pi / 2) / 2 in the middle.
@@ -83,7 +84,7 @@ def test_impossible_levels_are_refused(arguments, message):
 
 @given(st.integers(1, 200), st.floats(0, 2.6e-4), st.floats(2.65e-4, 3e-4))
 def test_reversed_midpoint_rule_gives_equal_steps_back(layers, hottest, ambient):
-    surfaces, e = index_levels(ambient, hottest, layers, "midpoint")
+    surfaces, e = index_levels(ambient, hottest, layers)
     sorted_back, e_back = layers_between(surfaces[::-1], ambient)
     assert_allclose(sorted_back, surfaces)
     assert_allclose(e_back, e, atol=1e-15)
@@ -116,6 +117,10 @@ def test_shell_keeps_float32_and_refuses_damage():
         Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS * np.nan, CUBE_FACES)
     with pytest.raises(InputError, match="7 normals"):
         Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS, CUBE_FACES, CUBE_CORNERS[:7])
+    with pytest.raises(InputError, match="7 steepnesses for 8 vertices"):
+        evolve(shell, steepness=np.ones(7))
+    with pytest.raises(InputError, match="no normals beside them"):
+        Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS, CUBE_FACES, None, np.ones(8))
 
 
 def test_stack_tells_temperatures_and_refuses_nothing_and_unknown_rules():
@@ -141,7 +146,7 @@ def test_layers_of_a_stack_join_without_a_gap(spheres):
     assert [s.layer for s in spheres.shells] == [1, 2, 3, 4, 5]
     assert_allclose([s.ext for s in spheres.shells], e[:-1], rtol=1e-15)
     assert_allclose([s.int_ for s in spheres.shells], e[1:], rtol=1e-15)
-    assert spheres.rule == "graded"
+    assert spheres.rule == "midpoint"
     assert spheres.source.sha256 == "0" * 64
     assert spheres.crumbs == ()
 
@@ -212,6 +217,7 @@ def test_crumbs_are_dropped_and_reported():
         assert len(full.faces) - len(less.faces) == 8
         assert less.vertices[:, 0].max() < 1.5 < 3.5 < full.vertices[:, 0].max()
         assert len(less.normals) == len(less.vertices) == less.faces.max() + 1
+        assert len(less.steepness) == len(less.vertices)
 
 
 def test_levels_beyond_the_field_are_left_out_with_a_warning():
@@ -242,6 +248,9 @@ def test_step_of_a_missing_level_between_others_goes_to_the_next_shell():
     assert (outer.layer, inner.layer) == (1, 3)
     assert inner.ext == outer.int_
     assert_allclose(sum(s.ext - s.int_ for s in stack.shells), AMBIENT - HOTTEST, rtol=1e-14)
+    # Either block's index changes by half a step in 4 mm, which is a quarter of the joined step.
+    assert_allclose(outer.steepness, 0.5 / 4, rtol=1e-5)
+    assert_allclose(inner.steepness, 0.25 / 4, rtol=1e-5)
 
 
 def test_custom_levels_in_any_order_and_in_range():
@@ -260,6 +269,25 @@ def test_outer_rule_has_no_surface_at_the_hottest_point():
         stack = contour_shells(sphere_field(12), layers=4, rule="outer")
     assert stack.rule == "outer"
     assert [s.refractivity for s in stack.shells] == [s.int_ for s in stack.shells]
+    # The rule is for studies of rays that are bent at the shells alone.
+    assert [s.steepness for s in stack.shells] == [None] * 3
+
+
+@pytest.mark.parametrize(
+    "choice", [{"rule": "midpoint"}, {"rule": "graded"}, {"levels": [2.3e-4, 2.1e-4, 1.8e-4]}]
+)
+def test_steepness_is_the_gradient_over_the_shells_own_step(choice):
+    # n falls by 2e-5 per mm along a skew direction on cells that grow; 4 mm have 8e-5 in all.
+    grid = hexahedra(9, 2.0)
+    grid.points = np.asarray(grid.points) * (1.0, 1.3, 0.7) + 0.1 * np.asarray(grid.points) ** 2
+    way = np.array((2.0, -1.0, 2.0)) / 3.0
+    field = field_of(grid, lambda points: 2e-4 - 2e-5 * (points @ way))
+    assert_allclose(field.gradient_length, 2e-5, rtol=1e-9)
+    stack = contour_shells(field, layers=4, index_range=(2.4e-4, 1.6e-4), **choice)
+    for shell in stack.shells:
+        assert shell.steepness.dtype == np.float32
+        assert_allclose(shell.steepness, 2e-5 / (shell.ext - shell.int_), rtol=1e-6)
+        assert_allclose(shell.normals, np.tile(-way, (len(shell.normals), 1)), atol=1e-6)
 
 
 def test_field_without_the_levels_is_refused():
@@ -290,3 +318,4 @@ def test_contouring_is_repeatable_and_leaves_the_field_alone():
         assert_array_equal(a.vertices, b.vertices)
         assert_array_equal(a.faces, b.faces)
         assert_array_equal(a.normals, b.normals)
+        assert_array_equal(a.steepness, b.steepness)

@@ -1,4 +1,4 @@
-"""Where shells lie: graded steps of the index, the default, against equal steps."""
+"""Where shells lie: equal steps of the index, the default, against graded ones."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TRIMMED = 0.001
 TRIMMED_MEAN = "mean (without the largest 0.1 %)"
 """One ray that jumps from one side of a silhouette to the other changes the mean by per cents."""
 
-REAL_RULES = ("graded", "midpoint")
+REAL_RULES = ("midpoint", "graded")
 MEAN_BOUND = 2.0
 """Per cent, of the default rule with the default number of shells."""
 
@@ -95,10 +95,11 @@ def _lines(folder: Path) -> list[Line]:
 SECTION = Section(
     "steps",
     "Where the shells lie",
-    "Graded steps of the index, the default, against equal ones (midpoint) and against shells that "
-    "lie at the layer's own index (outer): 13 shells each, on the exact hot cylinder and on the "
-    "bundled pose, there against 80 shells of the same rule. Graded steps are finer at the wall, "
-    "where the innermost layer is what rays that graze the part see, and in the outer tail; in "
-    "between they are coarser. The mean follows the grazing rays, so it gains most.",
+    "Equal steps of the index (midpoint), the default, against graded ones, which are half as "
+    "large at both ends, and against shells that lie at the layer's own index (outer): 13 shells "
+    "each, on the exact hot cylinder and on the bundled pose, there against 80 shells of the same "
+    "rule. With rays bent all along the layers it hardly matters; with rays bent at the shells "
+    "alone (`-D bending=shells`), as with the outer rule always, what the innermost layer does to "
+    "rays that graze the wall, and the outermost one to all, makes most of the error.",
     _lines,
 )

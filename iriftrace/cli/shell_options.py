@@ -36,12 +36,13 @@ class ShellOptions:
     levels
         Own list of n - 1 for the shells, separated by commas, instead of layers and rule.
     rule
-        Steps of the index and where a shell lies in them: "graded" steps are finer at the wall and
-        in the outer tail, "midpoint" ones equal; "outer" is of first order, for studies.
+        Steps of the index and where a shell lies in them: "midpoint" steps are equal; "graded" ones
+        are finer at the wall and in the outer tail, for rays that are bent at the shells alone;
+        "outer" is of first order, for studies.
     min_size
         Pieces of a shell smaller than this are dropped.
     smooth
-        Taubin smoothing steps.
+        Taubin smoothing steps; smoothed shells have facet normals, and bend rays there alone.
     subdivide
         Times every triangle is split into four.
     drop_inner
@@ -53,7 +54,7 @@ class ShellOptions:
     layers: Whole = 13
     index_range: str | None = None
     levels: str | None = None
-    rule: Literal["graded", "midpoint", "outer"] = "graded"
+    rule: Literal["midpoint", "graded", "outer"] = "midpoint"
     min_size: str = "1 mm"
     smooth: Whole = 0
     subdivide: Whole = 0

@@ -26,7 +26,7 @@ Output = Annotated[
 References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
 Layers = Annotated[Whole, Parameter(help="Number of shells.")]
 
-MODE = Group("Second mode, compared with ours (gradient, graded, refract, 0)", sort_key=0)
+MODE = Group("Second mode, compared with ours (gradient, midpoint, refract, 0)", sort_key=0)
 
 
 @Parameter(name="*", group=MODE)
@@ -49,7 +49,7 @@ class ModeOptions:
     """
 
     normals: Literal["gradient", "facet"] = "facet"
-    index_rule: Literal["graded", "midpoint", "outer"] = "outer"
+    index_rule: Literal["midpoint", "graded", "outer"] = "outer"
     inside_hit: Literal["refract", "drop"] = "drop"
     drop_inner: str = "0"
     explain: Annotated[bool, Parameter(negative=())] = False

@@ -8,10 +8,10 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace import air_properties as gas
+from iriftrace.consistent_gradient import ROUNDS, consistent_gradient
 from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.errors import InputError
 from iriftrace.field_cells import cell_corners, point_gradient
-from iriftrace.field_check.consistent_gradient import ROUNDS, consistent_gradient
 from iriftrace.index_field import IndexField
 from iriftrace.part import Part
 from iriftrace.triangles import face_crosses, unit_vectors

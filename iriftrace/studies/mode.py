@@ -40,7 +40,7 @@ class Mode:
 
     name: str
     normals: str = field(default="gradient")
-    index_rule: str = field(default="graded")
+    index_rule: str = field(default="midpoint")
     inside_hit: str = field(default="refract")
     drop_inner: tuple[int, ...] = field(default=(0,), converter=tuple[int, ...])
 
@@ -119,7 +119,7 @@ def one_change_each(papers: Mode) -> list[Mode]:
     """The paper's mode with one of its choices at a time replaced by ours, to see which matters."""
     changes = {
         "normals": "gradient normals",
-        "index_rule": "graded rule",
+        "index_rule": "midpoint rule",
         "inside_hit": "inside hits refracted",
         "drop_inner": "all shells",
     }

@@ -98,7 +98,7 @@ def polygons_study(
 def thinned(stack: ShellStack, triangles: int) -> ShellStack:
     """Shells with at most about a number of triangles each, by quadric edge collapse.
 
-    Each vertex gets the gradient normal of the nearest vertex of before.
+    Each vertex gets the gradient normal and the steepness of the nearest vertex of before.
     """
     return evolve(stack, shells=[_thinned(shell, triangles) for shell in stack.shells])
 
@@ -108,7 +108,11 @@ def _thinned(shell: Shell, triangles: int) -> Shell:
         return shell
     mesh = polydata(shell.vertices, shell.faces).decimate(1.0 - triangles / len(shell.faces))
     vertices = np.asarray(mesh.points, dtype=np.float32)
-    normals = None
-    if shell.normals is not None:
-        normals = shell.normals[cKDTree(shell.vertices).query(vertices)[1]]
-    return evolve(shell, vertices=vertices, faces=mesh.regular_faces, normals=normals)
+    nearest = cKDTree(shell.vertices).query(vertices)[1]
+    return evolve(
+        shell,
+        vertices=vertices,
+        faces=mesh.regular_faces,
+        normals=None if shell.normals is None else shell.normals[nearest],
+        steepness=None if shell.steepness is None else shell.steepness[nearest],
+    )

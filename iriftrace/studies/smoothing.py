@@ -38,8 +38,8 @@ def smoothing_study(
     iterations : sequence of int
         Of `iriftrace.shell_edit.smooth_taubin`.
     modes : sequence of Mode
-        Gradient normals stay with their vertices, because they belong to the field and not to the
-        facets.
+        Gradient normals and steepness stay with their vertices, because they belong to the field
+        and not to the facets.
     references : sequence of str
         See :mod:`iriftrace.studies.finest`.
     source : mapping
@@ -75,10 +75,10 @@ def smoothing_study(
 
 
 def smoothed(stack: ShellStack, iterations: int) -> ShellStack:
-    """Smooth the surfaces; each vertex keeps the direction of the gradient that it had."""
+    """Smooth the surfaces; each vertex keeps the gradient that it had."""
     changed = smooth_taubin(stack, iterations)
     shells = [
-        evolve(after, normals=before.normals)
+        evolve(after, normals=before.normals, steepness=before.steepness)
         for before, after in zip(stack.shells, changed.shells, strict=True)
     ]
     return evolve(changed, shells=shells)

@@ -111,8 +111,8 @@ def test_displacement_does_not_depend_on_the_number_of_shells(
 ) -> None:
     """Mean and median with 13, 40 and 80 shells lie within 1 %.
 
-    At equal steps of the index the mean would change by 1.6 % (bundled scene) and 4.4 % (above):
-    rays that graze the part run through the innermost layer, which the default makes thinner.
+    With rays bent at the shells alone the mean would change by 1.6 % (bundled scene) and 4.4 %
+    (above): what the innermost layer does to rays that graze the part makes most of it.
     """
     statistics = []
     for layers in (13, 40, 80):

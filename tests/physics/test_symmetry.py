@@ -31,6 +31,7 @@ def mirrored(shell: Shell) -> Shell:
         vertices=np.concatenate((shell.vertices, shell.vertices * MIRROR)),
         faces=np.concatenate((half, image)),
         normals=np.concatenate((shell.normals, shell.normals * MIRROR)),
+        steepness=np.concatenate((shell.steepness, shell.steepness)),
     )
 
 

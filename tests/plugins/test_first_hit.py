@@ -151,8 +151,10 @@ def test_normals_parameter_chooses_gradient_or_facets(shapes: dict[str, Any]) ->
     gradient, facet = (channels(scene(shapes, normals=n)) for n in ("gradient", "facet"))
     difference = gradient["displacement.norm"] - facet["displacement.norm"]
     assert np.abs(difference).max() > 1e-6
-    default = channels(scene(shapes))
-    np.testing.assert_array_equal(default["displacement.norm"], gradient["displacement.norm"])
+    # These shells do not say how steep the index is, so nothing else can be done by default.
+    for values in ({}, {"bending": "layers"}, {"bending": "shells"}):
+        same = channels(scene(shapes, **values))
+        np.testing.assert_array_equal(same["displacement.norm"], gradient["displacement.norm"])
 
 
 @pytest.mark.parametrize(
@@ -160,6 +162,8 @@ def test_normals_parameter_chooses_gradient_or_facets(shapes: dict[str, Any]) ->
     [
         ({"normals": "gradien"}, "\"normals\" is 'gradien'.*one of gradient, facet"),
         ({"normals": 3}, '"normals" is 3'),
+        ({"bending": "layer"}, "\"bending\" is 'layer'.*one of layers, shells"),
+        ({"bending": True}, '"bending" is True'),
         ({"max_crossings": 0}, '"max_crossings" is 0.*at least 1'),
         ({"max_crossings": 2.5}, '"max_crossings" is 2.5.*whole'),
         ({"max_crossings": 2**40}, '"max_crossings" is 1.09951e'),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,7 @@ def without_field(xml: Path, folder: Path, integrator: str = "") -> Path:
         text = copy.read_text()
         start, end = text.index("<integrator"), text.index("</integrator>")
         text = text[:start] + integrator + text[end + len("</integrator>") :]
-        copy.write_text(text.replace('    <default name="normals" value="gradient"/>\n', ""))
+        copy.write_text(re.sub(r' *<default name="(normals|bending)".*\n', "", text))
     return copy
 
 

@@ -35,6 +35,12 @@ def test_indices_are_kept_in_double_precision() -> None:
     assert (from_xml.ext_ior, from_xml.int_ior) == (EXT, INT)
 
 
+def test_index_on_the_surface_is_the_mean_unless_given() -> None:
+    assert bsdf(ext_ior=EXT, int_ior=INT).iso_ior == 0.5 * (EXT + INT)
+    surface = 1.000261234567891
+    assert bsdf(ext_ior=EXT, int_ior=INT, iso_ior=surface).iso_ior == surface
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -45,6 +51,8 @@ def test_indices_are_kept_in_double_precision() -> None:
         ({"ext_ior": 1.0, "int_ior": 7.0}, '"int_ior" is 7.0, which is no refractive index'),
         ({"ext_ior": float("nan"), "int_ior": 1.0}, '"ext_ior" is nan; give a finite number'),
         ({"ext_ior": float("inf"), "int_ior": 1.0}, '"ext_ior" is inf; give a finite number'),
+        ({"ext_ior": 1.0, "int_ior": 1.0, "iso_ior": 2.6e-4}, '"iso_ior" is 0.00026, which is no'),
+        ({"ext_ior": 1.0, "int_ior": 1.0, "iso_ior": "1.0"}, "\"iso_ior\" is '1.0', not a number"),
         ({"ext_ior": 1.0, "int_ior": 1.0, "lyer": "1"}, 'unreferenced property.*\n.*"lyer"'),
     ],
 )

@@ -106,7 +106,7 @@ def test_shell_must_be_a_mesh(tmp_path: Path) -> None:
 
 def without_normals(xml: Path, name: str = "shell_02.ply") -> None:
     path = xml.parent / "shells" / name
-    vertices, faces, normals = read_ply(path)
+    vertices, faces, normals, _ = read_ply(path)
     assert normals is not None
     write_ply(path, vertices, faces)
 
@@ -261,7 +261,7 @@ def test_wrong_values_in_the_file_become_one_line_that_says_where(
 def test_stock_dielectric_counts_as_shell_and_warns(xml: Path, edit: Edit) -> None:
     """It bends as iso_shell does, but for its single precision."""
     ray = ([(3.0, 2.0, 30.0)], [(0.6, 0.1, -1.0)])
-    exact = trace_rays(load_scene(xml), *ray)
+    exact = trace_rays(load_scene(xml, {"bending": "shells"}), *ray)
     edit('type="iso_shell"', 'type="dielectric"')
     xml.write_text(re.sub(r'\s*<string name="layer" value="\d"/>', "", xml.read_text()))
     with pytest.warns(IriftraceWarning, match="dielectric, whose single-precision index ratio"):

@@ -116,9 +116,11 @@ def test_smoothing_keeps_the_gradient_at_each_vertex(block: tuple[IndexField, Vi
     for before, after in zip(stack.shells, smoothed(stack, 3).shells, strict=True):
         assert before.normals is not None
         np.testing.assert_array_equal(after.normals, before.normals)
+        assert before.steepness is not None
+        np.testing.assert_array_equal(after.steepness, before.steepness)
         assert not np.array_equal(after.vertices, before.vertices)
-    facets = evolve(stack, shells=[evolve(shell, normals=None) for shell in stack.shells])
-    assert not smoothed(facets, 3).has_normals
+    facets = [evolve(shell, normals=None, steepness=None) for shell in stack.shells]
+    assert not smoothed(evolve(stack, shells=facets), 3).has_normals
 
 
 def test_meshes_are_compared_with_the_last_and_splitting_adds_coplanar_triangles_only(

@@ -176,12 +176,6 @@ def test_demo(run: Run, tmp_path: Path) -> None:
 # Shells --------------------------------------------------------------------------------------
 
 
-def graded(outside: float, inside: float, layers: int) -> np.ndarray:
-    """Index of the layers at the mean of equal steps and of the cosine's."""
-    share = np.arange(layers + 1) / layers
-    return outside + (inside - outside) * (share / 2 + (1 - np.cos(np.pi * share)) / 4)
-
-
 def test_shells_with_a_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     printed = run("shells", hot.field, "-o", "shells", "--part", hot.part)
     assert max(map(len, printed.splitlines())) <= 80
@@ -196,8 +190,8 @@ def test_shells_with_a_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     }
     assert pv.read(tmp_path / "shells" / "shells.vtm").n_blocks == 13
     table = table_of("shells")
-    # Graded steps between ambient air and the hottest, each shell midway.
-    e = graded(AIR.ambient_refractivity, float(AIR.refractivity(hot_block.WALL)), 13)
+    # Equal steps between ambient air and the hottest, each shell midway.
+    e = np.linspace(AIR.ambient_refractivity, float(AIR.refractivity(hot_block.WALL)), 14)
     np.testing.assert_allclose(column(table, "refractivity"), (e[1:] + e[:-1]) / 2, rtol=1e-12)
     assert column(table, "closed").all()
     # T falls linearly with the distance to the block. The distance is convex, so that between the
@@ -229,7 +223,7 @@ def test_index_range_in_both_units(run: Run, hot: HotBlock) -> None:
     run("shells", hot.field, "-o", "b", "--layers=3", f"--index-range={ends}")
     mixed = f"{AIR.ambient_refractivity!r}:1000 degC"
     run("shells", hot.field, "-o", "c", "--layers=3", f"--index-range={mixed}")
-    e = graded(AIR.ambient_refractivity, hottest, 3)
+    e = np.linspace(AIR.ambient_refractivity, hottest, 4)
     for folder in "abc":
         levels = column(table_of(folder), "refractivity")
         np.testing.assert_allclose(levels, (e[1:] + e[:-1]) / 2, rtol=1e-12)
@@ -237,7 +231,7 @@ def test_index_range_in_both_units(run: Run, hot: HotBlock) -> None:
 
 def test_isosurfaces_of_its_own_come_back(run: Run, hot: HotBlock) -> None:
     """What ParaView shows can be read again: same surfaces, and the same layers between them."""
-    run("shells", hot.field, "-o", "made", "--layers=4", "--rule=midpoint")
+    run("shells", hot.field, "-o", "made", "--layers=4")
     run("shells", "made/shells.vtm", "-o", "read", "--isosurfaces", "--part", hot.part)
     made, read = table_of("made"), table_of("read")
     assert read["rule"] == "imported"
@@ -246,8 +240,10 @@ def test_isosurfaces_of_its_own_come_back(run: Run, hot: HotBlock) -> None:
     assert (column(read, "triangles") == column(made, "triangles")).all()
     moved = ("--field-transform=translate 0 0 100", "--min-size=1 um")
     run("shells", "made/shells.vtm", "-o", "moved", "--isosurfaces", *moved)
-    shift = load_shells("moved").shells[0].vertices.mean(axis=0) - (0, 0, 100)
-    np.testing.assert_allclose(shift, 0.0, atol=1e-3)
+    outermost = load_shells("moved").shells[0]
+    np.testing.assert_allclose(outermost.vertices.mean(axis=0) - (0, 0, 100), 0.0, atol=1e-3)
+    assert load_shells("made").shells[0].steepness is not None
+    assert outermost.steepness is None
 
 
 def test_units_and_axes_of_field_and_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:
@@ -408,7 +404,8 @@ def test_metrics_have_every_key_of_the_schema(hot: HotBlock) -> None:
     assert np.shape(metrics["pose"]["matrix"]) == (4, 4)
     assert metrics["pose"]["origin_mm"] == pytest.approx([60, -45, 70])
     assert metrics["assumptions"].keys() >= {
-        *("engine", "index_rule", "normals", "field_source", "field_time", "field_symmetry"),
+        *("engine", "index_rule", "normals", "bending"),
+        *("field_source", "field_time", "field_symmetry"),
         *("open_boundary", "camera", "optics", "sampling", "air"),
     }
     regions = metrics["regions"]
@@ -435,7 +432,7 @@ def test_channels_as_openexr_reads_them(hot: HotBlock) -> None:
             f"iriftrace.{key}"
             for key in (
                 *("schema", "version", "camera", "pose", "engine", "index_rule", "normals"),
-                *("wavelength_nm", "field", "part", "variant", "length_unit", "time_s"),
+                *("bending", "wavelength_nm", "field", "part", "variant", "length_unit", "time_s"),
             )
         }
         part = json.loads(header["iriftrace.part"])
@@ -497,12 +494,15 @@ def test_a_moved_camera(run: Run, hot: HotBlock, tmp_path: Path) -> None:
 
 
 def test_a_dropped_shell(run: Run, hot: HotBlock, tmp_path: Path) -> None:
-    """Every ray that met all four shells meets three, and is bent less."""
+    """Every ray that met all four shells meets three, and is bent less if they alone bend it."""
     scene = edited(hot, tmp_path / "s", r'<shape type="ply" id="shell_02">.*?</shape>', "")
-    run("render", scene, "--no-figures", warns="3 of the 4")
-    rule = metrics_of(scene.with_suffix(".json"))["assumptions"]["index_rule"]
-    assert rule.startswith("edited: 3 of 4")
-    four, three = channels_of(hot.image), channels_of(scene.with_suffix(".exr"))
+    at_shells = ("--no-figures", "-D", "bending=shells")
+    run("render", hot.scene, "-o", "four.exr", *at_shells)
+    run("render", scene, "-o", "three.exr", *at_shells, warns="3 of the 4")
+    assumptions = metrics_of("three.json")["assumptions"]
+    assert assumptions["index_rule"].startswith("edited: 3 of 4")
+    assert assumptions["bending"] == "at the shells alone"
+    four, three = channels_of("four.exr"), channels_of("three.exr")
     good = (four["status.code"] == 0) & (three["status.code"] == 0)
     assert good.sum() > 3500
     less = four["path.crossings"][good] - three["path.crossings"][good]
