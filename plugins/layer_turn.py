@@ -27,7 +27,10 @@ TURNING_STEPS = 3.0
 gradients say more, the air is even in between, as in the gap between two boundary layers."""
 
 LEAST_COSINE = 0.02
-"""Cosine with which the air beyond the last shell is left at least, for rays that graze it."""
+"""Cosine with which the air beyond the last shell is left at least, for rays that graze it.
+
+Straight down a plume, 0.07 takes a quarter of the displacement away (hybrid, 13 shells).
+"""
 
 MOST_SLOPE = 1000.0
 """A ray that grazes a plane is not brought back onto it from further away than this, times how far
