@@ -159,7 +159,7 @@ SECTION = Section(
     "only with the square root of the number of shells, whatever their normals, and the picture "
     "has streaks along the shells' outlines; means over many rays are right. What is expected "
     "there is the closed form for tubes. Bent all along the layers, which is the default, single "
-    "rays are right to second order. Such lines of sight are those through a plume, and along a "
+    "rays converge with order 1.5 to 2. Such lines of sight are those through a plume, and along a "
     "wall at a distance; `iriftrace render --check-shells` says how far off a view is from the "
     "continuous engine.",
     _lines,

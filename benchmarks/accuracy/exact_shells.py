@@ -21,6 +21,9 @@ SLAB_SHIFT_UM = {15: 0.906732, 60: 21.891213, 85: 4921.029686}
 CYLINDER_UM = {0.25: 0.484096, 0.75: 2.430121, 0.95: 7.621401, 0.999: 67.019772}
 """Displacement of parallel rays at these heights over the axis, in radii."""
 
+LAST_WITH_ORDER = 0.95
+"""Height up to which errors of one sign fall with the number of shells."""
+
 CYLINDER_BOUND = {13: 0.7, 26: 0.3, 100: 0.05}
 ANY_CAMERA = Camera(
     focal_length_mm=10.0,
@@ -97,6 +100,8 @@ def _of_one_way(folder: Path, bending: str) -> list[Line]:
         ]
         errors[layers] = list(found / np.array(list(CYLINDER_UM.values())) - 1)
     for place, b in enumerate(CYLINDER_UM):
+        if b > LAST_WITH_ORDER:
+            continue
         order = np.log(errors[13][place] / errors[26][place]) / np.log(2)
         what = f"order from 13 to 26 shells, bending={bending}, ray at {b:g} R"
         lines.append(Line(what, "2", f"{order:.2f}"))
