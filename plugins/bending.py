@@ -109,7 +109,7 @@ class InLayers:
 
     Snell's law at the shells sees a ray that just touches a shell turned much and one that just
     misses it not at all, so single rays that turn round in the air converge with order 1/2 in the
-    number of shells; here the layer is the same for both, and they converge with order 2.
+    number of shells; here the layer is the same for both, and they converge with order 1.5 to 2.
 
     Parameters
     ----------
