@@ -214,7 +214,7 @@ def test_mean_and_scatter_agree_with_the_closed_form(ten: Path) -> None:
     relative size (n - 1) tan^2(theta) < 2.2e-4 x 4, here below 1e-3 of share. The tracer is right
     to 1e-9 mm or so, displacements are 1e-3 to 1e-2 mm: 1e-6 of them.
     """
-    image = render_scene(ten).image
+    image = render_scene(load_scene(ten, {"bending": "shells"})).image
     good = image.status == Status.GOOD
     assert good.sum() > 300
     assert (image.channels[MEMBERS_CHANNEL][good] == len(SHARES)).all()
