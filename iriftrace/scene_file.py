@@ -99,7 +99,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         mesh = _mesh_file(props, path)
         if mesh is None:
             continue
-        if _bends_in_layers(nodes) and _changes_lengths(placement) and _head(mesh, b"steepness_1"):
+        if _bends_in_layers(nodes) and _changes_lengths(placement) and _is_steep(mesh):
             raise InputError(
                 f"Shell '{props.id()}' in {path} has a to_world that changes lengths, but its file "
                 "says how steep the index is per mm of its own; make the scene anew with "
@@ -249,12 +249,18 @@ def _changes_lengths(placement: NDArray[np.float64]) -> bool:
     return not np.allclose(turn.T @ turn, np.eye(3), atol=1e-6)
 
 
-def _head(mesh: Path, word: bytes) -> bool:
-    """Whether a word is in the head of a PLY."""
+def _ply_head(mesh: Path) -> bytes | None:
+    """What a PLY says before its numbers; None for what is no PLY."""
+    with mesh.open("rb") as file:
+        head, end, _ = file.read(4096).partition(b"end_header")
+    return head if end else None
+
+
+def _is_steep(mesh: Path) -> bool:
+    """Whether a shell's file says how steep the index is."""
     if not mesh.is_file() or mesh.suffix.lower() != ".ply":
         return False
-    head, end, _ = mesh.read_bytes()[:4096].partition(b"end_header")
-    return bool(end) and word in head
+    return b" steepness_1" in (_ply_head(mesh) or b"")
 
 
 def _has_normals(mesh: Path) -> bool:
@@ -263,7 +269,7 @@ def _has_normals(mesh: Path) -> bool:
         return True
     kind = mesh.suffix.lower()
     if kind == ".ply":
-        head, end, _ = mesh.read_bytes()[:4096].partition(b"end_header")
+        head = _ply_head(mesh)
         # Mitsuba also says so of what is no PLY.
-        return b" nx" in head or not end
+        return head is None or b" nx" in head
     return kind == ".obj" and b"\nvn " in mesh.read_bytes()

@@ -29,7 +29,7 @@ gradients say more, the air is even in between, as in the gap between two bounda
 LEAST_COSINE = 0.02
 """Cosine with which the air beyond the last shell is left at least, for rays that graze it.
 
-Straight down a plume, 0.07 takes a quarter of the displacement away (hybrid, 13 shells).
+Straight down a plume (hybrid, 13 shells) 0.07 takes 38 % off the median displacement, 0.02 nothing.
 """
 
 MOST_SLOPE = 1000.0
