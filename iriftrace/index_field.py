@@ -117,20 +117,29 @@ class IndexField:
         return point_gradient(self.grid, self.refractivity)
 
     @cached_property
-    def gradient_length(self) -> FloatArray:
-        """Length of the gradient of n at the points, (n,) array, 1/mm.
+    def fitting_gradient(self) -> FloatArray:
+        """Gradient of n at the points, (n, 3) array, 1/mm, world, as long as n changes.
 
-        Corrected so that it fits what n changes by between the points; the length of `gradient`
-        itself is some per cent off where cells grow. See `consistent_gradient`.
+        Directions are those of `gradient`; its own length is some per cent off where cells grow.
+        See `consistent_gradient`.
         """
-        fitting = consistent_gradient(
+        return consistent_gradient(
             np.asarray(self.grid.points),
             tetrahedra_of(self.grid).corners,
             self.refractivity,
             self.gradient,
         )
-        length: FloatArray = np.sqrt(np.einsum("ij,ij->i", fitting, fitting))
-        return length
+
+    @cached_property
+    def second_derivatives(self) -> FloatArray:
+        """Second derivatives of n at the points, (n, 3, 3) array, 1/mm^2, world, symmetric.
+
+        Recovered from `fitting_gradient` as that is from n.
+        """
+        columns = np.ascontiguousarray(self.fitting_gradient.T)
+        rows = np.stack([point_gradient(self.grid, column) for column in columns], axis=1)
+        derivatives: FloatArray = 0.5 * (rows + rows.transpose(0, 2, 1))
+        return derivatives
 
     @cached_property
     def wall(self) -> pv.PolyData:

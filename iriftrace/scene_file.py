@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.scene_wavelength import WAVELENGTH, of_the_file
+from iriftrace.steepness import PLY_COLUMNS
 from iriftrace.unreadable import check_readable
 
 SHELL_BSDFS = ("iso_shell", "dielectric")
@@ -260,7 +261,8 @@ def _is_steep(mesh: Path) -> bool:
     """Whether a shell's file says how steep the index is."""
     if not mesh.is_file() or mesh.suffix.lower() != ".ply":
         return False
-    return b" steepness_1" in (_ply_head(mesh) or b"")
+    head = _ply_head(mesh) or b""
+    return all(f" {name}_1".encode() in head for name in PLY_COLUMNS)
 
 
 def _has_normals(mesh: Path) -> bool:

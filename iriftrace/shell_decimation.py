@@ -99,7 +99,7 @@ def _thinned(shell: Shell, share: float) -> Shell:
     normals = normals_along(vertices, faces, gradient[used]) if smooth else None
     steepness = None
     if shell.steepness is not None:
-        steepness = np.einsum("ij,ij->i", weights, shell.steepness[corners])[used]
+        steepness = np.einsum("ij,ijk->ik", weights, shell.steepness[corners])[used]
     return evolve(shell, vertices=vertices, faces=faces, normals=normals, steepness=steepness)
 
 

@@ -15,6 +15,7 @@ from iriftrace.air import Air
 from iriftrace.errors import InputError
 from iriftrace.shell_mesh import AnyIntArray, Float32Array, polydata
 from iriftrace.shell_stack import Crumbs, Shell, ShellStack
+from iriftrace.steepness import PLY_COLUMNS
 from iriftrace.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -27,8 +28,7 @@ PARAVIEW = "shells.vtm"
 _FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 _POSITION = ("x", "y", "z")
 _NORMAL = ("nx", "ny", "nz")
-_STEEPNESS = ("steepness_1",)
-"""Mitsuba turns a column of this name into the attribute ``vertex_steepness``."""
+_STEEPNESS = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
 
 
 def save_shells(
@@ -141,7 +141,8 @@ def write_ply(
     if normals is not None:
         columns, names = [*columns, normals], names + _NORMAL
         if steepness is not None:
-            columns, names = [*columns, steepness[:, None]], names + _STEEPNESS
+            gradient = normals * steepness[:, :1]
+            columns, names = [*columns, gradient, steepness[:, 1:]], names + _STEEPNESS
     records = np.empty(len(faces), dtype=_FACE)
     records["count"], records["corners"] = 3, faces
     with whole_file(path) as temporary, temporary.open("wb") as file:
@@ -176,7 +177,10 @@ def read_ply(
             points = np.frombuffer(body[:split], dtype="<f4").reshape(-1, len(names))
             corners = np.frombuffer(body[split:], dtype=_FACE)["corners"]
             normals = points[:, 3:6] if len(names) > 3 else None
-            return points[:, :3], corners, normals, points[:, 6] if len(names) > 6 else None
+            if normals is None or len(names) == 6:
+                return points[:, :3], corners, normals, None
+            length = np.linalg.norm(points[:, 6:9], axis=1, keepdims=True)
+            return points[:, :3], corners, normals, np.hstack((length, points[:, 9:]))
     raise InputError(
         f"{path} is cut short or was written by another program; write the shells again, or use "
         "import_shells for surfaces from elsewhere."
@@ -242,7 +246,8 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
         if shell.normals is not None:
             mesh.point_data["Normals"] = shell.normals
         if shell.steepness is not None:
-            mesh.point_data["steepness_1_mm"] = shell.steepness
+            mesh.point_data["steepness_1_mm"] = shell.steepness[:, 0]
+            mesh.point_data["second_derivatives_1_mm2"] = shell.steepness[:, 1:]
         count = mesh.n_cells
         mesh.cell_data["layer"] = np.full(count, shell.layer, dtype=np.int32)
         mesh.cell_data["refractivity"] = np.full(count, shell.refractivity)

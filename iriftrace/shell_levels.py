@@ -32,10 +32,11 @@ def index_levels(
         Number of shells N.
     rule : str
         ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, in equal steps of ``e``.
-        ``"graded"``: the same, but the steps of ``e`` are the mean of equal ones and of the
-        cosine's: half an equal step at both ends, 1.3 times one in the middle. It serves rays that
-        are bent at the shells alone: what the innermost layer does to rays that graze the part, and
-        the outermost one to all, makes most of their error; see the accuracy page.
+        ``"graded"``: the same, but the steps of ``e`` are the mean of equal ones (weight 0.3) and
+        of the cosine's: 0.3 equal steps at both ends, 1.4 in the middle. It serves few shells in
+        views through a plume, whose air is in the outermost layers, and rays that are bent at the
+        shells alone, where the innermost and the outermost layer make most of the error; see the
+        accuracy page.
         ``"outer"``: shell k lies at ``e_k``, in equal steps, so that each layer has the value of
         its outer surface; first order (5 to 6 % off with 13 shells), for studies only. Its last
         shell is the hottest air itself and so normally empty.
@@ -64,7 +65,7 @@ def index_levels(
         raise InputError(f"Unknown rule '{rule}' for index steps; use one of {', '.join(RULES)}.")
     share = np.linspace(0.0, 1.0, layers + 1)
     if rule == "graded":
-        share = 0.5 * share + 0.25 * (1.0 - np.cos(np.pi * share))
+        share = 0.3 * share + 0.35 * (1.0 - np.cos(np.pi * share))
     e = ambient + (hottest - ambient) * share
     return e[1:].copy() if rule == "outer" else 0.5 * (e[:-1] + e[1:]), e
 

@@ -13,6 +13,7 @@ from iriftrace.air import Air
 from iriftrace.errors import InputError
 from iriftrace.shell_levels import RULES
 from iriftrace.shell_mesh import AnyIntArray, Float32Array, FloatArray
+from iriftrace.steepness import STEEPNESSES
 
 if TYPE_CHECKING:
     from iriftrace.index_field import FieldSource
@@ -28,8 +29,8 @@ def _optional_float32(values: ArrayLike | None) -> Float32Array | None:
     return None if values is None else _float32(values)
 
 
-def _optional_column(values: ArrayLike | None) -> Float32Array | None:
-    return None if values is None else np.ascontiguousarray(values, dtype=np.float32).ravel()
+def _optional_rows(values: ArrayLike | None) -> Float32Array | None:
+    return None if values is None else np.ascontiguousarray(values, dtype=np.float32)
 
 
 def _shells(values: Iterable[Shell]) -> tuple[Shell, ...]:
@@ -61,9 +62,10 @@ class Shell:
         Counter-clockwise seen from outside, so facet normals point to the ``ext`` side.
     normals : (n, 3) array of float32 or None, world
         Unit vectors at the vertices along +grad(n), that is outward. None: only facets are known.
-    steepness : (n,) array of float32 or None, 1/mm
-        Length of grad(n) at the vertices over the shell's step ``|ext - int_|``, by which rays are
-        bent all along the layers. None: rays are bent at this shell alone.
+    steepness : (n, 7) array of float32 or None, 1/mm and 1/mm^2, world
+        Length of grad(n) at the vertices and the second derivatives of n (xx, yy, zz, yz, xz, xy),
+        all over the shell's step ``ext - int_``, by which rays are bent all along the layers. None:
+        rays are bent at this shell alone.
 
     Raises
     ------
@@ -78,8 +80,7 @@ class Shell:
     vertices: Float32Array = field(converter=_float32, repr=False)
     faces: AnyIntArray = field(converter=_int32, repr=False)
     normals: Float32Array | None = field(default=None, converter=_optional_float32, repr=False)
-
-    steepness: Float32Array | None = field(default=None, converter=_optional_column, repr=False)
+    steepness: Float32Array | None = field(default=None, converter=_optional_rows, repr=False)
 
     @vertices.validator
     def _check_vertices(self, _: Attribute[Float32Array], vertices: Float32Array) -> None:
@@ -115,10 +116,11 @@ class Shell:
     ) -> None:
         if steepness is None:
             return
-        if self.normals is None or len(steepness) != len(self.vertices):
+        if self.normals is None or steepness.shape != (len(self.vertices), STEEPNESSES):
             raise InputError(
-                f"Shell {self.layer} has {len(steepness)} steepnesses for {len(self.vertices)} "
-                "vertices, or no normals beside them; give one and a normal for each, or none."
+                f"Shell {self.layer} has a steepness of shape {steepness.shape} for "
+                f"{len(self.vertices)} vertices, or no normals beside it; give {STEEPNESSES} "
+                "numbers and a normal for each vertex, or no steepness."
             )
 
 

@@ -21,6 +21,7 @@ from iriftrace.shell_mesh import (
     weld,
 )
 from iriftrace.shell_stack import Crumbs, Shell, ShellStack
+from iriftrace.steepness import steepness_rows
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -50,9 +51,10 @@ def contour_shells(
 
     The surfaces are contoured on the solver's cells without resampling, rounded to float32 (the
     precision of the renderer's geometry), welded, freed of degenerate triangles and of crumbs, and
-    wound so that facets face the cooler air. Vertex normals are ``field.gradient``, interpolated
-    along the cell edges and normalised, and each vertex knows how steep the index is there
-    (``field.gradient_length``); not with the rule ``"outer"``, which is about steps at the shells.
+    wound so that facets face the cooler air. Vertex normals are ``field.fitting_gradient``,
+    interpolated along the cell edges and normalised. Each vertex knows how steep the index is there
+    and how that changes (``field.second_derivatives``); not with the rule ``"outer"``, which is
+    about steps at the shells.
 
     Levels that the field does not reach are left out with a warning, and no other step changes:
     there is no such air. Should a level in between be left without triangles (all of it crumbs),
@@ -95,7 +97,7 @@ def contour_shells(
     found: dict[int, tuple[Float32Array, IntArray, Float32Array, FloatArray]] = {}
     crumbs = []
     for layer, level in enumerate(surfaces.tolist(), start=1):
-        vertices, faces, gradient, length = _contour(grid, level)
+        vertices, faces, gradient, derivatives = _contour(grid, level)
         towards = gradient[faces].mean(axis=1)
         faces, pieces, triangles = face_along(vertices, faces, towards, min_size_mm)
         crumbs += [Crumbs(layer, pieces, triangles)] if pieces else []
@@ -103,7 +105,8 @@ def contour_shells(
             used, faces = used_vertices(len(vertices), faces)
             vertices = vertices[used]
             normals = normals_along(vertices, faces, gradient[used])
-            found[layer] = vertices, faces, normals, length[used]
+            length = np.linalg.norm(gradient[used], axis=1)
+            found[layer] = vertices, faces, normals, steepness_rows(length, derivatives[used])
     if not found:
         raise InputError(
             f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
@@ -113,10 +116,10 @@ def contour_shells(
     _warn_of_missing(field, surfaces, found.keys())
     shells = []
     inside = None
-    for layer, (vertices, faces, normals, length) in found.items():
+    for layer, (vertices, faces, normals, per_mm) in found.items():
         ext = e[layer - 1] if inside is None else inside
         inside = float(e[layer])
-        steepness = None if rule == "outer" else length / abs(inside - ext)
+        steepness = None if rule == "outer" else per_mm / (ext - inside)
         level = float(surfaces[layer - 1])
         shells.append(Shell(layer, level, float(ext), inside, vertices, faces, normals, steepness))
     return ShellStack(shells, field.air, rule, field.source, crumbs)
@@ -140,8 +143,8 @@ def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
     grid = pv.UnstructuredGrid()
     grid.copy_structure(field.grid)
     grid.point_data["refractivity"] = field.refractivity
-    grid.point_data["gradient"] = field.gradient
-    grid.point_data["length"] = field.gradient_length
+    grid.point_data["gradient"] = field.fitting_gradient
+    grid.point_data["derivatives"] = field.second_derivatives.reshape(-1, 9)
     return grid
 
 
@@ -150,19 +153,19 @@ def _contour(
 ) -> tuple[Float32Array, IntArray, FloatArray, FloatArray]:
     """One surface, welded, without degenerate triangles.
 
-    Vertices, faces, and at the vertices the gradient and its length.
+    Vertices, faces, and at the vertices the gradient and the second derivatives.
     """
     surface = grid.contour([level], scalars="refractivity", method="contour")
     if surface.n_cells == 0:
         nothing = np.zeros((0, 3))
-        return nothing.astype(np.float32), nothing.astype(np.int64), nothing, np.zeros(0)
+        return nothing.astype(np.float32), nothing.astype(np.int64), nothing, np.zeros((0, 3, 3))
     if not surface.is_all_triangles:
         surface = surface.triangulate()
     points = np.asarray(surface.points, dtype=np.float32)
     gradient = np.asarray(surface.point_data["gradient"], dtype=np.float64)
     faces = weld(points, np.asarray(surface.regular_faces, dtype=np.int64))
-    length = np.asarray(surface.point_data["length"], dtype=np.float64)
-    return points, drop_degenerate(points, faces), gradient, length
+    derivatives = np.asarray(surface.point_data["derivatives"], dtype=np.float64)
+    return points, drop_degenerate(points, faces), gradient, derivatives.reshape(-1, 3, 3)
 
 
 def _warn_of_missing(field: IndexField, surfaces: FloatArray, found: Iterable[int]) -> None:

@@ -77,6 +77,7 @@ class Memory(NamedTuple):
     """What :class:`InLayers` remembers of a ray."""
 
     pull: Any  # Vector3d, 1/mm: gradient of the index at the last shell
+    change: Any  # Vector3d, 1/mm^2: its change along the ray
     level: Any  # Float64: index of the air at that shell
     beyond: Any  # Float64: index of the layer behind it
     aside: Any  # Vector3d, mm: how far the ray lies beside the one that is marched
@@ -86,22 +87,21 @@ class Memory(NamedTuple):
 class InLayers:
     r"""The ray equation integrated from shell to shell.
 
-    At its shells the gradient of the index is known (their normals and how steep the index is), and
-    so is what n changes by from one to the next. So a ray's turn in a layer is
+    At its shells the gradient of the index is known (their normals and how steep the index is), its
+    derivatives, and what n changes by from one to the next. So a ray's turn in a layer is
 
     .. math:: \Delta t = \frac{1}{n} \int (\nabla n)_\perp \, ds
 
-    by Simpson's rule. The gradient in the middle has the mean direction of those at both ends; its
-    length belongs to the index there, which follows from the slopes at both ends (Hermite's cubic),
-    and changes with the index as it does between the two shells, or as in air that cools
-    exponentially towards the ambient where a ray comes back to the shell it came from. Last, the
-    length of the gradient is corrected so that the index changes by what it must, as far as the ray
-    runs along the gradient (``LEAN``) and its direction is the same at both ends (``ALIKE``).
+    by Hermite's cubic through the gradients and their changes along the ray at both ends, which is
+    exact for gradients that are cubic in s. Then the length of the gradient is corrected so that
+    the index changes by what it must, as far as the ray runs along the gradient (``LEAN``) and its
+    direction is the same at both ends (``ALIKE``).
 
     Before the first shell and behind the last one, n is taken to fade exponentially towards the
-    ambient, or as linear over a shorter way. In other layers, such as that at the part, it is
-    linear, and changes by half a step at most for rays across the layer, by a whole one for rays
-    along it; a ray that comes from far into such a layer enters the data there, and n fades.
+    ambient, the sooner the more the shell curves away from the ray. In other layers, such as that
+    at the part, the gradient is linear in s, and n changes by half a step at most for rays across
+    the layer, by a whole one for rays along it; a ray that comes from far into such a layer enters
+    the data there, and n fades.
 
     A ray is marched along straight ways and turned at the shells. By how much the bent ways end
     beside the straight ones is added up: where the ray really crosses a shell's plane, up to some
@@ -109,7 +109,7 @@ class InLayers:
 
     Snell's law at the shells sees a ray that just touches a shell turned much and one that just
     misses it not at all, so single rays that turn round in the air converge with order 1/2 in the
-    number of shells; here the layer is the same for both, and they converge with order 1.5 to 2.
+    number of shells; here the layer is the same for both, and they converge with order 2 to 2.5.
 
     Parameters
     ----------
@@ -125,9 +125,9 @@ class InLayers:
         import drjit as dr
         import mitsuba as mi
 
-        pull, aside = (dr.zeros(mi.Vector3d, width) for _ in range(2))
+        pull, change, aside = (dr.zeros(mi.Vector3d, width) for _ in range(3))
         level, beyond, along = (dr.zeros(mi.Float64, width) for _ in range(3))
-        return pull, level, beyond, aside, along
+        return pull, change, level, beyond, aside, along
 
     def cross(self, memory: Any, passage: Passage) -> tuple[Any, Any, tuple[Any, ...]]:
         """Direction (Vector3d) behind a shell, whether it is reflected (Bool), and the memory."""
@@ -142,8 +142,15 @@ class InLayers:
         point = passage.point + last.aside + along * direction
         pull = interpolated_vector(point, passage.triangle, gradients, passage.facet)
         length = dr.maximum(passage.length + along - last.along, 0)
+        changes = self._tables.gradient_changes(passage.face, direction, crossed)
+        change = interpolated_vector(point, passage.triangle, changes, passage.facet)
         layer = Layer(
-            slope_of(last.pull), slope_of(pull), last.level, level, passage.near, self._ambient
+            slope_of(last.pull, last.change),
+            slope_of(pull, change),
+            last.level,
+            level,
+            passage.near,
+            self._ambient,
         )
         # The mean direction, which a guess of the turn tells, is the same for the way back.
         guess = dr.select(
@@ -157,6 +164,7 @@ class InLayers:
         ahead += dr.maximum(GRAZING - dr.dot(ahead, away), 0) * away
         kept = (
             dr.select(crossed, pull, last.pull),
+            dr.select(crossed, change, last.change),
             dr.select(crossed, level, last.level),
             dr.select(crossed, passage.far, last.beyond),
             dr.select(crossed, last.aside + aside, last.aside),
@@ -172,10 +180,11 @@ class InLayers:
 
         last = Memory(*memory)
         length = length + onto_plane(last.aside, direction, facet) - last.along
-        slope, layer, ambient = slope_of(last.pull), last.beyond, self._ambient
-        guess, _ = outside(slope, last.level, layer, ambient, direction, length)
+        slope = slope_of(last.pull, last.change)
+        layer, ambient = last.beyond, self._ambient
+        guess, _ = outside(slope, last.level, layer, ambient, direction, length, 1)
         mean = dr.normalize(direction + 0.5 * guess)
-        turn, late = outside(slope, last.level, layer, ambient, mean, length)
+        turn, late = outside(slope, last.level, layer, ambient, mean, length, 1)
         # Counted from the shell, as if the ray ran backwards; the rest of the way is a lever. What
         # leaves the scene is given by a point at its last shell and the direction far from it.
         lever = dr.select(dr.isfinite(length), length, 0)

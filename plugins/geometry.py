@@ -17,13 +17,11 @@ from iriftrace.errors import InputError
 from .aligned import aligned
 from .edges import NONE, edge_neighbours
 from .refraction import Triangle, facet_normal
+from .shell_slopes import shell_slopes
 
 SHELL, PART, BLOCKER = 0, 1, 2
 
 PART_ID = "part"
-
-STEEPNESS = "vertex_steepness"
-"""Mitsuba's name of a shell's vertex attribute: length of grad(n) over the shell's index step."""
 
 MAX_PART_FACES = 2**24 - 2
 
@@ -46,27 +44,6 @@ def surface_index(bsdf: Any) -> float:
     pair = shell_indices(bsdf)
     assert pair is not None
     return float(getattr(bsdf, "iso_ior", 0.5 * (pair[0] + pair[1])))
-
-
-def _steepness(shape: Any) -> Any | None:
-    """How steep the index is at a shell's vertices, in its own steps per mm; None if not known."""
-    import mitsuba as mi
-
-    values = mi.traverse(shape)
-    return values[STEEPNESS] if STEEPNESS in values else None
-
-
-def _gradients(normals: Any, steepness: Any, step: float) -> Any:
-    """Gradient of the index at a shell's vertices, 1/mm, three numbers each.
-
-    It is as many of the shell's steps per mm as that is steep, so a shell without one bends
-    nothing.
-    """
-    import drjit as dr
-    import mitsuba as mi
-
-    vectors = dr.unravel(mi.Vector3f, normals) * (steepness * step)
-    return dr.select(dr.isfinite(dr.ravel(vectors)), dr.ravel(vectors), 0)
 
 
 def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
@@ -137,6 +114,7 @@ class SceneTables:
 
         kinds, ext, interior, smooth, level = [], [], [], [], []
         positions, normals, gradients, faces, first_face = [], [], [], [], []
+        straight, mixed = [], []
         knowing = []
         vertex_count = face_count = 0
         self.stock_shells = 0
@@ -176,14 +154,16 @@ class SceneTables:
                     if has_normals
                     else dr.zeros(mi.Float, 3 * shape.vertex_count())
                 )
-                steep = _steepness(shape) if kind == SHELL and has_normals else None
+                slopes = None
+                if kind == SHELL and has_normals:
+                    slopes = shell_slopes(shape, ext[-1] - interior[-1])
                 if kind == SHELL:
-                    knowing.append(steep is not None)
-                gradients.append(
-                    dr.zeros(mi.Float, 3 * shape.vertex_count())
-                    if steep is None
-                    else _gradients(normals[-1], steep, ext[-1] - interior[-1])
+                    knowing.append(slopes is not None)
+                slopes = slopes or tuple(
+                    dr.zeros(mi.Float, n * shape.vertex_count()) for n in (3, 4, 2)
                 )
+                for table, values in zip((gradients, straight, mixed), slopes, strict=True):
+                    table.append(values)
                 faces.append(shape.faces_buffer() + vertex_count)
                 vertex_count += shape.vertex_count()
                 face_count += shape.face_count()
@@ -202,7 +182,10 @@ class SceneTables:
         self._normals = dr.select(dr.isfinite(joined), joined, 0)
         # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
         self.knows_steepness = bool(knowing) and all(knowing) and not self.stock_shells
-        self._gradients = dr.concat(gradients) if self.knows_steepness else mi.Float(0)
+        self._gradients, self._straight, self._mixed = (
+            dr.concat(table) if self.knows_steepness else mi.Float(0)
+            for table in (gradients, straight, mixed)
+        )
         self._faces = dr.concat(faces)
         self._first_face = mi.UInt32(first_face)
         self._kind = mi.UInt32(kinds)
@@ -210,7 +193,8 @@ class SceneTables:
         self._int = mi.Float64(interior)
         self._level = mi.Float64(level)
         self._number = self._numbers(shapes)
-        dr.eval(self._positions, self._normals, self._gradients, self._faces, self._number)
+        dr.eval(self._positions, self._normals, self._faces, self._number)
+        dr.eval(self._gradients, self._straight, self._mixed)
         self.part_first_face = first_face[parts[0]]
         beyond = edge_neighbours(*self.part_arrays())
         self._neighbours = mi.UInt32(aligned(beyond.ravel()))
@@ -278,6 +262,23 @@ class SceneTables:
     def gradients(self, face: Any, active: Any) -> Triangle:
         """Gradients of the index at the corners of shells' triangles, 1/mm (Vector3d)."""
         return self._corners(self._gradients, face, active)
+
+    def gradient_changes(self, face: Any, direction: Any, active: Any) -> Triangle:
+        """Change of the index's gradient along a direction at triangles' corners, 1/mm^2."""
+        import drjit as dr
+        import mitsuba as mi
+
+        x, y, z = direction
+
+        def change(vertex: Any) -> Any:
+            xx, yy, zz, yz = mi.Vector4d(dr.gather(mi.Vector4f, self._straight, vertex, active))
+            xz, xy = mi.Vector2d(dr.gather(mi.Vector2f, self._mixed, vertex, active))
+            return mi.Vector3d(
+                xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
+            )
+
+        vertices = dr.gather(mi.Vector3u, self._faces, face, active)
+        return Triangle(*(change(vertex) for vertex in vertices))
 
     def _corners(self, table: Any, face: Any, active: Any) -> Triangle:
         import drjit as dr

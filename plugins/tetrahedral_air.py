@@ -1,8 +1,8 @@
 """Air in tetrahedra: the index between their corners, and the way from one to the next.
 
 Within a tetrahedron n is linear, with a constant gradient, which is exact for the field as it is
-given. For the smooth field behind it, the direction of the gradient is recovered at the corners and
-interpolated, which is of higher order, and n along the ray still changes as the corners say.
+given. For the smooth field behind it, the gradient is recovered at the corners and interpolated,
+which is of higher order, and n along the ray still changes as the corners say.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from iriftrace.consistent_gradient import consistent_gradient
 from iriftrace.continuous_cells import BOUNDARY, tetrahedra_of
 from iriftrace.continuous_field import FieldCells
 from iriftrace.field_cells import point_gradient
 
 from .aligned import aligned
-from .refraction import GRADUAL
+from .layer_turn import telescoping
 
 NO_FACE = 4
 """In the place of a face's number: the tetrahedron was not entered through one of its faces."""
@@ -108,18 +109,19 @@ class Cell:
     def _smooth_gradient(self, point: Any, heading: Any) -> Any:
         """Along the recovered direction N, as strong as n changes along the ray.
 
-        What infinitely many shells with N at their triangles would do; see
-        `refraction.cross_surface`. With g the constant gradient and d the ray's direction it is
-        (g.d) / (N.d) N, so that the changes of n along the ray add up without error, whatever the
-        cells' noise; where the ray turns round, N.d vanishes and it is (g.N) N.
+        With g the cell's own gradient and d the ray's direction that is (g.d) / (N.d) N, so that
+        the changes of n along the ray add up without error, whatever the cells' noise. As N.d falls
+        below ``LEAN``, the recovered gradient's own length takes its place.
         """
         import drjit as dr
 
-        direction = self._interpolated(point)
-        length = dr.norm(direction)
-        direction = dr.select(length > 0, direction / length, 0)
-        strength, cosine = dr.dot(self.constant, direction), dr.dot(heading, direction)
-        share = cosine / (cosine * cosine + GRADUAL * GRADUAL)
+        recovered = self._interpolated(point)
+        length = dr.norm(recovered)
+        direction = dr.select(length > 0, recovered / length, 0)
+        cosine = dr.dot(heading, direction)
+        share = telescoping(cosine)
+        # Where n is even, the neighbours' gradients do not matter.
+        strength = dr.select(dr.norm(self.constant) > 0, length, 0)
         strength += share * (dr.dot(self.constant, heading) - cosine * strength)
         return dr.select(self._solid, strength * direction, 0)
 
@@ -218,8 +220,7 @@ class TetrahedralAir:
     ----------
     cells : FieldCells
     recovered : bool
-        Interpolate the directions of the gradients recovered at the points; else each tetrahedron
-        has its own.
+        Interpolate the gradients recovered at the points; else each tetrahedron has its own.
     """
 
     def __init__(self, cells: FieldCells, recovered: bool) -> None:
@@ -233,7 +234,12 @@ class TetrahedralAir:
         self.neighbours = mi.UInt32(aligned(tetrahedra.neighbours.ravel()))
         self.points = mi.Float(aligned(cells.points.ravel()))
         self.refractivity = mi.Float64(aligned(cells.refractivity))
-        gradient = point_gradient(cells, cells.refractivity)
+        gradient = consistent_gradient(
+            cells.points,
+            tetrahedra.corners,
+            cells.refractivity,
+            point_gradient(cells, cells.refractivity),
+        )
         self.gradient = mi.Float(aligned(gradient.astype(np.float32).ravel()))
         self.recovered = recovered
         wall = cells.wall[tetrahedra.boundary].all(axis=1)

@@ -14,6 +14,7 @@ from iriftrace.air import Air
 from iriftrace.part import Part, part_of_mesh
 from iriftrace.shell_levels import index_levels
 from iriftrace.shell_stack import Shell, ShellStack
+from iriftrace.steepness import radial_steepness
 
 FloatArray = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ def slab(
         for k, height in enumerate(slab_heights(surfaces, air))
     ]
     per_mm = (WALL_K - air.temperature_k) / SLAB_MM
-    shells = [_steep(shell, per_mm, air, rule) for shell in shells]
+    shells = [_steep(shell, per_mm, np.inf, air, rule) for shell in shells]
     box = trimesh.creation.box((size_mm, size_mm, 5.0))
     box.apply_translation((0, 0, -2.5))
     return _part(box), ShellStack(shells, air, rule)
@@ -125,7 +126,7 @@ def concentric_cylinders(
     ]
     rise = (WALL_K - air.temperature_k) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
     shells = [
-        _steep(shell, rise / float(radius), air, rule)
+        _steep(shell, rise / float(radius), float(radius), air, rule)
         for shell, radius in zip(shells, cylinder_radii(surfaces, air), strict=True)
     ]
     solid = trimesh.creation.cylinder(
@@ -140,13 +141,18 @@ def _levels(layers: int, air: Air, rule: str) -> tuple[FloatArray, FloatArray]:
     return index_levels(air.ambient_refractivity, hottest, layers, rule)
 
 
-def _steep(shell: Shell, kelvin_per_mm: float, air: Air, rule: str) -> Shell:
-    """A shell that knows how steep the index is, from the gradient of the temperature there."""
+def _steep(shell: Shell, kelvin_per_mm: float, radius_mm: float, air: Air, rule: str) -> Shell:
+    """A shell that knows how steep the index is, from the gradient of the temperature there.
+
+    With n - 1 = C / T and T linear in z, or in log(r).
+    """
     if rule == "outer":
         return shell
+    assert shell.normals is not None
     slope = shell.refractivity / float(air.temperature(shell.refractivity)) * kelvin_per_mm
-    steepness = np.full(len(shell.vertices), slope / (shell.ext - shell.int_))
-    return evolve(shell, steepness=steepness)
+    bend = 2.0 * slope**2 / shell.refractivity - slope / radius_mm
+    step = shell.ext - shell.int_
+    return evolve(shell, steepness=radial_steepness(shell.normals, slope, bend, radius_mm, step))
 
 
 def tube(

@@ -18,6 +18,7 @@ from iriftrace.scene import load_scene, write_scene
 from iriftrace.scenes.analytic import concentric_cylinders
 from iriftrace.shell_edit import smooth_taubin
 from iriftrace.shells import ShellStack, contour_shells
+from iriftrace.steepness import SECOND_DERIVATIVES
 from tests.shell_fields import sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")
@@ -31,6 +32,7 @@ CAMERA = Camera(
 FIELD = sphere_field(12)
 BALL = trimesh.creation.icosphere(2, 4.0)
 PART = part_of_mesh(BALL.vertices, BALL.faces, name="ball")
+TURN = trimesh.transformations.rotation_matrix(np.radians(33.0), (0.6, 0.0, -0.8))[:3, :3]
 IN_LAYERS = "all along the layers"
 AT_SHELLS = "at the shells alone"
 NOT_STEEP = "at the shells alone, which do not say how steep the index is"
@@ -90,6 +92,31 @@ def test_one_shell_that_is_not_steep_keeps_all_from_it(tmp_path: Path, stack: Sh
     assert said(written(tmp_path, evolve(stack, shells=shells))) == NOT_STEEP
 
 
+@pytest.mark.parametrize("column", ["gradient", "straight", "mixed"])
+def test_one_shell_without_a_column_keeps_all_from_it(xml: Path, column: str) -> None:
+    """As of files that other versions or programs wrote."""
+    mesh = xml.parent / "shells/shell_02.ply"
+    old, new = f" {column}_".encode(), f" {column[::-1]}_".encode()
+    mesh.write_bytes(mesh.read_bytes().replace(old, new, 3))
+    assert said(xml) == NOT_STEEP
+
+
+def test_mitsuba_reads_all_that_the_shells_know(xml: Path, stack: ShellStack) -> None:
+    import mitsuba as mi
+
+    found = {shape.id(): mi.traverse(shape) for shape in load_scene(xml).mitsuba_scene.shapes()}
+    for shell in stack.shells:
+        values = found[f"shell_{shell.layer:02d}"]
+        gradient, straight, mixed = (
+            np.array(values[f"vertex_{name}"]).reshape(-1, 3)
+            for name in ("gradient", "straight", "mixed")
+        )
+        assert shell.normals is not None
+        assert shell.steepness is not None
+        np.testing.assert_allclose(gradient, shell.normals * shell.steepness[:, :1], rtol=1e-6)
+        np.testing.assert_array_equal(np.hstack((straight, mixed)), shell.steepness[:, 1:])
+
+
 def test_smoothed_shells_and_those_of_the_outer_rule_are_not_steep(
     tmp_path: Path, stack: ShellStack
 ) -> None:
@@ -113,8 +140,8 @@ def test_shells_alone_bend_as_if_they_were_not_steep(
     good = (plain.status == 0) & (layers.status == 0)
     size = plain.channels["displacement.norm"][good]
     ratio = layers.channels["displacement.norm"][good] / size
-    # Four shells are some ten per cent off.
-    assert 0.01 < np.abs(np.median(ratio) - 1.0) < 0.5
+    # Four shells are up to some per cent off.
+    assert 0.01 < np.percentile(np.abs(ratio - 1.0), 95) < 0.5
 
 
 def test_index_on_the_surface_is_written_where_it_is_needed(
@@ -148,6 +175,20 @@ def placed(xml: Path, transform: str, *, part: bool = False) -> Path:
     return xml
 
 
+def with_second_derivatives(stack: ShellStack, turn: np.ndarray) -> ShellStack:
+    """Shells whose second derivatives are turned, or made zero, but nothing else."""
+    rows, columns = np.array(SECOND_DERIVATIVES).T
+    shells = []
+    for shell in stack.shells:
+        assert shell.steepness is not None
+        full = np.empty((len(shell.vertices), 3, 3))
+        full[:, rows, columns] = full[:, columns, rows] = shell.steepness[:, 1:]
+        full = turn @ full @ turn.T
+        steepness = np.hstack((shell.steepness[:, :1], full[:, rows, columns]))
+        shells.append(evolve(shell, steepness=steepness))
+    return evolve(stack, shells=shells)
+
+
 def test_shells_that_are_scaled_by_hand_bend_at_the_shells_alone(xml: Path) -> None:
     """Their files tell the steepness per mm of before."""
     scaled = placed(xml, '<scale value="1.1"/>')
@@ -163,24 +204,35 @@ def test_shells_that_are_not_steep_may_be_scaled(tmp_path: Path) -> None:
     assert load_scene(placed(exact, '<scale value="1.1"/>')).bending == NOT_STEEP
 
 
-def test_turned_shells_bend_turned_rays_alike(xml: Path) -> None:
-    """Gradients turn with their shells: displacements agree to the float32 of the vertices."""
+def test_turned_shells_bend_turned_rays_alike(xml: Path, tmp_path: Path, stack: ShellStack) -> None:
+    """What shells know turns with them: displacements agree to the float32 of the vertices.
+
+    Without the second derivatives, or with those of other axes, they are far from that.
+    """
+    without = written(tmp_path / "without", with_second_derivatives(stack, np.zeros((3, 3))))
+    other = written(tmp_path / "other", with_second_derivatives(stack, TURN))
     axes = np.random.default_rng(5).normal(size=(400, 3))
     outward = axes / np.linalg.norm(axes, axis=1)[:, None]
     aside = np.cross(outward, np.roll(outward, 1, axis=1))
     origins, directions = 40.0 * outward, -40.0 * outward + 2.5 * aside
-    before = trace_rays(load_scene(xml), origins, directions)
-    turn = trimesh.transformations.rotation_matrix(np.radians(33.0), (0.6, 0.0, -0.8))[:3, :3]
+    before, *others = (
+        trace_rays(load_scene(path), origins, directions) for path in (xml, without, other)
+    )
     turned_xml = placed(
         xml, '<rotate x="0.6" z="-0.8" angle="33"/><translate x="3" y="-1" z="2"/>', part=True
     )
     scene = load_scene(turned_xml)
     assert scene.bending == IN_LAYERS
-    after = trace_rays(scene, origins @ turn.T + (3.0, -1.0, 2.0), directions @ turn.T)
+    after = trace_rays(scene, origins @ TURN.T + (3.0, -1.0, 2.0), directions @ TURN.T)
     good = (before.status == 0) & (after.status == 0)
     assert good.sum() > 300
-    expected = before.displacement[good] @ turn.T
+    expected = before.displacement[good] @ TURN.T
     size = np.median(np.linalg.norm(expected, axis=1))
     difference = np.linalg.norm(after.displacement[good] - expected, axis=1)
     assert size > 1e-4
     assert np.percentile(difference, 95) < 1e-3 * size
+    for rays in others:
+        both = good & (rays.status == 0)
+        assert both.sum() > 300
+        missed = np.linalg.norm((rays.displacement - before.displacement)[both], axis=1)
+        assert np.percentile(missed, 95) > 1e-2 * size

@@ -14,6 +14,7 @@ from iriftrace.shell_mesh import area_vectors, open_edges
 from iriftrace.shell_stack import Shell, ShellStack
 
 RADIUS_MM = 20.0
+SLOPES = np.arange(1.0, 8.0)
 
 
 def ball(*, half: bool = False, normals: bool = True) -> ShellStack:
@@ -32,7 +33,7 @@ def ball(*, half: bool = False, normals: bool = True) -> ShellStack:
         vertices=points,
         faces=sphere.regular_faces,
         normals=radial if normals else None,
-        steepness=2.0 + points[:, 2] / RADIUS_MM if normals else None,
+        steepness=8.0 + points[:, 2:] / RADIUS_MM * SLOPES if normals else None,
     )
     return ShellStack([shell], Air(), "custom")
 
@@ -55,10 +56,10 @@ def test_a_sphere_stays_a_closed_sphere_with_radial_normals() -> None:
 
 def test_steepness_is_that_of_the_nearest_point_before() -> None:
     (thin,) = decimate(ball(), 600).shells
-    expected = 2.0 + thin.vertices[:, 2].astype(np.float64) / RADIUS_MM
-    # A vertex lies at most this far from the surface before, and the steepness changes by 1/R.
+    expected = 8.0 + thin.vertices[:, 2:].astype(np.float64) / RADIUS_MM * SLOPES
+    # A vertex lies at most this far from the surface before, and the numbers change by SLOPES / R.
     sag = np.pi * RADIUS_MM / (600 * np.sqrt(3) / 4)
-    assert np.abs(thin.steepness - expected).max() < 2 * sag / RADIUS_MM
+    assert (np.abs(thin.steepness - expected) / SLOPES).max() < 2 * sag / RADIUS_MM
 
 
 def test_the_border_of_an_open_shell_stays() -> None:

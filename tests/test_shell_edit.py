@@ -100,7 +100,7 @@ def rough(stack: ShellStack) -> ShellStack:
         vertices=points,
         faces=faces,
         normals=points,
-        steepness=np.ones(len(points)),
+        steepness=np.ones((len(points), 7)),
     )
     return evolve(stack, shells=[shell])
 
@@ -202,9 +202,10 @@ def test_subdivision_without_normals_and_with_opposite_ones(stack):
 def test_subdivision_takes_the_mean_steepness_of_both_ends(stack):
     # Linear along z as far as the vertices go, so also at the middles of the edges.
     shell = stack.shells[0]
-    linear = evolve(shell, steepness=2.0 + 0.1 * shell.vertices[:, 2])
+    slopes = 0.1 * np.arange(1.0, 8.0)
+    linear = evolve(shell, steepness=20.0 + shell.vertices[:, 2:] * slopes)
     (fine,) = subdivide_midpoint(evolve(stack, shells=[linear]), 2).shells
-    assert_allclose(fine.steepness, 2.0 + 0.1 * fine.vertices[:, 2], rtol=1e-6)
+    assert_allclose(fine.steepness, 20.0 + fine.vertices[:, 2:] * slopes, rtol=1e-6)
 
 
 def test_negative_subdivision_is_refused(stack):

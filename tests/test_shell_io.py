@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 import pyvista as pv
 import trimesh
@@ -23,6 +24,7 @@ def stack() -> ShellStack:
 
 
 def test_stack_comes_back_bit_for_bit(stack, tmp_path):
+    """But for the length of the gradient, which the files keep as a vector."""
     save_shells(stack, tmp_path / "new" / "folder", notes={"time": "mean"})
     back = load_shells(tmp_path / "new" / "folder")
     assert (back.rule, back.air, back.crumbs) == (stack.rule, stack.air, stack.crumbs)
@@ -32,7 +34,8 @@ def test_stack_comes_back_bit_for_bit(stack, tmp_path):
         assert_array_equal(a.vertices, b.vertices)
         assert_array_equal(a.faces, b.faces)
         assert_array_equal(a.normals, b.normals)
-        assert_array_equal(a.steepness, b.steepness)
+        assert_allclose(a.steepness[:, 0], b.steepness[:, 0], rtol=4e-7)
+        assert_array_equal(a.steepness[:, 1:], b.steepness[:, 1:])
 
 
 def test_files_are_named_by_layer_and_complete(stack, tmp_path):
@@ -50,9 +53,16 @@ def test_ply_is_what_other_programs_expect(stack, tmp_path):
     assert_allclose(mesh.vertex_normals, stack.shells[0].normals, atol=1e-6)
     assert_array_equal(pv.read(path).regular_faces, stack.shells[0].faces)
     header = path.read_bytes().split(b"end_header")[0]
-    # A name of this kind is what Mitsuba takes for an attribute of the vertices.
-    assert b"property float nz\nproperty float steepness_1\nelement face" in header
+    # Names of this kind are what Mitsuba takes for attributes of the vertices.
+    known = [f"{name}_{k}" for name in ("gradient", "straight", "mixed") for k in (1, 2, 3)]
+    lines = "".join(f"property float {name}\n" for name in known)
+    assert f"property float nz\n{lines}element face".encode() in header
     assert b"double" not in header
+    raw = mesh.metadata["_ply_raw"]["vertex"]["data"]
+    columns = np.stack([np.ravel(raw[name]) for name in known], axis=1)
+    length, second = np.split(stack.shells[0].steepness, [1], axis=1)
+    assert_allclose(columns[:, :3], length * stack.shells[0].normals, rtol=1e-6)
+    assert_array_equal(columns[:, 3:], second)
 
 
 def test_shell_without_normals_says_so(stack, tmp_path):
@@ -65,11 +75,12 @@ def test_shell_without_normals_says_so(stack, tmp_path):
 def test_shell_without_steepness_keeps_its_normals(stack, tmp_path):
     bare = evolve(stack, shells=[evolve(s, steepness=None) for s in stack.shells])
     path = save_shells(bare, tmp_path)[0]
-    assert b"steepness" not in path.read_bytes()[:400]
+    header = path.read_bytes().split(b"end_header")[0]
+    assert not any(name in header for name in (b"gradient", b"straight", b"mixed"))
     back = load_shells(tmp_path)
     assert back.has_normals
     assert [s.steepness for s in back.shells] == [None] * 3
-    assert "steepness_1_mm" not in pv.read(tmp_path / "shells.vtm")[0].point_data
+    assert list(pv.read(tmp_path / "shells.vtm")[0].point_data) == ["Normals"]
 
 
 def test_paraview_file_has_all_shells_with_their_values(stack, tmp_path):
@@ -83,7 +94,9 @@ def test_paraview_file_has_all_shells_with_their_values(stack, tmp_path):
         assert_array_equal(block.cell_data["temperature_k"], kelvin)
         assert_array_equal(block.cell_data["layer"], shell.layer)
         assert_array_equal(block.point_data["Normals"], shell.normals)
-        assert_array_equal(block.point_data["steepness_1_mm"], shell.steepness)
+        assert_array_equal(block.point_data["steepness_1_mm"], shell.steepness[:, 0])
+        second = block.point_data["second_derivatives_1_mm2"]
+        assert_array_equal(second, shell.steepness[:, 1:])
 
 
 def test_table_tells_provenance_and_the_report(stack, tmp_path):
@@ -147,7 +160,8 @@ def test_damaged_table_is_refused(stack, tmp_path, text, message):
 def test_damaged_mesh_is_refused(stack, tmp_path):
     path = save_shells(stack, tmp_path)[0]
     whole = path.read_bytes()
-    for content in (whole[:-1], b"", whole.replace(b"binary", b"ascii!", 1)):
+    renamed = whole.replace(b"straight_1", b"steepness_1", 1)
+    for content in (whole[:-1], b"", whole.replace(b"binary", b"ascii!", 1), renamed):
         path.write_bytes(content)
         with pytest.raises(InputError, match="cut short"):
             read_ply(path)

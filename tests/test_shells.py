@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ from iriftrace.shells import (
     index_levels,
     layers_between,
 )
+from iriftrace.steepness import radial_steepness
 
 
 def test_midpoint_levels_by_hand():
@@ -44,10 +46,10 @@ def test_midpoint_levels_by_hand():
 
 
 def test_graded_levels_by_hand():
-    # The cosine's steps of a range of 6 are 1.5, 3 and 1.5, equal ones 2; half of each is taken.
+    # The cosine's steps of a range of 6 are 1.5, 3 and 1.5, equal ones 2: seven tenths and three.
     surfaces, e = index_levels(10e-5, 4e-5, layers=3, rule="graded")
-    assert_allclose(e, [10e-5, 8.25e-5, 5.75e-5, 4e-5])
-    assert_allclose(surfaces, [9.125e-5, 7e-5, 4.875e-5])
+    assert_allclose(e, [10e-5, 8.35e-5, 5.65e-5, 4e-5])
+    assert_allclose(surfaces, [9.175e-5, 7e-5, 4.825e-5])
 
 
 @given(st.integers(1, 200))
@@ -55,9 +57,9 @@ def test_graded_steps_fill_the_range_evenly_to_both_sides(layers):
     steps = -np.diff(index_levels(10e-5, 4e-5, layers, "graded")[1]) * layers / 6e-5
     assert_allclose(steps, steps[::-1], rtol=1e-9)
     assert_allclose(steps.mean(), 1)
-    # Half an equal step at the ends, where the cosine is flat, and (1 + pi / 2) / 2 in the middle.
-    assert steps[0] == pytest.approx(0.5 + (1 - np.cos(np.pi / layers)) * layers / 4)
-    assert steps.max() <= 0.5 + np.pi / 4 + 1e-9
+    # 0.3 of an equal step at the ends, where the cosine is flat, and 1.4 of one in the middle.
+    assert steps[0] == pytest.approx(0.3 + 0.35 * (1 - np.cos(np.pi / layers)) * layers)
+    assert steps.max() <= 0.3 + 0.35 * np.pi + 1e-9
 
 
 def test_outer_levels_by_hand():
@@ -117,10 +119,12 @@ def test_shell_keeps_float32_and_refuses_damage():
         Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS * np.nan, CUBE_FACES)
     with pytest.raises(InputError, match="7 normals"):
         Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS, CUBE_FACES, CUBE_CORNERS[:7])
-    with pytest.raises(InputError, match="7 steepnesses for 8 vertices"):
-        evolve(shell, steepness=np.ones(7))
-    with pytest.raises(InputError, match="no normals beside them"):
-        Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS, CUBE_FACES, None, np.ones(8))
+    assert evolve(shell, steepness=np.ones((8, 7))).steepness.dtype == np.float32
+    for shape in ((7, 7), (8, 6), (8, 1), (8,)):
+        with pytest.raises(InputError, match=re.escape(f"shape {shape} for 8 vertices")):
+            evolve(shell, steepness=np.ones(shape))
+    with pytest.raises(InputError, match="no normals beside it"):
+        Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS, CUBE_FACES, None, np.ones((8, 7)))
 
 
 def test_stack_tells_temperatures_and_refuses_nothing_and_unknown_rules():
@@ -217,7 +221,7 @@ def test_crumbs_are_dropped_and_reported():
         assert len(full.faces) - len(less.faces) == 8
         assert less.vertices[:, 0].max() < 1.5 < 3.5 < full.vertices[:, 0].max()
         assert len(less.normals) == len(less.vertices) == less.faces.max() + 1
-        assert len(less.steepness) == len(less.vertices)
+        assert less.steepness.shape == (len(less.vertices), 7)
 
 
 def test_levels_beyond_the_field_are_left_out_with_a_warning():
@@ -249,8 +253,10 @@ def test_step_of_a_missing_level_between_others_goes_to_the_next_shell():
     assert inner.ext == outer.int_
     assert_allclose(sum(s.ext - s.int_ for s in stack.shells), AMBIENT - HOTTEST, rtol=1e-14)
     # Either block's index changes by half a step in 4 mm, which is a quarter of the joined step.
-    assert_allclose(outer.steepness, 0.5 / 4, rtol=1e-5)
-    assert_allclose(inner.steepness, 0.25 / 4, rtol=1e-5)
+    assert_allclose(outer.steepness[:, 0], 0.5 / 4, rtol=1e-5)
+    assert_allclose(inner.steepness[:, 0], 0.25 / 4, rtol=1e-5)
+    for shell in stack.shells:
+        assert_allclose(shell.steepness[:, 1:], 0.0, atol=1e-13)
 
 
 def test_custom_levels_in_any_order_and_in_range():
@@ -282,12 +288,121 @@ def test_steepness_is_the_gradient_over_the_shells_own_step(choice):
     grid.points = np.asarray(grid.points) * (1.0, 1.3, 0.7) + 0.1 * np.asarray(grid.points) ** 2
     way = np.array((2.0, -1.0, 2.0)) / 3.0
     field = field_of(grid, lambda points: 2e-4 - 2e-5 * (points @ way))
-    assert_allclose(field.gradient_length, 2e-5, rtol=1e-9)
+    assert_allclose(field.fitting_gradient, np.tile(-2e-5 * way, (1000, 1)), atol=2e-14)
     stack = contour_shells(field, layers=4, index_range=(2.4e-4, 1.6e-4), **choice)
     for shell in stack.shells:
         assert shell.steepness.dtype == np.float32
-        assert_allclose(shell.steepness, 2e-5 / (shell.ext - shell.int_), rtol=1e-6)
+        step = shell.ext - shell.int_
+        assert_allclose(shell.steepness[:, 0], 2e-5 / step, rtol=1e-6)
+        assert_allclose(shell.steepness[:, 1:], 0.0, atol=1e-13)
         assert_allclose(shell.normals, np.tile(-way, (len(shell.normals), 1)), atol=1e-6)
+
+
+HESSIAN = 1e-5 * np.array(((3.0, 0.4, -0.7), (0.4, 2.0, 0.9), (-0.7, 0.9, 4.0)))
+
+
+def ellipsoids(points: np.ndarray) -> np.ndarray:
+    """Hottest at the origin, with the same six second derivatives everywhere, all different."""
+    return HOTTEST + 0.5 * np.einsum("ij,jk,ik->i", points, HESSIAN, points)
+
+
+def test_second_derivatives_of_a_quadratic_field_are_right_in_the_interior():
+    """To rounding, five cells off the boundary: its gradients are one-sided and correct others."""
+    field = field_of(hexahedra(12, 3.0), ellipsoids)
+    found = field.second_derivatives
+    assert_array_equal(found, found.transpose(0, 2, 1))
+    inside = np.abs(field.grid.points).max(axis=1) < 1.0
+    assert inside.sum() == 3**3
+    assert_allclose(found[inside], np.tile(HESSIAN, (27, 1, 1)), atol=8e-20)
+
+
+def test_second_derivatives_where_cells_grow():
+    """0.8 % off where neighbouring cells differ by up to a tenth."""
+    grid = hexahedra(24, 1.0)
+    grid.points = np.sinh(1.5 * np.asarray(grid.points))
+    field = field_of(grid, ellipsoids)
+    found = field.second_derivatives
+    assert_array_equal(found, found.transpose(0, 2, 1))
+    inside = np.abs(grid.points).max(axis=1) < 1.2
+    off = np.abs(found[inside] - HESSIAN).max() / np.abs(HESSIAN).max()
+    assert inside.sum() == 17**3
+    assert off < 0.02
+
+
+@pytest.mark.parametrize(
+    "choice", [{"rule": "midpoint"}, {"rule": "graded"}, {"levels": [1.5e-4, 1.1e-4]}]
+)
+def test_vertices_know_gradient_and_second_derivatives_of_a_quadratic_field(choice):
+    """Both are linear along the edges of cells, so right to float32 at every vertex."""
+    field = field_of(hexahedra(24, 6.0), ellipsoids)
+    expected = HESSIAN[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+    shells = contour_shells(field, 3, index_range=(HOTTEST + 1e-4, HOTTEST), **choice).shells
+    assert len(shells) == len(choice.get("levels", "123"))
+    for shell in shells:
+        assert np.abs(shell.vertices).max() < 3.5
+        step = shell.ext - shell.int_
+        gradient = shell.vertices.astype(float) @ HESSIAN
+        length = np.linalg.norm(gradient, axis=1)
+        assert_allclose(shell.steepness[:, 0], length / step, rtol=3e-7)
+        assert_allclose(shell.normals, gradient / length[:, None], atol=1.5e-7)
+        second = np.tile(expected / step, (len(length), 1))
+        assert_allclose(shell.steepness[:, 1:], second, rtol=2e-7)
+
+
+def test_normals_and_length_are_those_of_the_fitting_gradient_between_the_points():
+    """Its lengths weigh the ends of an edge otherwise than those of the gradient before."""
+    grid = hexahedra(12, 1.0)
+    grid.points = np.sinh(2.0 * np.asarray(grid.points))
+    field = field_of(grid, lambda p: AMBIENT - 1.5e-4 * np.exp(-(p**2 @ (0.3, 0.5, 0.4))))
+    (shell,) = contour_shells(field, levels=[AMBIENT - 1e-4]).shells
+    known = grid.copy()
+    known["fitting"], known["plain"] = field.fitting_gradient, field.gradient
+    at = pv.PolyData(shell.vertices.astype(float)).sample(known, tolerance=1e-5)
+    fitting, plain = (np.asarray(at[name]) for name in ("fitting", "plain"))
+    length = np.linalg.norm(fitting, axis=1)
+    step = shell.ext - shell.int_
+    unit = plain / np.linalg.norm(plain, axis=1)[:, None]
+    assert_allclose(shell.steepness[:, 0], length / step, rtol=4e-7)
+    assert_allclose(shell.normals, fitting / length[:, None], atol=1.5e-7)
+    assert np.abs(shell.normals - unit).max() > 1e-3
+
+
+def differences(function: Callable[[np.ndarray], np.ndarray], point: np.ndarray) -> np.ndarray:
+    """Length of the gradient and xx, yy, zz, yz, xz, xy by central differences."""
+    h = 1e-3
+    axes = h * np.eye(3)
+    gradient = [function(point + a) - function(point - a) for a in axes]
+    mixed = []
+    for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)):
+        ahead, behind = (point + sign * axes[i] for sign in (1, -1))
+        mixed.append(
+            (function(ahead + axes[j]) - function(ahead - axes[j]))
+            - (function(behind + axes[j]) - function(behind - axes[j]))
+        )
+    return np.array((np.linalg.norm(gradient) / (2 * h), *np.array(mixed) / (4 * h * h)))
+
+
+@pytest.mark.parametrize("radius", [0.5, 4.0, 9.0])
+def test_radial_steepness_agrees_with_finite_differences(radius):
+    angles = np.linspace(0.3, 6.0, 7)
+    normals = np.stack((np.zeros(7), np.cos(angles), np.sin(angles)), axis=1)
+    e = np.exp(-((radius / 5.0) ** 2))
+    slope, bend = 2 * radius / 25 * e, (2 / 25 - 4 * radius**2 / 625) * e
+    found = radial_steepness(normals, slope, bend, radius, 0.25)
+    expected = [
+        differences(lambda p: 3.0 - np.exp(-(p[1] ** 2 + p[2] ** 2) / 25), p)
+        for p in radius * normals + np.array((1.7, 0.0, 0.0))
+    ]
+    assert_allclose(found, np.array(expected) / 0.25, atol=7e-8)
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.6, 0.0, -0.8), (2 / 3, -1 / 3, 2 / 3)])
+def test_steepness_at_a_plane_agrees_with_finite_differences(normal):
+    way = np.array(normal)
+    slope, bend = np.exp(-0.6) / 5, -np.exp(-0.6) / 25
+    (found,) = radial_steepness(way[None], slope, bend, np.inf, 0.25)
+    expected = differences(lambda p: 2.0 - np.exp(-(p @ way) / 5), 3.0 * way)
+    assert_allclose(found, expected / 0.25, atol=8e-9)
 
 
 def test_field_without_the_levels_is_refused():

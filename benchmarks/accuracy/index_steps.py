@@ -95,7 +95,7 @@ def _lines(folder: Path) -> list[Line]:
 SECTION = Section(
     "steps",
     "Where the shells lie",
-    "Equal steps of the index (midpoint), the default, against graded ones, which are half as "
+    "Equal steps of the index (midpoint), the default, against graded ones, which are 0.3 times as "
     "large at both ends, and against shells that lie at the layer's own index (outer): 13 shells "
     "each, on the exact hot cylinder and on the bundled pose, there against 80 shells of the same "
     "rule. With rays bent all along the layers it hardly matters; with rays bent at the shells "

@@ -35,7 +35,7 @@ RANGE_MM = 60.0
 """Length of a ray before its hit in which there is hot air."""
 STEP_MM = 0.25
 SPACINGS_MM = (2.0, 1.0)
-LARGEST_RATIO = 1.25
+LARGEST_RATIO = 1.4
 """Of the difference found by tracing to that of the fields' own line integrals."""
 
 
@@ -141,7 +141,7 @@ def line_integrals(field: IndexField, hits: FloatArray) -> FloatArray:
     back = np.arange(0.5 * STEP_MM, RANGE_MM, STEP_MM)
     places = hits[:, None] - back[:, None] * along[:, None]
     grid = field.grid.copy()
-    grid.point_data["gradient"] = field.gradient
+    grid.point_data["gradient"] = field.fitting_gradient
     # With VTK's own tolerance, far larger, flat cells claim points beside them.
     found = pv.PolyData(places.reshape(-1, 3)).sample(grid, tolerance=1e-6)
     gradient = np.asarray(found["gradient"], dtype=np.float64)

@@ -37,7 +37,7 @@ class ShellOptions:
         Own list of n - 1 for the shells, separated by commas, instead of layers and rule.
     rule
         Steps of the index and where a shell lies in them: "midpoint" steps are equal; "graded" ones
-        are finer at the wall and in the outer tail, for rays that are bent at the shells alone;
+        are finer at the wall and in the outer tail, for few shells across a plume;
         "outer" is of first order, for studies.
     min_size
         Pieces of a shell smaller than this are dropped.

@@ -19,6 +19,9 @@ from iriftrace.sweep import run_sweep
 
 FIELD = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
 MIRROR = np.array((1.0, -1.0, 1.0), dtype=np.float32)
+STEEPNESS_MIRROR = np.array((1, 1, 1, 1, -1, 1, -1), dtype=np.float32)
+"""Of the length, and of xx, yy, zz, yz, xz and xy."""
+
 MEASURES = ("displacement_median", "displacement_p95", "shift_median", "coverage_area")
 
 
@@ -31,7 +34,7 @@ def mirrored(shell: Shell) -> Shell:
         vertices=np.concatenate((shell.vertices, shell.vertices * MIRROR)),
         faces=np.concatenate((half, image)),
         normals=np.concatenate((shell.normals, shell.normals * MIRROR)),
-        steepness=np.concatenate((shell.steepness, shell.steepness)),
+        steepness=np.concatenate((shell.steepness, shell.steepness * STEEPNESS_MIRROR)),
     )
 
 
