@@ -23,7 +23,7 @@ MOST_CHANGE = 2.0
 """By how many times the larger gradient of both ends the gradient may change within half a layer;
 what says more is noise of the cells, seen over a way much longer than they are."""
 
-LITTLE_CHANGE = .2
+LITTLE_CHANGE = 0.2
 """Most change of the gradient, in its own lengths, in the layer at the part."""
 
 TURNING_STEPS = 3.0
