@@ -22,7 +22,7 @@ from iriftrace.scenes.components import (
 )
 from iriftrace.shell_io import load_shells
 
-MOST_BYTES = 2_600_000
+MOST_BYTES = 3_600_000
 
 
 @pytest.mark.parametrize("name", COMPONENTS)
