@@ -29,4 +29,4 @@ def test_displacement_maps_differ_by_the_interpolation_alone(
     )
     # The same tetrahedra but for the split of hexahedra: the closest of all.
     (sections,) = (line for line in others if "sectionwise" in line.case)
-    assert float(sections.obtained.split()[0]) < 3.0
+    assert float(sections.obtained.split()[0]) < 3.5
