@@ -13,9 +13,10 @@ from .layer_turn import Layer, onto_plane, outside, slope_of
 from .refraction import (
     GRAZING,
     Triangle,
+    between_corners,
+    corner_weights,
     cross_surface,
     interpolated_normal,
-    interpolated_vector,
 )
 
 
@@ -76,11 +77,11 @@ class AtShells:
 class Memory(NamedTuple):
     """What :class:`InLayers` remembers of a ray."""
 
-    pull: Any  # Vector3d, 1/mm: gradient of the index at the last shell
-    change: Any  # Vector3d, 1/mm^2: its change along the ray
+    pull: Any  # Vector3f, 1/mm: gradient of the index at the last shell
+    change: Any  # Vector3f, 1/mm^2: its change along the ray
     level: Any  # Float64: index of the air at that shell
     beyond: Any  # Float64: index of the layer behind it
-    aside: Any  # Vector3d, mm: how far the ray lies beside the one that is marched
+    aside: Any  # Vector3f, mm: how far the ray lies beside the one that is marched
     along: Any  # Float64, mm: how much further along it is, where it crosses the shell's plane
 
 
@@ -125,7 +126,7 @@ class InLayers:
         import drjit as dr
         import mitsuba as mi
 
-        pull, change, aside = (dr.zeros(mi.Vector3d, width) for _ in range(3))
+        pull, change, aside = (dr.zeros(mi.Vector3f, width) for _ in range(3))
         level, beyond, along = (dr.zeros(mi.Float64, width) for _ in range(3))
         return pull, change, level, beyond, aside, along
 
@@ -136,14 +137,17 @@ class InLayers:
 
         last = Memory(*memory)
         direction, crossed = passage.direction, passage.crossed
+        beside = mi.Vector3d(last.aside)
+        along = onto_plane(beside, direction, passage.facet)
+        point = passage.point + beside + along * direction
+        length = mi.Float(dr.maximum(passage.length + along - last.along, 0))
         level = self._tables.level(passage.shape, crossed)
-        gradients = self._tables.gradients(passage.face, crossed)
-        along = onto_plane(last.aside, direction, passage.facet)
-        point = passage.point + last.aside + along * direction
-        pull = interpolated_vector(point, passage.triangle, gradients, passage.facet)
-        length = dr.maximum(passage.length + along - last.along, 0)
-        changes = self._tables.gradient_changes(passage.face, direction, crossed)
-        change = interpolated_vector(point, passage.triangle, changes, passage.facet)
+        # Turns are small, so single precision will do, which takes half the time.
+        heading = mi.Vector3f(direction)
+        weights = corner_weights(point, passage.triangle, passage.facet)
+        weights = mi.Float(weights[0]), mi.Float(weights[1])
+        gradients, changes = self._tables.gradients(passage.face, heading, crossed)
+        pull, change = between_corners(gradients, weights), between_corners(changes, weights)
         layer = Layer(
             slope_of(last.pull, last.change),
             slope_of(pull, change),
@@ -155,11 +159,11 @@ class InLayers:
         # The mean direction, which a guess of the turn tells, is the same for the way back.
         guess = dr.select(
             passage.first,
-            layer.coming(direction, length)[0],
-            layer.through(direction, length)[0],
+            layer.coming(heading, length)[0],
+            layer.through(heading, length)[0],
         )
-        turn, aside = layer.turn(dr.normalize(direction + 0.5 * guess), length, passage.first)
-        ahead = direction + turn
+        turn, aside = layer.turn(dr.normalize(heading + 0.5 * guess), length, passage.first)
+        ahead = direction + mi.Vector3d(turn)
         away = dr.select(passage.outward, passage.facet, -passage.facet)
         ahead += dr.maximum(GRAZING - dr.dot(ahead, away), 0) * away
         kept = (
@@ -177,18 +181,20 @@ class InLayers:
     ) -> tuple[Any, Any]:
         """How far the last way's end lies beside the ray (Vector3d, mm), and its direction."""
         import drjit as dr
+        import mitsuba as mi
 
         last = Memory(*memory)
-        length = length + onto_plane(last.aside, direction, facet) - last.along
+        beside, heading = mi.Vector3d(last.aside), mi.Vector3f(direction)
+        length = length + onto_plane(beside, direction, facet) - last.along
         slope = slope_of(last.pull, last.change)
-        layer, ambient = last.beyond, self._ambient
-        guess, _ = outside(slope, last.level, layer, ambient, direction, length, 1)
-        mean = dr.normalize(direction + 0.5 * guess)
-        turn, late = outside(slope, last.level, layer, ambient, mean, length, 1)
+        air = slope, last.level, last.beyond, self._ambient
+        guess, _ = outside(*air, heading, mi.Float(length), 1)
+        mean = dr.normalize(heading + 0.5 * guess)
+        turn, late = (mi.Vector3d(v) for v in outside(*air, mean, mi.Float(length), 1))
         # Counted from the shell, as if the ray ran backwards; the rest of the way is a lever. What
         # leaves the scene is given by a point at its last shell and the direction far from it.
         lever = dr.select(dr.isfinite(length), length, 0)
-        aside = last.aside + turn * lever - late
+        aside = beside + turn * lever - late
         return (
             dr.select(any_shell, aside, 0),
             dr.select(any_shell, dr.normalize(direction + turn), direction),

@@ -1,8 +1,4 @@
-"""A Mitsuba scene flattened into tables: triangles of part and shells, index on each side.
-
-The tables stay in single precision, as the meshes themselves are; upcasting a gathered corner
-gives the same bits as a double table would, at two thirds of the memory.
-"""
+"""A Mitsuba scene flattened into tables: triangles of part and shells, index on each side."""
 
 from __future__ import annotations
 
@@ -18,6 +14,7 @@ from .aligned import aligned
 from .edges import NONE, edge_neighbours
 from .refraction import Triangle, facet_normal
 from .shell_slopes import shell_slopes
+from .vertex_table import MeshArrays, VertexTable
 
 SHELL, PART, BLOCKER = 0, 1, 2
 
@@ -76,6 +73,16 @@ def _runs_against_its_normals(shape: Any) -> bool:
     return bool(dr.sum(dr.select(dr.isfinite(facing), facing, 0))[0] < 0)
 
 
+def _arrays(shape: Any, has_normals: bool, step: float) -> MeshArrays:
+    """What a mesh's vertices know; the step of the index tells how steep it is at a shell."""
+    places = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
+    faces = np.array(shape.faces_buffer()).reshape(-1, 3)
+    if not has_normals:
+        return MeshArrays(places, faces, None, None)
+    normals = np.array(shape.vertex_normals_buffer()).reshape(-1, 3)
+    return MeshArrays(places, faces, normals, shell_slopes(shape, normals, step))
+
+
 class SceneTables:
     """Triangles, kinds and indices of every mesh of a scene, for gathering in a kernel.
 
@@ -91,7 +98,6 @@ class SceneTables:
     """
 
     def __init__(self, scene: Any) -> None:
-        import drjit as dr
         import mitsuba as mi
 
         shapes = scene.shapes()
@@ -113,10 +119,8 @@ class SceneTables:
             )
 
         kinds, ext, interior, smooth, level = [], [], [], [], []
-        positions, normals, gradients, faces, first_face = [], [], [], [], []
-        straight, mixed = [], []
-        knowing = []
-        vertex_count = face_count = 0
+        meshes, first_face, knowing = [], [], []
+        face_count = 0
         self.stock_shells = 0
         self.shell_shapes: list[Any] = []
         for shape, pair in zip(shapes, indices, strict=True):
@@ -148,25 +152,11 @@ class SceneTables:
                         "as after a mirroring to_world, so outside and inside would be swapped; "
                         "mirror the mesh itself instead."
                     )
-                positions.append(shape.vertex_positions_buffer())
-                normals.append(
-                    shape.vertex_normals_buffer()
-                    if has_normals
-                    else dr.zeros(mi.Float, 3 * shape.vertex_count())
-                )
-                slopes = None
-                if kind == SHELL and has_normals:
-                    slopes = shell_slopes(shape, ext[-1] - interior[-1])
+                mesh = _arrays(shape, has_normals, ext[-1] - interior[-1])
+                meshes.append(mesh)
+                face_count += len(mesh.faces)
                 if kind == SHELL:
-                    knowing.append(slopes is not None)
-                slopes = slopes or tuple(
-                    dr.zeros(mi.Float, n * shape.vertex_count()) for n in (3, 4, 2)
-                )
-                for table, values in zip((gradients, straight, mixed), slopes, strict=True):
-                    table.append(values)
-                faces.append(shape.faces_buffer() + vertex_count)
-                vertex_count += shape.vertex_count()
-                face_count += shape.face_count()
+                    knowing.append(mesh.slopes is not None)
             smooth.append(has_normals)
 
         self.index_pairs = [pair for pair in indices if pair]
@@ -176,25 +166,15 @@ class SceneTables:
             for shape, s, k in zip(shapes, smooth, kinds, strict=True)
             if k == SHELL and not s
         ]
-        self._positions = dr.concat(positions)
-        joined = dr.concat(normals)
-        # Mitsuba turns a (0, 0, 0) normal into NaN; zero makes the tracer take the facet's.
-        self._normals = dr.select(dr.isfinite(joined), joined, 0)
         # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
         self.knows_steepness = bool(knowing) and all(knowing) and not self.stock_shells
-        self._gradients, self._straight, self._mixed = (
-            dr.concat(table) if self.knows_steepness else mi.Float(0)
-            for table in (gradients, straight, mixed)
-        )
-        self._faces = dr.concat(faces)
+        self._table = VertexTable(meshes, self.knows_steepness)
         self._first_face = mi.UInt32(first_face)
         self._kind = mi.UInt32(kinds)
         self._ext = mi.Float64(ext)
         self._int = mi.Float64(interior)
         self._level = mi.Float64(level)
         self._number = self._numbers(shapes)
-        dr.eval(self._positions, self._normals, self._faces, self._number)
-        dr.eval(self._gradients, self._straight, self._mixed)
         self.part_first_face = first_face[parts[0]]
         beyond = edge_neighbours(*self.part_arrays())
         self._neighbours = mi.UInt32(aligned(beyond.ravel()))
@@ -246,11 +226,18 @@ class SceneTables:
 
     def triangle(self, face: Any, active: Any) -> Triangle:
         """Corners of triangles in double precision."""
-        return self._corners(self._positions, face, active)
+        return self._table.triangle(face, active)
 
     def vertex_normals(self, face: Any, active: Any) -> Triangle:
         """Vertex normals of triangles in double precision; zero where a mesh has none."""
-        return self._corners(self._normals, face, active)
+        return self._table.normals(face, active)
+
+    def gradients(self, face: Any, direction: Any, active: Any) -> tuple[Triangle, Triangle]:
+        """Gradient of the index at the corners of shells' triangles, 1/mm (Vector3f).
+
+        And its change along a direction (Vector3f), 1/mm^2.
+        """
+        return self._table.gradients(face, direction, active)
 
     def level(self, shape: Any, active: Any) -> Any:
         """Index of the air on a shell itself (Float64)."""
@@ -258,36 +245,6 @@ class SceneTables:
         import mitsuba as mi
 
         return dr.gather(mi.Float64, self._level, shape, active)
-
-    def gradients(self, face: Any, active: Any) -> Triangle:
-        """Gradients of the index at the corners of shells' triangles, 1/mm (Vector3d)."""
-        return self._corners(self._gradients, face, active)
-
-    def gradient_changes(self, face: Any, direction: Any, active: Any) -> Triangle:
-        """Change of the index's gradient along a direction at triangles' corners, 1/mm^2."""
-        import drjit as dr
-        import mitsuba as mi
-
-        x, y, z = direction
-
-        def change(vertex: Any) -> Any:
-            xx, yy, zz, yz = mi.Vector4d(dr.gather(mi.Vector4f, self._straight, vertex, active))
-            xz, xy = mi.Vector2d(dr.gather(mi.Vector2f, self._mixed, vertex, active))
-            return mi.Vector3d(
-                xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
-            )
-
-        vertices = dr.gather(mi.Vector3u, self._faces, face, active)
-        return Triangle(*(change(vertex) for vertex in vertices))
-
-    def _corners(self, table: Any, face: Any, active: Any) -> Triangle:
-        import drjit as dr
-        import mitsuba as mi
-
-        vertices = dr.gather(mi.Vector3u, self._faces, face, active)
-        return Triangle(
-            *(mi.Point3d(dr.gather(mi.Point3f, table, vertex, active)) for vertex in vertices)
-        )
 
     def neighbour(self, face: Any, edge: Any, active: Any) -> Any:
         """Row of the part's face beyond an edge of another (UInt32); ``NONE`` without one."""
@@ -334,8 +291,7 @@ class SceneTables:
         import drjit as dr
         import mitsuba as mi
 
-        count = dr.width(self._faces) // 3
-        face = dr.arange(mi.UInt32, count)
+        face = dr.arange(mi.UInt32, self._table.face_count)
         active = mi.Bool(True)
         corners = self.triangle(face, active)
         x, y, in_front = project((corners.a + corners.b + corners.c) / 3)

@@ -1,6 +1,8 @@
 """By how much a ray turns in the air between two shells, from the gradients of the index at both.
 
-The formulas of :class:`iriftrace.plugins.bending.InLayers`, for arrays of rays.
+The formulas of :class:`iriftrace.plugins.bending.InLayers`, for arrays of rays. Gradients,
+directions and lengths may have single or double precision, and so do the turns: seven digits of a
+turn are nanometres a kilometre away. Indices, which differ little, have double precision.
 """
 
 from __future__ import annotations
@@ -89,14 +91,14 @@ def _over(vector: Any, length: Any) -> Any:
 class Slope(NamedTuple):
     """Gradient of the index at a shell, and how it changes along the ray."""
 
-    pull: Any  # Vector3d, 1/mm
-    change: Any  # Vector3d, 1/mm^2: per way along the ray
-    steep: Any  # Float64, 1/mm: length of the gradient
-    unit: Any  # Vector3d: its direction
+    pull: Any  # vector, 1/mm
+    change: Any  # vector, 1/mm^2: per way along the ray
+    steep: Any  # number, 1/mm: length of the gradient
+    unit: Any  # vector: its direction
 
 
 def slope_of(pull: Any, change: Any) -> Slope:
-    """A gradient (Vector3d, 1/mm) and its change (Vector3d, 1/mm^2) with length and direction."""
+    """A gradient (vector, 1/mm) and its change (vector, 1/mm^2) with length and direction."""
     import drjit as dr
 
     steep = dr.norm(pull)
@@ -121,24 +123,26 @@ def outside(
         At the shell.
     level, layer, ambient : Float64
         Index at the shell, of the layer and of the air outside.
-    direction : Vector3d
+    direction : vector
         Unit direction of the ray.
-    length : Float64, mm
+    length : number, mm
         Of its way in the layer.
     sense : int
         1 for rays that leave the shell, -1 for those that come to it.
 
     Returns
     -------
-    turn : Vector3d
-    aside : Vector3d, mm
+    turn : vector
+    aside : vector, mm
         The turn times the mean way from the shell.
     """
     import drjit as dr
 
     cosine = dr.abs(dr.dot(slope.unit, direction))
-    half_step = dr.abs(layer - level)
-    shallow = dr.abs(layer - ambient) < 1e-3 * half_step
+    number = type(cosine)
+    half_step = number(dr.abs(layer - level))
+    shallow = number(dr.abs(layer - ambient)) < 1e-3 * half_step
+    index = number(level)
     # Towards the ambient n fades as exp(-a s - b s^2); b tells how the shells curve away from the
     # ray. The integral's approximation is exact for a = 0 and for b = 0.
     turning = slope.change - slope.unit * dr.dot(slope.unit, slope.change)
@@ -152,10 +156,10 @@ def outside(
     widest = fading * dr.select(shallow, 1, 2 - cosine * cosine)
     way = dr.select(length > ELSEWHERE * fading, fading, dr.minimum(length, widest))
     mean = dr.minimum(0.5 * length, fading)
-    turn = _across(slope.pull, direction) * (way / level)
+    turn = _across(slope.pull, direction) * (way / index)
     # Near the part the gradient changes linearly; far outside the cells' noise would do harm.
     change = _at_most(slope.change * (0.5 * way), LITTLE_CHANGE * slope.steep)
-    changed = _across(dr.select(shallow, 0, sense * change), direction) * (way / level)
+    changed = _across(dr.select(shallow, 0, sense * change), direction) * (way / index)
     return turn + changed, turn * mean + changed * (mean * 4 / 3)
 
 
@@ -179,7 +183,7 @@ class Layer(NamedTuple):
         return outside(before, level, self.layer, self.ambient, direction, length, 1)
 
     def through(self, direction: Any, length: Any) -> tuple[Any, Any, Any]:
-        """Turn (Vector3d), how far the way ends aside (mm), and by how much the index rises.
+        """Turn (vector), how far the way ends aside (mm), and by how much the index rises.
 
         By Hermite's cubic through the gradients and their changes at both ends, whose integral is
         that of Simpson's rule with its middle. The rise is that of the index in the middle over the
@@ -200,9 +204,9 @@ class Layer(NamedTuple):
         likeness = 0.5 * dr.norm(before.unit + here.unit)
         cosine = dr.dot(mean, direction)
         share = telescoping(cosine) * likeness**ALIKE
-        step = self.level_here - self.level_before
+        step = type(cosine)(self.level_here - self.level_before)
         missing = mean * (share * (step - dr.dot(total, direction)))
-        index = 0.5 * (self.level_here + self.level_before)
+        index = type(cosine)(0.5 * (self.level_here + self.level_before))
         turn = _across(total + missing, direction) / index
         arm = (7 * before.pull + 3 * here.pull) * (squared / 20)
         arm += (3 * first - 2 * second) * (squared / 60) + missing * (0.5 * length)
@@ -211,7 +215,7 @@ class Layer(NamedTuple):
         return turn, _across(arm, direction) / index, rise
 
     def turn(self, direction: Any, length: Any, first: Any) -> tuple[Any, Any]:
-        """Turn (Vector3d) on the way to the shell, and how far the way ends aside (mm)."""
+        """Turn (vector) on the way to the shell, and how far the way ends aside (mm)."""
         import drjit as dr
 
         turn, aside, rise = self.through(direction, length)
@@ -220,7 +224,8 @@ class Layer(NamedTuple):
         behind = self.leaving(direction, half)
         ahead = self.coming(direction, dr.select(first, length, half))
         gap = self.level_here == self.level_before
-        gap &= dr.abs(rise) > TURNING_STEPS * dr.abs(self.layer - self.level_here)
+        half_step = type(rise)(dr.abs(self.layer - self.level_here))
+        gap &= dr.abs(rise) > TURNING_STEPS * half_step
         turn = dr.select(gap, behind[0] + ahead[0], turn)
         aside = dr.select(gap, behind[0] * length - behind[1] + ahead[1], aside)
         return dr.select(first, ahead[0], turn), dr.select(first, ahead[1], aside)

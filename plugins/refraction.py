@@ -61,15 +61,14 @@ def distance_to_plane(
     return dr.clip(exact, rough - doubt, rough + doubt)
 
 
-def interpolated_vector(point: Any, triangle: Triangle, vectors: Triangle, facet: Any) -> Any:
-    """Vectors at the corners interpolated linearly at a point of the triangle (Vector3d).
+def corner_weights(point: Any, triangle: Triangle, facet: Any) -> tuple[Any, Any]:
+    """Weights (Float64) of a triangle's corners b and c at a point; that of a is the rest of 1.
 
     Parameters
     ----------
     point : Point3d, mm
         A point of the triangle's plane; outside the triangle the nearest weights are used.
-    triangle, vectors : Triangle
-        Corners, and the vectors at them.
+    triangle : Triangle
     facet : Vector3d
         Unit normal of the plane.
     """
@@ -80,18 +79,23 @@ def interpolated_vector(point: Any, triangle: Triangle, vectors: Triangle, facet
     weight_b = dr.dot(facet, dr.cross(to_point, triangle.c - triangle.a)) / doubled_area
     weight_c = dr.dot(facet, dr.cross(triangle.b - triangle.a, to_point)) / doubled_area
     weight_b = dr.clip(weight_b, 0, 1)
-    weight_c = dr.clip(weight_c, 0, 1 - weight_b)
-    return vectors.a * (1 - weight_b - weight_c) + vectors.b * weight_b + vectors.c * weight_c
+    return weight_b, dr.clip(weight_c, 0, 1 - weight_b)
+
+
+def between_corners(vectors: Triangle, weights: tuple[Any, Any]) -> Any:
+    """Vectors at a triangle's corners interpolated with :func:`corner_weights`."""
+    b, c = weights
+    return vectors.a * (1 - b - c) + vectors.b * b + vectors.c * c
 
 
 def interpolated_normal(point: Any, triangle: Triangle, normals: Triangle, facet: Any) -> Any:
-    """Unit normal between the vertex normals, as :func:`interpolated_vector` (Vector3d).
+    """Unit normal (Vector3d) between the vertex normals at a point of the triangle.
 
     The facet's own where the interpolated one vanishes.
     """
     import drjit as dr
 
-    normal = interpolated_vector(point, triangle, normals, facet)
+    normal = between_corners(normals, corner_weights(point, triangle, facet))
     length = dr.norm(normal)
     return dr.select(length > 1e-3, normal / length, facet)
 

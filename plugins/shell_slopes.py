@@ -9,27 +9,26 @@ from numpy.typing import NDArray
 
 from iriftrace.steepness import PLY_COLUMNS, SECOND_DERIVATIVES
 
-from .aligned import aligned
-
 FloatArray = NDArray[np.float64]
 
 
-def shell_slopes(shape: Any, step: float) -> tuple[Any, Any, Any] | None:
-    """Gradient and second derivatives of the index at a shell; None if its file has none.
+def shell_slopes(shape: Any, normals: FloatArray, step: float) -> FloatArray | None:
+    """How steep the index is at a shell, and how that changes; None if its file does not say.
 
     Parameters
     ----------
     shape : mi.Mesh
-        With vertex normals along the gradient.
+    normals : (n, 3) array
+        Its vertex normals, along the gradient.
     step : float
         Index outside less index inside; the file counts in these steps, so a shell without one
         bends nothing.
 
     Returns
     -------
-    gradient : Float, 1/mm
-    straight, mixed : Float, 1/mm^2
-        xx, yy, zz, yz and xz, xy, as a kernel gathers them: three, four and two numbers per vertex.
+    (n, 7) array
+        The gradient's part along the normal, 1/mm, and the second derivatives xx, yy, zz, yz, xz,
+        xy, 1/mm^2.
     """
     import mitsuba as mi
 
@@ -41,17 +40,11 @@ def shell_slopes(shape: Any, step: float) -> tuple[Any, Any, Any] | None:
             return None
         known.append(np.nan_to_num(np.array(attribute, dtype=np.float64).reshape(-1, size)))
     gradient, derivatives = known[0], np.hstack(known[1:])
-    normals = np.array(shape.vertex_normals_buffer(), dtype=np.float64).reshape(-1, 3)
     normals = np.nan_to_num(normals)
     length = np.linalg.norm(gradient, axis=1, keepdims=True)
     if np.abs(gradient - length * normals).sum() > 1e-5 * length.sum():
         derivatives = _turned(derivatives, _turn(gradient, normals))
-
-    def numbers(rows: FloatArray) -> Any:
-        return mi.Float(aligned(np.ascontiguousarray(rows, dtype=np.float32).ravel()))
-
-    gradient = step * length * normals
-    return numbers(gradient), numbers(step * derivatives[:, :4]), numbers(step * derivatives[:, 4:])
+    return step * np.hstack((length, derivatives))
 
 
 def _turn(before: FloatArray, after: FloatArray) -> FloatArray:
