@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from iriftrace.errors import InputError, IriftraceWarning
+from iriftrace.outer_air import outer_derivatives
 from iriftrace.shell_levels import check_range, index_levels, layers_between
 from iriftrace.shell_mesh import (
     Float32Array,
@@ -53,8 +54,9 @@ def contour_shells(
     precision of the renderer's geometry), welded, freed of degenerate triangles and of crumbs, and
     wound so that facets face the cooler air. Vertex normals are ``field.fitting_gradient``,
     interpolated along the cell edges and normalised. Each vertex knows how steep the index is there
-    and how that changes (``field.second_derivatives``); not with the rule ``"outer"``, which is
-    about steps at the shells.
+    and how that changes (``field.second_derivatives``; at the outermost shell what describes the
+    air outside it, see :func:`iriftrace.outer_air.outer_derivatives`); not with the rule
+    ``"outer"``, which is about steps at the shells.
 
     Levels that the field does not reach are left out with a warning, and no other step changes:
     there is no such air. Should a level in between be left without triangles (all of it crumbs),
@@ -104,9 +106,14 @@ def contour_shells(
         if len(faces):
             used, faces = used_vertices(len(vertices), faces)
             vertices = vertices[used]
-            normals = normals_along(vertices, faces, gradient[used])
-            length = np.linalg.norm(gradient[used], axis=1)
-            found[layer] = vertices, faces, normals, steepness_rows(length, derivatives[used])
+            gradient, derivatives = gradient[used], derivatives[used]
+            if not found:
+                derivatives = outer_derivatives(
+                    grid, vertices, gradient, level, float(e[layer - 1])
+                )
+            normals = normals_along(vertices, faces, gradient)
+            length = np.linalg.norm(gradient, axis=1)
+            found[layer] = vertices, faces, normals, steepness_rows(length, derivatives)
     if not found:
         raise InputError(
             f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "

@@ -13,6 +13,12 @@ SECOND_DERIVATIVES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 STEEPNESSES = 1 + len(SECOND_DERIVATIVES)
 """Numbers per vertex: the length of the gradient, then the second derivatives."""
 
+FASTEST, SLOWEST = 0.0, 1.5
+"""Limits of u u'' / u'^2 for the fall u of the index to the ambient, on ways out of all shells.
+
+0 is a straight line, 1 an exponential; more has a longer tail.
+"""
+
 PLY_COLUMNS = {"gradient": 3, "straight": 3, "mixed": 3}
 """What a shell's file keeps: the gradient; xx, yy, zz; yz, xz, xy; all over the shell's step.
 
@@ -42,7 +48,12 @@ def steepness_rows(length: FloatArray, derivatives: FloatArray, step: float = 1.
 
 
 def radial_steepness(
-    normals: NDArray[np.floating], slope: float, bend: float, radius: float, step: float
+    normals: NDArray[np.floating],
+    slope: float,
+    bend: float,
+    radius: float,
+    step: float,
+    fall: float | None = None,
 ) -> FloatArray:
     """The same where n depends on the distance from an axis, or from a plane, alone.
 
@@ -56,9 +67,15 @@ def radial_steepness(
         Distance from the axis; infinite for a plane.
     step : float
         As for :func:`steepness_rows`.
+    fall : float, optional
+        For the outermost shell: by how much n is below the ambient's there. Then the part around
+        the axis is that of the air outside, as of :func:`iriftrace.outer_air.outer_derivatives`.
     """
     unit = np.asarray(normals, dtype=np.float64)
     outer = unit[:, :, None] * unit[:, None, :]
     around = np.diag((0.0, 1.0, 1.0)) - outer
-    derivatives = bend * outer + slope / radius * around
+    nearness = 1.0
+    if fall is not None:
+        nearness /= 2.0 - np.clip(-fall * bend / slope**2, FASTEST, SLOWEST)
+    derivatives = bend * outer + nearness * slope / radius * around
     return steepness_rows(np.full(len(unit), slope), derivatives, step)

@@ -98,8 +98,9 @@ class InLayers:
     the index changes by what it must, as far as the ray runs along the gradient (``LEAN``) and its
     direction is the same at both ends (``ALIKE``).
 
-    Before the first shell and behind the last one, n is taken to fade exponentially towards the
-    ambient, the sooner the more the shell curves away from the ray. In other layers, such as that
+    Outside the outermost shell n is taken to fade towards the ambient, the sooner the more the
+    shell curves away from the ray; how the gradient turns and how far out that happens is what the
+    outermost shell's derivatives say (:mod:`iriftrace.outer_air`). In other layers, such as that
     at the part, the gradient is linear in s, and n changes by half a step at most for rays across
     the layer, by a whole one for rays along it; a ray that comes from far into such a layer enters
     the data there, and n fades.

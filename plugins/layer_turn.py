@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from iriftrace.steepness import FASTEST, SLOWEST
+
 LEAN = 0.3
 """Cosine between ray and gradient below which a layer's turn follows the gradient's length.
 
@@ -41,6 +43,12 @@ Straight down a plume (hybrid, 13 shells) 0.07 takes 38 % off the median displac
 MOST_SLOPE = 1000.0
 """A ray that grazes a plane is not brought back onto it from further away than this, times how far
 it lies beside."""
+
+MOST_TILT = 0.3
+"""Most turn of the gradient's direction on the way out to the ambient, in radians."""
+
+NOT_NOISE = 0.25
+"""Share of a tilt's part along the ray by which the gradient is taken to be shorter."""
 
 ELSEWHERE = 4.0
 """A way that is longer than this times the one over which a layer fades is not all in the layer."""
@@ -138,14 +146,16 @@ def outside(
     """
     import drjit as dr
 
-    cosine = dr.abs(dr.dot(slope.unit, direction))
+    lean = dr.dot(slope.unit, direction)
+    cosine = dr.abs(lean)
     number = type(cosine)
     half_step = number(dr.abs(layer - level))
     shallow = number(dr.abs(layer - ambient)) < 1e-3 * half_step
     index = number(level)
     # Towards the ambient n fades as exp(-a s - b s^2); b tells how the shells curve away from the
     # ray. The integral's approximation is exact for a = 0 and for b = 0.
-    turning = slope.change - slope.unit * dr.dot(slope.unit, slope.change)
+    bending = dr.dot(slope.unit, slope.change)
+    turning = slope.change - slope.unit * bending
     curving = dr.maximum(dr.dot(turning, direction), 0)
     a, b = slope.steep * cosine, 0.5 * half_step * curving
     faded = _over(2 * half_step, a + dr.sqrt(a * a + (16 / dr.pi) * b))
@@ -156,11 +166,25 @@ def outside(
     widest = fading * dr.select(shallow, 1, 2 - cosine * cosine)
     way = dr.select(length > ELSEWHERE * fading, fading, dr.minimum(length, widest))
     mean = dr.minimum(0.5 * length, fading)
-    turn = _across(slope.pull, direction) * (way / index)
+
+    # What the outermost shell's derivatives say of all the air outside; see `iriftrace.outer_air`.
+    share = dr.select(shallow, cosine * telescoping(cosine), 0)
+    tilt = _at_most(turning * (sense * mean), MOST_TILT * slope.steep) * share
+    # A tilt along the ray adds to what the index changes by, which is known.
+    gained = _over(dr.dot(turning, direction) * mean, slope.steep) * telescoping(cosine)
+    strength = 1 - dr.clip(gained, -MOST_TILT, MOST_TILT) * (share * NOT_NOISE)
+    straight = _over(a * faded, half_step)
+    mean *= 1 + dr.select(shallow, (2 / dr.pi - 1) * (1 - straight * straight), 0)
+    bending = dr.select(lean < 0, half_step, -half_step) * bending
+    slowness = dr.clip(_over(bending, a * slope.steep), FASTEST, SLOWEST)
+    mean *= 1 + share * (1 / (2 - slowness) - 1)
     # Near the part the gradient changes linearly; far outside the cells' noise would do harm.
     change = _at_most(slope.change * (0.5 * way), LITTLE_CHANGE * slope.steep)
-    changed = _across(dr.select(shallow, 0, sense * change), direction) * (way / index)
-    return turn + changed, turn * mean + changed * (mean * 4 / 3)
+    changed = _across(dr.select(shallow, 0, sense * change), direction)
+    pull, tilted = _across(slope.pull, direction) * strength, _across(tilt, direction)
+    way /= index
+    turn = (pull + tilted + changed) * way
+    return turn, (pull + 2 * tilted + (4 / 3) * changed) * (way * mean)
 
 
 class Layer(NamedTuple):
@@ -219,13 +243,15 @@ class Layer(NamedTuple):
         import drjit as dr
 
         turn, aside, rise = self.through(direction, length)
-        # The gap between two boundary layers: each of them fades for itself.
+        # The gap between two boundary layers: each of them fades for itself. Nothing but that is
+        # known of the air outside the outermost shell.
         half = 0.5 * length
         behind = self.leaving(direction, half)
         ahead = self.coming(direction, dr.select(first, length, half))
         gap = self.level_here == self.level_before
-        half_step = type(rise)(dr.abs(self.layer - self.level_here))
-        gap &= dr.abs(rise) > TURNING_STEPS * half_step
+        half_step = dr.abs(self.layer - self.level_here)
+        ambient = dr.abs(self.layer - self.ambient) < 1e-3 * half_step
+        gap &= ambient | (dr.abs(rise) > TURNING_STEPS * type(rise)(half_step))
         turn = dr.select(gap, behind[0] + ahead[0], turn)
         aside = dr.select(gap, behind[0] * length - behind[1] + ahead[1], aside)
         return dr.select(first, ahead[0], turn), dr.select(first, ahead[1], aside)

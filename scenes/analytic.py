@@ -151,8 +151,11 @@ def _steep(shell: Shell, kelvin_per_mm: float, radius_mm: float, air: Air, rule:
     assert shell.normals is not None
     slope = shell.refractivity / float(air.temperature(shell.refractivity)) * kelvin_per_mm
     bend = 2.0 * slope**2 / shell.refractivity - slope / radius_mm
-    step = shell.ext - shell.int_
-    return evolve(shell, steepness=radial_steepness(shell.normals, slope, bend, radius_mm, step))
+    fall = air.ambient_refractivity - shell.refractivity if shell.layer == 1 else None
+    steepness = radial_steepness(
+        shell.normals, slope, bend, radius_mm, shell.ext - shell.int_, fall
+    )
+    return evolve(shell, steepness=steepness)
 
 
 def tube(

@@ -84,7 +84,8 @@ def traced_shift(folder: Path, air: Air, layers: int, bending: str, rule: str) -
         mesh = tube(radius, 60.0, 4000)
         slope = 2.0 * radius / WIDTH_MM**2 * (ambient - surfaces[k])
         bend = slope / radius - 2.0 * radius / WIDTH_MM**2 * slope
-        steepness = radial_steepness(mesh[2], slope, bend, radius, float(e[k] - e[k + 1]))
+        step, fall = float(e[k] - e[k + 1]), None if k else float(ambient - surfaces[k])
+        steepness = radial_steepness(mesh[2], slope, bend, radius, step, fall)
         indices = float(surfaces[k]), float(e[k]), float(e[k + 1])
         shells.append(Shell(k + 1, *indices, *mesh, steepness))
     plate = trimesh.creation.box((80.0, 5.0, 200.0))

@@ -164,7 +164,9 @@ def test_ambient_air_outside_the_first_shell_fades(angle: float, length: float) 
     """A long way gains the step of the index over the cosine; a short one the gradient times it."""
     steep, half_step = 2e-6, 1e-5
     direction = np.array((np.cos(angle), np.sin(angle), 0.0))
-    slope = slope_of(vectors((steep, 0.0, 0.0)), vectors(STILL))
+    # As it rises exponentially to the ambient's.
+    change = (-(steep**2) / half_step * np.cos(angle), 0.0, 0.0)
+    slope = slope_of(vectors((steep, 0.0, 0.0)), vectors(change))
     level = numbers(AMBIENT - half_step)
     ambient = numbers(AMBIENT)
     turn, arm = outside(slope, level, ambient, ambient, vectors(direction), numbers(length), 1)
@@ -174,6 +176,45 @@ def test_ambient_air_outside_the_first_shell_fades(angle: float, length: float) 
     assert np.linalg.norm(row(arm)) == pytest.approx(
         expected * min(length / 2, fading), rel=1e-9, abs=1e-20
     )
+
+
+def test_air_that_rises_linearly_to_the_ambient_ends_at_once() -> None:
+    """So its mean distance is half of what it is where it fades, for rays along the gradient."""
+    steep, half_step, angle = 2e-6, 1e-5, 0.1
+    direction = np.array((np.cos(angle), np.sin(angle), 0.0))
+    slope = slope_of(vectors((steep, 0.0, 0.0)), vectors(STILL))
+    level, ambient = numbers(AMBIENT - half_step), numbers(AMBIENT)
+    turn, arm = outside(slope, level, ambient, ambient, vectors(direction), numbers(100.0), 1)
+    mean = np.linalg.norm(row(arm)) / np.linalg.norm(row(turn))
+    assert mean == pytest.approx(half_step / (steep * np.cos(angle)) / 2, rel=0.01)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("angle", [0.2, -0.2])
+def test_gradients_that_turn_outside_turn_rays(sense: int, angle: float) -> None:
+    """Against quadrature of plane air whose gradient leans the more, the further out it is."""
+    half_step, fading, lean = 1e-5, 1.5, 0.05
+    out = np.array((np.cos(angle), np.sin(angle), 0.0))
+    s = np.linspace(0.0, 40.0, 100_001)
+    x = s * out[0]
+    fall = half_step / fading * np.exp(-x / fading)
+    pull = np.stack((fall, fall * lean * x / fading, 0 * s), axis=1)
+    pull *= half_step / np.trapezoid(pull @ out, s)
+    pull -= np.outer(pull @ out, out)
+    true = np.trapezoid(pull, s, axis=0)
+    far = np.trapezoid(pull * s[:, None], s, axis=0)
+    steep = half_step / fading
+    derivatives = steep / fading * np.array(((-1.0, lean, 0.0), (lean, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    direction = sense * out
+    ambient = numbers(AMBIENT)
+    slope = slope_of(vectors((steep, 0.0, 0.0)), vectors(derivatives @ direction))
+    level, way = ambient - half_step, numbers(40.0)
+    turn, arm = outside(slope, level, ambient, ambient, vectors(direction), way, sense)
+    index = AMBIENT - half_step
+    np.testing.assert_allclose(row(turn) * index, true, atol=0.03 * np.linalg.norm(true))
+    np.testing.assert_allclose(row(arm) * index, far, atol=0.06 * np.linalg.norm(far))
+    plain = np.sin(angle) / np.cos(angle) * half_step
+    assert abs(np.linalg.norm(true) / abs(plain) - 1) > 0.1
 
 
 def test_shells_without_a_step_turn_nothing() -> None:
