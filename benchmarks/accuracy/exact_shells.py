@@ -55,9 +55,13 @@ def slab_hits(folder: Path, angle_deg: float, bending: str) -> RayHits:
 def cylinder_hits(
     folder: Path, layers: int, rule: str = "midpoint", bending: str = "layers"
 ) -> RayHits:
-    """Hits of the rays of ``CYLINDER_UM`` behind coaxial layers of 4,000 facets."""
+    """Hits of the rays of ``CYLINDER_UM`` behind coaxial layers of 4,000 facets.
+
+    The part has 36,000, whose facets leave 0.003 % at most to these rays; with 20,000 to 48,000 the
+    vertices' rounding to single precision leaves up to 0.03 %.
+    """
     part, shells = concentric_cylinders(
-        layers, air=RoundAir(), sections=4000, part_sections=40_000, rule=rule
+        layers, air=RoundAir(), sections=4000, part_sections=36_000, rule=rule
     )
     if rule == "outer":
         # The last shell is the wall itself; a ray ends there before it is bent.

@@ -48,17 +48,13 @@ def cylinder_errors(folder: Path, layers: int, bending: str) -> dict[float, floa
 @pytest.mark.parametrize("bending", BENDING)
 @pytest.mark.usefixtures("variant")
 def test_cylinder_converges_at_second_order(tmp_path: Path, bending: str) -> None:
-    """Snell's law at exact circles is off by 0.27, 0.41 and 0.56 % with 13 shells.
-
-    Vertices in single precision leave 0.01 %, which layers of 26 shells already reach.
-    """
+    """Snell's law at exact circles is off by 0.27, 0.41 and 0.56 % with 13 shells."""
     errors = {n: cylinder_errors(tmp_path / str(n), n, bending) for n in (13, 26, 100)}
     least_gain = {0.25: 3.2, 0.75: 3.2, 0.95: 2.2}
     for b in least_gain:
         assert abs(errors[13][b]) < 0.007
         assert abs(errors[100][b]) < 0.0005
-        floor = 1e-4 if bending == "layers" else 0.0
-        assert abs(errors[26][b]) < max(abs(errors[13][b]) / least_gain[b], floor)
+        assert abs(errors[13][b] / errors[26][b]) > least_gain[b]
 
 
 @pytest.mark.usefixtures("variant")
@@ -66,7 +62,7 @@ def test_layers_of_thirteen_shells_err_half_as_much_near_the_silhouette(tmp_path
     """Where a ray runs along a layer, the law at its surface is not enough."""
     errors = {way: cylinder_errors(tmp_path / way, 13, way) for way in BENDING}
     assert abs(errors["layers"][0.95]) < 0.55 * abs(errors["shells"][0.95])
-    least = {0.25: 0.0005, 0.75: 0.0005, 0.95: 0.0005, 0.999: 0.005}
+    least = {0.25: 0.0005, 0.75: 0.0005, 0.95: 0.0005, 0.999: 0.004}
     assert all(abs(error) < least[b] for b, error in errors["layers"].items())
 
 
