@@ -160,10 +160,11 @@ def outside(
     a, b = slope.steep * cosine, 0.5 * half_step * curving
     faded = _over(2 * half_step, a + dr.sqrt(a * a + (16 / dr.pi) * b))
     # Rays across the layer at the part end at its index, those along it get as far as the next
-    # shell's; and a way much longer than that began elsewhere, where the data have an open end.
+    # shell's (at a round wall the way grows from one to the other about so); and a way much longer
+    # than that began elsewhere, where the data have an open end.
     fading = _over(half_step, slope.steep * dr.maximum(cosine, LEAST_COSINE))
     fading = dr.select(shallow, faded, fading)
-    widest = fading * dr.select(shallow, 1, 2 - cosine * cosine)
+    widest = fading * dr.select(shallow, 1, 2 - cosine**3)
     way = dr.select(length > ELSEWHERE * fading, fading, dr.minimum(length, widest))
     mean = dr.minimum(0.5 * length, fading)
 
@@ -179,8 +180,8 @@ def outside(
     slowness = dr.clip(_over(bending, a * slope.steep), FASTEST, SLOWEST)
     mean *= 1 + share * (1 / (2 - slowness) - 1)
     # Near the part the gradient changes linearly; far outside the cells' noise would do harm.
-    change = _at_most(slope.change * (0.5 * way), LITTLE_CHANGE * slope.steep)
-    changed = _across(dr.select(shallow, 0, sense * change), direction)
+    change = _at_most(_across(slope.change * (0.5 * way), direction), LITTLE_CHANGE * slope.steep)
+    changed = dr.select(shallow, 0, sense * change)
     pull, tilted = _across(slope.pull, direction) * strength, _across(tilt, direction)
     way /= index
     turn = (pull + tilted + changed) * way

@@ -62,8 +62,7 @@ def test_layers_of_thirteen_shells_err_half_as_much_near_the_silhouette(tmp_path
     """Where a ray runs along a layer, the law at its surface is not enough."""
     errors = {way: cylinder_errors(tmp_path / way, 13, way) for way in BENDING}
     assert abs(errors["layers"][0.95]) < 0.55 * abs(errors["shells"][0.95])
-    least = {0.25: 0.0005, 0.75: 0.0005, 0.95: 0.0005, 0.999: 0.004}
-    assert all(abs(error) < least[b] for b, error in errors["layers"].items())
+    assert all(abs(error) < 0.001 for error in errors["layers"].values())
 
 
 @pytest.mark.usefixtures("variant")
