@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
+from iriftrace.ply_corners import corner_type
 from iriftrace.regions import Regions
 from iriftrace.whole_file import whole_file
 
@@ -129,16 +130,18 @@ def write_ply(path: Path, vertices: FloatArray, faces: IntArray, regions: Region
         mesh attribute ``face_region``) and one comment ``region NUMBER NAME`` for each.
     """
     comments = "".join(f"comment region {i} {name}\n" for i, name in enumerate(regions.names))
+    kind = corner_type(len(vertices))
     header = (
         "ply\nformat binary_little_endian 1.0\ncomment iriftrace part, millimetre\n"
         f"{comments}"
         f"element vertex {len(vertices)}\n"
         "property float x\nproperty float y\nproperty float z\n"
         f"element face {len(faces)}\n"
-        "property list uchar int vertex_indices\n"
+        f"{kind.line}\n"
         f"property float {_WRITTEN_PROPERTY}\nend_header\n"
     )
-    rows = np.empty(len(faces), dtype=[("count", "u1"), ("vertices", "<i4", 3), ("region", "<f4")])
+    row = [("count", "u1"), ("vertices", kind.numpy, 3), ("region", "<f4")]
+    rows = np.empty(len(faces), dtype=row)
     rows["count"] = 3
     rows["vertices"] = faces
     rows["region"] = regions.of_face

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
@@ -13,6 +14,7 @@ from attrs import asdict
 
 from iriftrace.air import Air
 from iriftrace.errors import InputError
+from iriftrace.ply_corners import NARROW, WIDE, CornerType, corner_type
 from iriftrace.shell_mesh import AnyIntArray, Float32Array, polydata
 from iriftrace.shell_stack import Crumbs, Shell, ShellStack
 from iriftrace.steepness import PLY_COLUMNS
@@ -25,7 +27,6 @@ SCHEMA = "iriftrace.shells/1"
 TABLE = "shells.json"
 PARAVIEW = "shells.vtm"
 
-_FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 _POSITION = ("x", "y", "z")
 _NORMAL = ("nx", "ny", "nz")
 _STEEPNESS = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
@@ -143,10 +144,11 @@ def write_ply(
         if steepness is not None:
             gradient = normals * steepness[:, :1]
             columns, names = [*columns, gradient, steepness[:, 1:]], names + _STEEPNESS
-    records = np.empty(len(faces), dtype=_FACE)
+    kind = corner_type(len(vertices))
+    records = np.empty(len(faces), dtype=_face_dtype(kind))
     records["count"], records["corners"] = 3, faces
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        file.write(_header(names, len(vertices), len(faces)))
+        file.write(_header(names, len(vertices), len(faces), kind))
         file.write(np.hstack(columns).astype("<f4").tobytes())
         file.write(records.tobytes())
 
@@ -169,13 +171,15 @@ def read_ply(
     words = [line.split() for line in content[: max(end, 0)].decode("ascii", "replace").split("\n")]
     counts = {w[1]: int(w[2]) for w in words if w[:1] == ["element"] and w[-1].isdecimal()}
     sizes = counts.get("vertex", 0), counts.get("face", 0)
-    for names in (_POSITION, _POSITION + _NORMAL, _POSITION + _NORMAL + _STEEPNESS):
-        header = _header(names, *sizes)
+    layouts = (_POSITION, _POSITION + _NORMAL, _POSITION + _NORMAL + _STEEPNESS)
+    for names, kind in product(layouts, (NARROW, WIDE)):
+        header = _header(names, *sizes, kind)
         body = content[len(header) :]
         split = sizes[0] * 4 * len(names)
-        if content.startswith(header) and len(body) == split + sizes[1] * _FACE.itemsize:
+        face = _face_dtype(kind)
+        if content.startswith(header) and len(body) == split + sizes[1] * face.itemsize:
             points = np.frombuffer(body[:split], dtype="<f4").reshape(-1, len(names))
-            corners = np.frombuffer(body[split:], dtype=_FACE)["corners"]
+            corners = np.frombuffer(body[split:], dtype=face)["corners"].astype(np.int32)
             normals = points[:, 3:6] if len(names) > 3 else None
             if normals is None or len(names) == 6:
                 return points[:, :3], corners, normals, None
@@ -187,7 +191,11 @@ def read_ply(
     )
 
 
-def _header(names: Sequence[str], vertices: int, faces: int) -> bytes:
+def _face_dtype(kind: CornerType) -> np.dtype[np.void]:
+    return np.dtype([("count", "u1"), ("corners", kind.numpy, 3)])
+
+
+def _header(names: Sequence[str], vertices: int, faces: int, kind: CornerType) -> bytes:
     lines = [
         "ply",
         "format binary_little_endian 1.0",
@@ -195,7 +203,7 @@ def _header(names: Sequence[str], vertices: int, faces: int) -> bytes:
         f"element vertex {vertices}",
         *(f"property float {name}" for name in names),
         f"element face {faces}",
-        "property list uchar int vertex_indices",
+        kind.line,
         "end_header",
         "",
     ]

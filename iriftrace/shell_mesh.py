@@ -82,6 +82,14 @@ def polydata(vertices: ArrayLike, faces: ArrayLike) -> pv.PolyData:
     return mesh
 
 
+def edge_lines(vertices: ArrayLike, edges: IntArray) -> pv.PolyData:
+    """Edges, (k, 2) vertex numbers, as PyVista's lines."""
+    import pyvista as pv
+
+    cells = np.column_stack((np.full(len(edges), 2), edges))
+    return pv.PolyData(np.asarray(vertices, dtype=np.float64), lines=cells.ravel())
+
+
 def used_vertices(count: int, faces: AnyIntArray) -> tuple[BoolArray, IntArray]:
     """Which of ``count`` vertices the triangles use, and the triangles numbered among these."""
     used = np.zeros(count, dtype=bool)

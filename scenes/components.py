@@ -74,7 +74,7 @@ class Component:
 COMPONENTS = {
     "hybrid_cylinder": Component(
         hybrid_cylinder,
-        triangles=70_000,
+        triangles=66_000,
         origin_mm=(150.0, -100.0, 120.0),
         focus_mm=(50.0, 250.0),
         field_origin="OpenFOAM buoyantPimpleFoam, state at 2 s",
@@ -92,7 +92,7 @@ COMPONENTS = {
     ),
     "wishbone": Component(
         wishbone,
-        triangles=60_000,
+        triangles=50_000,
         origin_mm=(120.0, -220.0, 220.0),
         focus_mm=(50.0, 450.0),
         field_origin="OpenFOAM buoyantPimpleFoam, density averaged over 0.6 s",

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from iriftrace.errors import InputError, IriftraceWarning
-from iriftrace.part import Part, read_part, save_part
+from iriftrace.part import Part, part_of_mesh, read_part, save_part
 
 CYLINDER = Path(__file__).parents[1] / "scenes" / "cylinder" / "part.ply"
 
@@ -95,6 +95,39 @@ def test_mitsuba_reads_a_saved_part_as_it_is(
     regions = np.array(mi.traverse(shape)["face_region"])
     np.testing.assert_array_equal(regions, part.region_of_face)
     assert "WARN" not in "".join(capfd.readouterr())
+
+
+@pytest.mark.usefixtures("variant")
+@pytest.mark.parametrize(("vertices", "corner"), [(65_536, b"ushort"), (65_537, b"int")])
+def test_a_saved_part_of_any_size_is_read_as_it_is(
+    tmp_path: Path, vertices: int, corner: bytes
+) -> None:
+    """16 bits name a corner where they can."""
+    import mitsuba as mi
+
+    part = part_of_mesh(*_fan(vertices), name="fan")
+    path = tmp_path / "part.ply"
+    save_part(part, path)
+    assert b"property list uchar %s vertex_indices" % corner in path.read_bytes()
+    np.testing.assert_array_equal(read_part(path).faces, part.faces)
+    shape = mi.load_dict({"type": "ply", "filename": str(path)})
+    np.testing.assert_array_equal(np.array(shape.faces_buffer()).reshape(-1, 3), part.faces)
+
+
+def _fan(vertices: int) -> tuple[np.ndarray, np.ndarray]:
+    """A closed double cone with so many vertices."""
+    rim = np.arange(vertices - 2)
+    angle = 2 * np.pi * rim / len(rim)
+    places = np.column_stack((100 * np.cos(angle), 100 * np.sin(angle), np.zeros(len(rim))))
+    following = (rim + 1) % len(rim)
+    low, high = vertices - 2, vertices - 1
+    faces = np.concatenate(
+        (
+            np.column_stack((rim, following, np.full(len(rim), high))),
+            np.column_stack((following, rim, np.full(len(rim), low))),
+        )
+    )
+    return np.vstack((places, [(0, 0, -50)], [(0, 0, 50)])), faces
 
 
 @pytest.mark.parametrize("binary", [True, False])

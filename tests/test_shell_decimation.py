@@ -5,13 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import pyvista as pv
+import trimesh
 from attrs import evolve
 
 from iriftrace.air import Air
 from iriftrace.errors import InputError
+from iriftrace.field import read_field
+from iriftrace.scenes import folder_of
 from iriftrace.shell_decimation import FEWEST, decimate
 from iriftrace.shell_mesh import area_vectors, open_edges
+from iriftrace.shell_report import DATA_BOUNDARY, PART_WALL, report_shells
 from iriftrace.shell_stack import Shell, ShellStack
+from iriftrace.shells import contour_shells
+from iriftrace.topology import connected
 
 RADIUS_MM = 20.0
 SLOPES = np.arange(1.0, 8.0)
@@ -67,8 +73,40 @@ def test_the_border_of_an_open_shell_stays() -> None:
     (thin,) = decimate(stack, 500).shells
     border = thin.vertices[np.unique(open_edges(thin.faces))]
     assert len(border) > 10
-    assert np.abs(border[:, 2]).max() < 0.05
+    assert np.abs(border[:, 2]).max() < 1e-5
     assert np.hypot(border[:, 0], border[:, 1]) == pytest.approx(RADIUS_MM, rel=0.01)
+
+
+@pytest.mark.parametrize("triangles", [20_000, 5_200])
+def test_shells_of_a_real_field_end_at_data_and_part_alone(triangles: int) -> None:
+    """Also round the corners of the data, and where fins left holes of three or four edges."""
+    field = read_field(folder_of("cylinder") / "field.vtu")
+    whole = contour_shells(field)
+    before, after = (report_shells(s, field) for s in (whole, decimate(whole, triangles)))
+    for one, other in zip(before, after, strict=True):
+        assert set(dict(other.open_at)) == set(dict(one.open_at)) <= {PART_WALL, DATA_BOUNDARY}
+
+
+def test_small_pieces_stay_closed_or_go() -> None:
+    """What is left of most of these octahedra are two flat triangles."""
+    stack = ball()
+    (shell,) = stack.shells
+    small = trimesh.creation.icosphere(0, 2.0)
+    vertices, faces = [shell.vertices], [shell.faces]
+    for k in range(80):
+        faces.append(small.faces + sum(map(len, vertices)))
+        vertices.append(small.vertices + np.array((30.0 + 5.0 * k, 0.0, 0.0)))
+    many = np.concatenate(vertices)
+    radial = many / np.linalg.norm(many, axis=1)[:, None]
+    pieces = evolve(
+        shell, vertices=many, faces=np.concatenate(faces), normals=radial, steepness=None
+    )
+    (thin,) = decimate(evolve(stack, shells=[pieces]), 450).shells
+    links = np.concatenate((thin.faces[:, :2], thin.faces[:, 1:]))
+    piece = connected(links, len(thin.vertices))[thin.faces[:, 0]]
+    sixths = np.linalg.det(thin.vertices.astype(np.float64)[thin.faces])
+    assert np.abs(np.bincount(piece, sixths)).min() > 1.0
+    assert len(open_edges(thin.faces)) == 0
 
 
 def test_every_shell_keeps_the_same_share() -> None:

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from shell_fields import sphere_field
 
 from iriftrace.errors import InputError
-from iriftrace.shell_io import load_shells, read_ply, save_shells
+from iriftrace.shell_io import load_shells, read_ply, save_shells, write_ply
 from iriftrace.shell_report import report_shells
 from iriftrace.shells import ShellStack, contour_shells
 
@@ -53,6 +53,7 @@ def test_ply_is_what_other_programs_expect(stack, tmp_path):
     assert_allclose(mesh.vertex_normals, stack.shells[0].normals, atol=1e-6)
     assert_array_equal(pv.read(path).regular_faces, stack.shells[0].faces)
     header = path.read_bytes().split(b"end_header")[0]
+    assert b"property list uchar ushort vertex_indices" in header
     # Names of this kind are what Mitsuba takes for attributes of the vertices.
     known = [f"{name}_{k}" for name in ("gradient", "straight", "mixed") for k in (1, 2, 3)]
     lines = "".join(f"property float {name}\n" for name in known)
@@ -136,6 +137,32 @@ def test_folder_that_cannot_be_made_is_refused(stack, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot make the folder"):
         save_shells(stack, tmp_path / "file")
+
+
+@pytest.mark.parametrize(("vertices", "corner"), [(65_536, b"ushort"), (65_537, b"int")])
+def test_corners_have_as_many_bits_as_the_last_vertex_needs(vertices, corner, tmp_path):
+    path = tmp_path / "shell.ply"
+    places = np.random.default_rng(1).random((vertices, 3), dtype=np.float32)
+    faces = np.array([[0, 1, vertices - 1], [vertices - 1, 2, 3]])
+    write_ply(path, places, faces)
+    assert b"property list uchar %s vertex_indices" % corner in path.read_bytes()
+    read = read_ply(path)
+    assert_array_equal(read[0], places)
+    for found in (read[1], trimesh.load(path, process=False).faces, pv.read(path).regular_faces):
+        assert_array_equal(found, faces)
+
+
+def test_file_with_wide_corners_is_read_too(stack, tmp_path):
+    """As earlier versions and other programs write them."""
+    path = save_shells(stack, tmp_path)[0]
+    shell = stack.shells[0]
+    header, _, body = path.read_bytes().partition(b"end_header\n")
+    rows = np.empty(len(shell.faces), [("count", "u1"), ("corners", "<i4", 3)])
+    rows["count"], rows["corners"] = 3, shell.faces
+    vertices = body[: -7 * len(shell.faces)]
+    header = header.replace(b"ushort", b"int") + b"end_header\n"
+    path.write_bytes(header + vertices + rows.tobytes())
+    assert_array_equal(load_shells(tmp_path).shells[0].faces, shell.faces)
 
 
 @pytest.mark.parametrize(
