@@ -15,8 +15,8 @@ def test_displacement_maps_differ_by_the_interpolation_alone(
 ) -> None:
     """Traced differences come out as the line integrals of each field's gradient foresee them.
 
-    A lost unit, a shifted mesh, a wall left out or cells that were not cut out of the part would
-    differ by many times the displacement itself; the ratio is bounded from both sides.
+    Ray by ray, but for a few per cent. A lost unit, a shifted mesh, a wall left out or cells that
+    were not cut out of the part would differ by many times the displacement itself.
     """
     first, *others = compare(tmp_path, spacings=(2.0,))
     with capsys.disabled():
@@ -24,9 +24,9 @@ def test_displacement_maps_differ_by_the_interpolation_alone(
             print(f"\n{line.case}: {line.obtained}, expected {line.expected}", end="")
     assert len(others) == 4
     assert [line for line in others if not line.holds] == []
-    assert max(line.error for line in others) < 1.25
+    assert max(line.error for line in others) < 2.5
     assert float(first.obtained.split()[0]) == pytest.approx(
-        float(first.expected.split()[0]), rel=0.05
+        float(first.expected.split()[0]), rel=0.01
     )
     # The same tetrahedra but for the split of hexahedra: the closest of all.
     (sections,) = (line for line in others if "sectionwise" in line.case)
