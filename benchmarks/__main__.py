@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.pose import (
+    continuous_over_shells,
     kernels_of_second_pose,
     pose_in_sweep_over_traces,
     pose_over_trace,
@@ -20,7 +21,8 @@ REPEATS = 7
 
 def main() -> None:
     """Measure and print."""
-    scene = load_scene(folder_of("cylinder") / "scene.xml")
+    xml = folder_of("cylinder") / "scene.xml"
+    scene = load_scene(xml)
     table = Table(title="Ratios, median of pairs of runs")
     table.add_column("quantity")
     table.add_column("value", justify="right")
@@ -38,6 +40,12 @@ def main() -> None:
         "pose of a sweep (all metrics, no files) / straight and refracted trace",
         f"{pose_in_sweep_over_traces(scene, REPEATS):.2f}",
         "1.5",
+    )
+    continuous = load_scene(xml, engine="continuous")
+    table.add_row(
+        "pose of a sweep by the continuous engine / by 13 shells",
+        f"{continuous_over_shells(continuous, scene, REPEATS):.2f}",
+        "",
     )
     table.add_row("kernels compiled by a second pose", str(kernels_of_second_pose(scene)), "0")
     for stage, share in shares(scene).items():

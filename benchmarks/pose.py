@@ -39,6 +39,20 @@ def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
     return median(ratios[1:])
 
 
+def continuous_over_shells(continuous: LoadedScene, shells: LoadedScene, repeats: int) -> float:
+    """Median of pairs of a pose's time by the continuous engine over its time by shells."""
+    ratios = []
+    for _ in range(repeats + 1):
+        seconds = []
+        for scene in (continuous, shells):
+            started = time.perf_counter()
+            render_scene(scene, nearest=False)
+            seconds.append(time.perf_counter() - started)
+        ratios.append(seconds[0] / seconds[1])
+    # The first pair compiles the kernels.
+    return median(ratios[1:])
+
+
 def shares(scene: LoadedScene) -> dict[str, float]:
     """Time of each stage of one pose over the refracted trace's."""
     with tempfile.TemporaryDirectory() as folder:

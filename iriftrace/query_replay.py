@@ -9,7 +9,8 @@ from __future__ import annotations
 import time
 from typing import Any, NamedTuple
 
-from iriftrace.plugins.tracing import refracted_hits, straight_hits
+from iriftrace.plugins.ray_query import straight_hits
+from iriftrace.plugins.tracing import refracted_hits
 from iriftrace.scene import LoadedScene
 
 RECORDED = 24

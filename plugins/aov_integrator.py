@@ -17,8 +17,8 @@ from iriftrace.errors import InputError
 from .bundle import Bundle, Trace, trace_bundle
 from .picture_memory import check_picture_size
 from .prepared import PreparedScene
+from .ray_query import HIT_PART, StraightHits
 from .stock_sensor import StockSensor
-from .tracing import HIT_PART, StraightHits
 
 Window = tuple[tuple[int, int], tuple[int, int]]
 """Left upper and right lower corner of a part of the picture, px."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from iriftrace.status import Status
 
 from .prepared import PreparedScene
-from .tracing import GAVE_UP, HIT_BLOCKER, HIT_PART, StraightHits, straight_hits
+from .ray_query import GAVE_UP, HIT_BLOCKER, HIT_PART, StraightHits, straight_hits
 
 
 class Trace(NamedTuple):

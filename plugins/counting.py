@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from .geometry import SHELL, SceneTables
-from .tracing import ray_query, same_crossing
+from .ray_query import ray_query, same_crossing
 
 MOST_STEPS = 30_000
 """Crossings of a straight line after which it is not followed any farther."""

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 from .geometry import BLOCKER, PART, SceneTables
 from .nystrom import nystrom_step
-from .refraction import distance_to_plane
-from .tracing import (
+from .ray_query import (
     ESCAPED,
     GAVE_UP,
     HIT_BLOCKER,
@@ -27,6 +26,7 @@ from .tracing import (
     ray_query,
     settled,
 )
+from .refraction import distance_to_plane
 
 OUTSIDE, INSIDE, SEEKING = range(3)
 
@@ -77,7 +77,7 @@ def curved_hits(
     max_steps : int
         Rays with more steps give up.
     step : float, mm
-        From :func:`iriftrace.plugins.tracing.query_step`.
+        From :func:`iriftrace.plugins.ray_query.query_step`.
     """
     import drjit as dr
     import mitsuba as mi

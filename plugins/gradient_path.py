@@ -19,8 +19,8 @@ from .bundle import Trace
 from .curved_path import CurvedHits, curved_hits
 from .prepared import PreparedScene
 from .properties import choice, flag, whole_number
+from .ray_query import HIT_PART
 from .tetrahedral_air import TetrahedralAir
-from .tracing import HIT_PART
 
 GRADIENTS = ("recovered", "constant")
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from .aligned import aligned
 from .prepared import PreparedScene
-from .tracing import HIT_PART, RefractedHits
+from .ray_query import HIT_PART
+from .tracing import RefractedHits
 
 WITNESSES = 9
 """Lines by which the layer at a hit is counted where one along the normal speaks against it."""

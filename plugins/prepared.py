@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .aligned import aligned
 from .counting import crossed_steps
 from .geometry import PART, SceneTables, shell_indices
-from .tracing import query_step
+from .ray_query import query_step
 
 SAMPLES_PER_DIAGONAL = 50
 """Wall samples along the part's diagonal, by which the layer at the wall is found."""

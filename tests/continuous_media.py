@@ -9,8 +9,8 @@ import numpy as np
 
 from iriftrace.plugins.aligned import aligned
 from iriftrace.plugins.curved_path import curved_hits
+from iriftrace.plugins.ray_query import straight_hits
 from iriftrace.plugins.tetrahedral_air import Entrance, Passage
-from iriftrace.plugins.tracing import straight_hits
 from tests.small_scenes import scene
 
 Field = Callable[[Any], tuple[Any, Any]]
