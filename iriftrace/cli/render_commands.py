@@ -6,13 +6,14 @@ import json
 import shutil
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from iriftrace.cli.checks import check_folder, check_input, check_output, removed_on_failure
 from iriftrace.cli.console import out, show_warning, working
-from iriftrace.cli.options import Statuses, Variables, Wavelength, scene_variables, statuses
+from iriftrace.cli.options import Statuses, statuses
+from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,10 +27,7 @@ def render(
     scene: Path,
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
-    define: Variables = None,
-    wavelength: Wavelength = None,
-    variant: str | None = None,
-    engine: Literal["shells", "continuous"] | None = None,
+    trace: TraceOptions = TraceOptions(),
     figures: bool = True,
     include: Statuses = None,
     check_shells: Annotated[bool, Parameter(negative=())] = False,
@@ -48,15 +46,8 @@ def render(
         The scene's XML file.
     output
         The EXR file; by default the scene's name with .exr. JSON and PNG go beside it.
-    define
-        Scene parameter, name=value; repeatable.
-    wavelength
-        Wavelength of the light, "450 nm"; by default the one the scene was made for.
-    variant
-        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
-    engine
-        Bend rays at the shells, or along their curved path through the field itself, which needs
-        the field.npz that ``iriftrace scene`` writes; by default what the scene's file says.
+    trace
+        How it is traced.
     figures
         Draw the displacement picture.
     include
@@ -72,8 +63,7 @@ def render(
     exr = scene.with_suffix(".exr") if output is None else output
     check_output(exr, ".exr", "out.exr", make=False)
     used = statuses(include)
-    values = scene_variables(define, wavelength)
-    rendering, _ = _render(scene, exr, values, variant, used, figures, engine, check_shells)
+    rendering, _ = _render(scene, exr, trace, used, figures, check_shells)
     print_summary(out, rendering.metrics)
     scatter = [_scatter_picture(exr)] if figures and has_ensemble(rendering.image) else []
     _list_files(exr, figures, *scatter)
@@ -142,9 +132,7 @@ def demo(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("out"),
     scene: str = DEMO,
-    define: Variables = None,
-    wavelength: Wavelength = None,
-    variant: str | None = None,
+    trace: TraceOptions = TraceOptions(),
 ) -> None:
     """Run a bundled scene, by default a hot cylinder, from scene to pictures and metrics.
 
@@ -157,18 +145,15 @@ def demo(
     scene
         Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, gear_tooth,
         hybrid_cylinder, slab or wishbone.
-    define
-        Scene parameter, name=value; repeatable.
-    wavelength
-        Wavelength of the light, "450 nm"; by default the one the scene was made for.
-    variant
-        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
+    trace
+        How it is traced.
     """
     from iriftrace.cli.output import print_summary
     from iriftrace.scenes import folder_of, shells_of
 
     check_folder(output)
-    values = scene_variables(define, wavelength)
+    # Wrong ones are refused before anything is copied.
+    trace.variables()
     bundled, bundled_shells = folder_of(scene).resolve(), shells_of(scene)
     copy = output / ("scene" if scene == DEMO else scene)
     _keep_edited_scene(copy / "scene.xml", bundled / "scene.xml")
@@ -179,7 +164,7 @@ def demo(
     with removed_on_failure(shells), removed_on_failure(copy):
         shutil.copytree(bundled, copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
         shutil.copytree(bundled_shells, shells, dirs_exist_ok=True, copy_function=shutil.copyfile)
-        rendering, part = _render(copy / "scene.xml", exr, values, variant, (0,), True)
+        rendering, part = _render(copy / "scene.xml", exr, trace, (0,), True)
     pictures = _scene_picture(rendering, part, shells, output / f"{scene}_scene.png")
     print_summary(out, rendering.metrics)
     _list_files(exr, True, *pictures)
@@ -202,19 +187,16 @@ def _keep_edited_scene(mine: Path, bundled: Path) -> None:
 def _render(
     scene: Path,
     exr: Path,
-    variables: dict[str, str],
-    variant: str | None,
+    trace: TraceOptions,
     include: tuple[int, ...],
     figures: bool,
-    engine: str | None = None,
     check_shells: bool = False,
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.render import render_scene
-    from iriftrace.scene import load_scene
 
     with working("Loading the scene"):
-        loaded = load_scene(scene, variables, variant=variant, engine=engine)
+        loaded = trace.load(scene)
     checked = {}
     if check_shells:
         from iriftrace.studies.shell_check import shell_error

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import notes, out
-from iriftrace.cli.options import Statuses, Variables, Wavelength, Whole, scene_variables, statuses
+from iriftrace.cli.options import Statuses, Whole, statuses
 from iriftrace.cli.orbit_options import OrbitOptions
 from iriftrace.cli.pose_progress import pose_progress
 from iriftrace.cli.swept_series import series_of
+from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,10 +32,7 @@ def sweep(
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     orbit: OrbitOptions = OrbitOptions(),
     focal_length: str | None = None,
-    define: Variables = None,
-    wavelength: Wavelength = None,
-    variant: str | None = None,
-    engine: Literal["shells", "continuous"] | None = None,
+    trace: TraceOptions = TraceOptions(),
     nearest: bool = False,
     exr: bool = False,
     include: Statuses = None,
@@ -60,15 +58,8 @@ def sweep(
         The netCDF file.
     focal_length
         In place of the sensor's focal length: one or several, "8mm,10mm".
-    define
-        Scene parameter, name=value; repeatable.
-    wavelength
-        Wavelength of the light, "450 nm"; by default the one the scenes were made for.
-    variant
-        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
-    engine
-        Bend rays at the shells, or along their curved path through the field itself, which needs
-        the field.npz that ``iriftrace scene`` writes; by default what the scene's file says.
+    trace
+        How they are traced.
     nearest
         Add the two nearest-neighbour readings of the resolution, which takes longer.
     exr
@@ -91,8 +82,7 @@ def sweep(
     if workers is not None and scheduler is None:
         scheduler = "local"
     _check(scenes, output, export, surface, scheduler, workers)
-    variables = scene_variables(define, wavelength)
-    series = series_of(scenes, orbit, focal_length, variables, variant, engine)
+    series = series_of(scenes, orbit, focal_length, trace)
     options = SweepOptions(nearest, statuses(include), exr)
     target = orbit.look_at(series[0].scene)
     with _renderer(scheduler, workers) as render, pose_progress(output) as report:

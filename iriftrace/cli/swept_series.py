@@ -9,6 +9,7 @@ import numpy as np
 
 from iriftrace.cli.console import notes
 from iriftrace.cli.orbit_options import OrbitOptions, different_lengths
+from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,9 +23,7 @@ def series_of(
     paths: list[Path],
     orbit: OrbitOptions,
     focal_length: str | None,
-    variables: dict[str, str],
-    variant: str | None,
-    engine: str | None,
+    trace: TraceOptions,
 ) -> list[Series]:
     """Every combination of scene, focal length and orbit; scene by scene.
 
@@ -34,13 +33,12 @@ def series_of(
         Scenes cannot be compared, the camera has no focal length to change, or poses stand in the
         part.
     """
-    from iriftrace.scene import load_scene
     from iriftrace.sweep_series import Series, check_comparable
 
     series = []
     for path in paths:
         with notes.status("Loading the scene ..."):
-            scene = load_scene(path, variables, variant=variant, engine=engine)
+            scene = trace.load(path)
         cameras = _cameras(scene.camera, focal_length)
         orbits = [
             (stand_off, _placed(scene, poses, listed=orbit.poses))
