@@ -8,10 +8,12 @@ from typing import Any
 
 from .aov_integrator import integrator_class
 from .bending import AtShells, InLayers
+from .fewer_shells import with_every_second_shell
 from .geometry import SceneTables
 from .index_check import index_check
 from .prepared import PreparedScene
 from .properties import choice, flag, whole_number
+from .ray_query import HIT_PART
 from .tracing import refracted_hits
 
 NORMALS = ("gradient", "facet")
@@ -22,6 +24,7 @@ INSIDE_HITS = ("refract", "drop")
 @cache
 def plugin_class(variant: str) -> type:
     """Build the plugin's class for one Mitsuba variant, which must be the one in force."""
+    import drjit as dr
     import mitsuba as mi
 
     class FirstHit(integrator_class(variant)):  # type: ignore[misc]
@@ -103,6 +106,20 @@ def plugin_class(variant: str) -> type:
                 step=prepared.step,
                 drop_inside_hits=self.inside_hit == "drop",
             )
+
+        def moved_by_fewer_shells(self, scene: Any, origin: Any, direction: Any) -> Any:
+            """How far hits move without every second shell, mm (Float64); NaN without both hits.
+
+            None where the shells cannot be thinned out; see
+            :func:`iriftrace.plugins.fewer_shells.with_every_second_shell`.
+            """
+            prepared = self.prepare(scene)
+            fewer = with_every_second_shell(prepared)
+            if fewer is None:
+                return None
+            one, other = (self.bender(each, False)(origin, direction) for each in (prepared, fewer))
+            both = (one.outcome == HIT_PART) & (other.outcome == HIT_PART)
+            return dr.select(both, dr.norm(other.point - one.point), dr.nan)
 
         def checking(self, prepared: PreparedScene) -> Callable[[Any], tuple[Any, Any]]:
             """The index steps add up to the layer at the hit."""

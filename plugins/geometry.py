@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -216,6 +217,15 @@ class SceneTables:
             dr.gather(mi.Float64, self._ext, shape, active),
             dr.gather(mi.Float64, self._int, shape, active),
         )
+
+    def with_sides(self, pairs: list[tuple[float, float]]) -> SceneTables:
+        """The same tables with other indices outside and inside each shape of the scene's list."""
+        import mitsuba as mi
+
+        other = copy(self)
+        outside, inside = zip(*pairs, strict=True)
+        other._ext, other._int = mi.Float64(outside), mi.Float64(inside)
+        return other
 
     def face(self, shape: Any, primitive: Any, active: Any) -> Any:
         """Row of a triangle in the face table (UInt32)."""

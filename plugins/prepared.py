@@ -22,6 +22,17 @@ TILT = np.radians(50.0)
 """Angle between a wall's normal and the other lines by which its layer is counted."""
 
 
+def scene_of(shapes: list[Any]) -> Any:
+    """A scene of some shapes of another one."""
+    import mitsuba as mi
+
+    # A shape takes its key as id, so the keys are the ids it has.
+    content = {shape.id() or f"shape_{i}": shape for i, shape in enumerate(shapes)}
+    return mi.load_dict(
+        {"type": "scene", "embree_use_robust_intersections": True, **content}, optimize=False
+    )
+
+
 class PreparedScene:
     """A scene ready for tracing.
 
@@ -44,13 +55,8 @@ class PreparedScene:
         self.step = query_step(scene)
         opaque = [s for s in scene.shapes() if shell_indices(s.bsdf()) is None]
         if self.tables.shell_shapes:
-            # Straight rays never look at shells; most of the query's cost is theirs. A shape takes
-            # its key as id, so the keys are the ids it has.
-            content = {shape.id() or f"shape_{i}": shape for i, shape in enumerate(opaque)}
-            self.opaque = mi.load_dict(
-                {"type": "scene", "embree_use_robust_intersections": True, **content},
-                optimize=False,
-            )
+            # Straight rays never look at shells; most of the query's cost is theirs.
+            self.opaque = scene_of(opaque)
         else:
             self.opaque = scene
         self.usual_wall_index = mi.Float64(aligned(self._wall_layers()))

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from iriftrace.render import Rendering
 
 DEMO = "cylinder"
+EVERY_SECOND_SHELL, SHELLS_AGAINST_FIELD = "every_second_shell", "shells_against_field"
+"""Keys of the metrics that need the scene and not just the picture."""
 
 
 def render(
@@ -112,7 +114,7 @@ def metrics(
 
 
 def _keep_what_only_rendering_knew(result: dict[str, Any], report: Path) -> None:
-    """Fill in times and the shells' check from the report that is to be replaced."""
+    """Fill in times and what is known of the shells from the report that is to be replaced."""
     try:
         earlier = json.loads(report.read_text(encoding="utf-8"))
         if earlier["pose"] != result["pose"]:
@@ -124,8 +126,9 @@ def _keep_what_only_rendering_knew(result: dict[str, Any], report: Path) -> None
     for key, value in result["time_s"].items():
         if value is None:
             result["time_s"][key] = known.get(key)
-    if "shells_against_field" in earlier:
-        result["shells_against_field"] = earlier["shells_against_field"]
+    for key in (EVERY_SECOND_SHELL, SHELLS_AGAINST_FIELD):
+        if key in earlier:
+            result[key] = earlier[key]
 
 
 def demo(
@@ -194,6 +197,7 @@ def _render(
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.render import render_scene
+    from iriftrace.shell_resolution import shell_resolution
 
     with working("Loading the scene"):
         loaded = trace.load(scene)
@@ -202,9 +206,12 @@ def _render(
         from iriftrace.studies.shell_check import shell_error
 
         with working("Tracing a sample through the field itself"):
-            checked["shells_against_field"] = shell_error(loaded).as_dict()
+            checked[SHELLS_AGAINST_FIELD] = shell_error(loaded).as_dict()
     with working("Tracing"):
         rendering = render_scene(loaded, include=include)
+        resolution = shell_resolution(loaded, rendering.image)
+        if resolution is not None:
+            checked[EVERY_SECOND_SHELL] = resolution.as_dict()
     rendering.metrics.update(checked)
     if figures:
         from iriftrace.ensemble.metrics import has_ensemble

@@ -1,0 +1,132 @@
+"""What every second shell changes: said by ``render`` where lines of sight run along the layers."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from attrs import evolve
+
+from iriftrace.camera import Camera, look_at
+from iriftrace.cli import main
+from iriftrace.errors import IriftraceWarning
+from iriftrace.part import read_part
+from iriftrace.render import render_scene, trace_rays
+from iriftrace.scene import LoadedScene, load_scene, write_scene
+from iriftrace.scenes import folder_of
+from iriftrace.shell_io import load_shells
+from iriftrace.shell_resolution import shell_resolution
+from iriftrace.shell_stack import Shell, ShellStack
+
+pytestmark = pytest.mark.usefixtures("variant")
+
+KEY = "every_second_shell"
+SENSOR_MM = (6.7, 5.6)
+FROM_THE_SIDE, FROM_ABOVE = (150.0, -100.0, 120.0), (1e-3, 0.0, 250.0)
+
+
+def written(
+    folder: Path, origin: tuple[float, float, float], shells: ShellStack | None = None
+) -> Path:
+    """Scene of the bundled cylinder, seen from a place."""
+    bundled = folder_of("cylinder")
+    camera = Camera(
+        focal_length_mm=10.0,
+        sensor_mm=SENSOR_MM,
+        resolution=(153, 128),
+        matrix=look_at(origin, (0.0, 0.0, 0.0)),
+    )
+    stack = shells or load_shells(bundled / "shells")
+    return write_scene(folder, read_part(bundled / "part.ply"), stack, camera, paraview=False)
+
+
+def every_second(stack: ShellStack) -> ShellStack:
+    """The stack of the first, the third, ... shell, with layers that run from one to the next."""
+    kept = stack.shells[::2]
+    levels = [shell.refractivity for shell in kept]
+    inner = [*(0.5 * (a + b) for a, b in pairwise(levels)), kept[-1].int_]
+    outer = [kept[0].ext, *inner[:-1]]
+
+    def put(k: int, shell: Shell) -> Shell:
+        # Files count the gradient in the shell's own steps.
+        share = (shell.ext - shell.int_) / (outer[k] - inner[k])
+        steepness = shell.steepness * share
+        return evolve(shell, layer=k + 1, ext=outer[k], int_=inner[k], steepness=steepness)
+
+    return evolve(stack, shells=[put(k, shell) for k, shell in enumerate(kept)])
+
+
+def said(scene: LoadedScene) -> tuple[object, list[str]]:
+    """What is found of a scene's own picture, and the warnings."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = shell_resolution(scene, render_scene(scene, nearest=False).image)
+    return found, [str(w.message) for w in caught if w.category is IriftraceWarning]
+
+
+def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path) -> None:
+    """Written as a scene of its own and traced as any bundle of rays."""
+    stack = load_shells(folder_of("cylinder") / "shells")
+    scenes = [
+        load_scene(written(tmp_path / str(k), FROM_THE_SIDE, shells))
+        for k, shells in enumerate((stack, every_second(stack)))
+    ]
+    assert [len(s.shells_table["shells"]) for s in scenes] == [13, 7]
+    image = render_scene(scenes[0], nearest=False).image
+    good = image.status == 0
+    assert 1000 < good.sum() < 5000
+    rows, columns = np.nonzero(good)
+    camera = scenes[0].camera
+    size = np.array(camera.resolution)
+    steps = (np.column_stack((columns, rows)) + 0.5 - size / 2) * np.array(SENSOR_MM) / size
+    heading = np.column_stack((steps, np.full(len(steps), 10.0))) @ camera.matrix[:3, :3].T
+    origins = np.tile(camera.matrix[:3, 3], (len(heading), 1))
+    ends = [trace_rays(scene, origins, heading).refracted for scene in scenes]
+    moved = np.linalg.norm(ends[1] - ends[0], axis=1)
+    known = np.isfinite(moved)
+    length = image.channels["displacement.norm"][good].astype(np.float64)[known]
+    found, _ = said(scenes[0])
+    assert found is not None
+    assert found.rays == known.sum()
+    for share, quantile in ((found.median_share, 0.5), (found.p95_share, 0.95)):
+        expected = np.quantile(moved[known], quantile) / np.quantile(length, quantile)
+        assert share == pytest.approx(expected, rel=1e-2)
+
+
+def test_straight_down_the_plume_it_warns_and_from_the_side_it_does_not(tmp_path: Path) -> None:
+    side, quiet = said(load_scene(written(tmp_path / "side", FROM_THE_SIDE)))
+    above, loud = said(load_scene(written(tmp_path / "above", FROM_ABOVE)))
+    assert quiet == []
+    assert side.suffices
+    assert side.p95_share < 0.02
+    assert not above.suffices
+    assert above.p95_share > 0.5
+    (text,) = loud
+    assert "--engine continuous" in text
+
+
+def test_render_says_it_and_metrics_keeps_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    exr = tmp_path / "out.exr"
+    xml = written(tmp_path / "scene", FROM_ABOVE)
+    assert main(["render", str(xml), "-o", str(exr), "--no-figures"]) == 0
+    assert "every second shell" in " ".join("".join(capsys.readouterr()).split())
+    before = json.loads(exr.with_suffix(".json").read_text())[KEY]
+    assert before["suffices"] is False
+    assert main(["metrics", str(exr)]) == 0
+    assert json.loads(exr.with_suffix(".json").read_text())[KEY] == before
+
+
+def test_nothing_is_said_where_shells_cannot_be_thinned_out(tmp_path: Path) -> None:
+    stack = load_shells(folder_of("cylinder") / "shells")
+    few = evolve(stack, shells=stack.shells[:4])
+    scene = load_scene(written(tmp_path, FROM_ABOVE, few))
+    assert said(scene) == (None, [])
+    bundled = folder_of("cylinder") / "scene.xml"
+    continuous = load_scene(bundled, {"scale": 0.1}, engine="continuous")
+    assert said(continuous) == (None, [])
