@@ -132,7 +132,8 @@ def fit_part_to_field(
         messages.append(
             f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
             "wall, so no hot air is known there and rays through it stay straight; mirror a field "
-            "that was solved on a half or quarter, or check unit and axes."
+            "that was solved on a half or quarter, take smaller cells where the part is round, or "
+            "check unit and axes."
         )
     messages += _temperature_message(temperature, wall_temperature_k)
     return Fit(median, p95, temperature, bare, tuple(messages))

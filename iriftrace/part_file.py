@@ -27,6 +27,9 @@ _READ_PROPERTIES = ("region", _WRITTEN_PROPERTY)
 _REGION_COMMENT = re.compile(r"comment\s+region\s+(-?\d+)\s+(.*\S)\s*")
 _HEADER_LIMIT = 1_000_000
 
+LARGEST_REGION = 2**31
+"""Regions have numbers below this; what is larger is no region."""
+
 
 @frozen(eq=False)
 class MeshFile:
@@ -72,8 +75,16 @@ def load_mesh_file(path: Path) -> MeshFile:
             f"{path} has no triangles, so there is nothing to measure; export the part's surface "
             "as triangles."
         )
+    vertices = np.array(mesh.vertices, dtype=np.float64)
+    lowest, highest = int(faces.min()), int(faces.max())
+    if lowest < 0 or highest >= len(vertices):
+        wrong = lowest if lowest < 0 else highest
+        raise InputError(
+            f"{path} is damaged: a triangle names vertex {wrong}, but there are {len(vertices)}; "
+            "export it again."
+        )
     return MeshFile(
-        vertices=np.array(mesh.vertices, dtype=np.float64),
+        vertices=vertices,
         faces=faces,
         regions=_regions(path, mesh, len(faces)),
         unit=unit,
@@ -89,7 +100,13 @@ def _regions(path: Path, mesh: Any, face_count: int) -> Regions | None:
     names = [name for name in _READ_PROPERTIES if name in present]
     if not names:
         return None
-    numbers = np.rint(np.asarray(data[names[0]], dtype=np.float64)).astype(np.int64).ravel()
+    given = np.asarray(data[names[0]], dtype=np.float64).ravel()
+    if not (np.abs(given) < LARGEST_REGION).all():
+        raise InputError(
+            f"{path} is damaged: a triangle's region is no number below {LARGEST_REGION:,}; export "
+            "it again."
+        )
+    numbers = np.rint(given).astype(np.int64)
     if len(numbers) != face_count:
         raise InputError(
             f"{path} has {len(numbers)} region numbers for {face_count} triangles, because some of "

@@ -18,6 +18,9 @@ from iriftrace.scene_wavelength import WAVELENGTH, of_the_file
 from iriftrace.steepness import PLY_COLUMNS
 from iriftrace.unreadable import check_readable
 
+_HEAD = 100_000
+"""Bytes of a file among which a scene begins, whatever comments it has before."""
+
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
 
@@ -60,6 +63,13 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
 
     if not path.is_file():
         raise InputError(f"There is no scene file {path}; `iriftrace scene` writes one.")
+    check_readable(path)
+    with path.open("rb") as opened:
+        if b"<scene" not in opened.read(_HEAD):
+            raise InputError(
+                f"{path} is no scene of Mitsuba's; give the XML file that `iriftrace scene` makes "
+                "of a field and a part."
+            )
     _check_variables(path, values)
     values = of_the_file(values)
     try:

@@ -113,14 +113,22 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     import xarray as xr
 
     if not Path(path).is_file():
+        from iriftrace.sweep_journal import journal_of
+
+        journal = journal_of(Path(path))
+        if journal.is_dir():
+            raise InputError(
+                f"The sweep {path} is not finished, what is done lies in {journal}; give the same "
+                "`iriftrace sweep` command again, which goes on from there."
+            )
         raise InputError(f"There is no sweep {path}; `iriftrace sweep` writes one.")
     try:
         dataset = xr.open_dataset(path, engine="h5netcdf")
         for variable in dataset.variables.values():
             if SIGHTING not in variable.dims:
                 variable.load()
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{path} is no netCDF file ({error}); give a sweep.") from error
+    except (OSError, ValueError, KeyError, RuntimeError) as error:  # RuntimeError is HDF5's own
+        raise InputError(f"{path} is damaged or no netCDF file ({error}); give a sweep.") from error
     fault = _fault(dataset)
     if fault:
         dataset.close()

@@ -300,6 +300,16 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "cut.ply").write_bytes(CYLINDER.read_bytes()[:5000])
     cases["text.stl has no triangles"] = tmp_path / "text.stl"
     cases["cut.ply is damaged"] = tmp_path / "cut.ply"
+    cases["is damaged: a triangle names vertex 7, but there are 3"] = _ply(
+        tmp_path / "far.ply", triangle, [(0, 1, 7)]
+    )
+    cases["is damaged: a triangle names vertex -1"] = _ply(
+        tmp_path / "below.ply", triangle, [(0, -1, 2)]
+    )
+    save_part(read_part(CYLINDER), tmp_path / "region.ply")
+    whole = (tmp_path / "region.ply").read_bytes()
+    (tmp_path / "region.ply").write_bytes(whole[:-4] + np.float32("nan").tobytes())
+    cases["region.ply is damaged: a triangle's region"] = tmp_path / "region.ply"
     for message, path in cases.items():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IriftraceWarning)

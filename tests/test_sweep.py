@@ -371,6 +371,27 @@ def test_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> None
         read_sweep(path)
 
 
+def test_a_sweep_that_is_not_finished_is_no_missing_one(tmp_path: Path) -> None:
+    (tmp_path / "half.nc.journal").mkdir()
+    with pytest.raises(
+        InputError, match=r"half\.nc is not finished, what is done lies in .*journal"
+    ):
+        read_sweep(tmp_path / "half.nc")
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """HDF5 finds wrong checksums in the middle of a file only when it gets there."""
+    path = tmp_path / "damaged.nc"
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(path, engine="h5netcdf")
+
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("incorrect metadata checksum after all read attempts")
+
+    monkeypatch.setattr(xr, "open_dataset", fail)
+    with pytest.raises(InputError, match=r"damaged\.nc is damaged or no netCDF file .*checksum"):
+        read_sweep(path)
+
+
 def test_netcdf_of_another_program_is_refused(tmp_path: Path) -> None:
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
     with pytest.raises(InputError, match="no sweep of this version"):

@@ -55,6 +55,8 @@ def compare(
     from iriftrace.measured_shift import read_measured_shift
 
     check_input(image, measured)
+    if not image.is_file():
+        raise InputError(f"There is no file {image}; give the AOV EXR that a render wrote.")
     target = output or image.with_name(f"{image.stem}_comparison.json")
     check_output(target, ".json", "comparison.json", make=False)
     if target.resolve() == measured.resolve():

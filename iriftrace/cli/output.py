@@ -33,6 +33,9 @@ MEANING = {
 MANY_SHELLS = 30
 """From here on still more shells hardly bring a picture closer to the field."""
 
+MANY_MISMATCHES = 0.01
+"""Share of the hits above which index steps that do not add up are no single rays at edges."""
+
 TOO_FEW = "fewer than 100 good rays, so no numbers"
 
 
@@ -150,6 +153,12 @@ def print_summary(console: Console, metrics: dict[str, Any]) -> None:
         if rays[status.key]:
             share = _out_of_hits(status, rays)
             table.add_row("", f"{rays[status.key]:,} {meaning}{share}")
+    if rays[Status.INDEX_MISMATCH.key] > MANY_MISMATCHES * max(rays["hit"], 1):
+        table.add_row(
+            "",
+            "so many do not add up that shells have holes or are another field's; make the scene "
+            "anew, without --triangles if it was thinned out",
+        )
     if rays.get("open_boundary"):
         table.add_row(
             "",
@@ -208,6 +217,7 @@ def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
     if not values["suffice"]:
         more = "cut more shells (--layers 40), or " if values["shells"] < MANY_SHELLS else ""
         table.add_row("", f"closer: {more}trace with --engine continuous")
+        table.add_row("", "if they were thinned out, leave --triangles out first")
 
 
 def _out_of_hits(status: Status, rays: dict[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from pathlib import Path
@@ -10,10 +11,13 @@ import numpy as np
 import pytest
 from conftest import Failing
 from hot_block import HotBlock
+from rich.console import Console
 
 from iriftrace.cli import main
+from iriftrace.cli.output import print_summary
 from iriftrace.render import render_scene
 from iriftrace.scene import load_scene
+from iriftrace.status import Status
 from iriftrace.studies import shell_check
 from iriftrace.studies.shell_check import ShellError, shell_error
 
@@ -70,6 +74,17 @@ def test_render_says_it_and_metrics_keeps_it(
     assert ("--engine continuous" in said) == (not enough)
     assert main(["metrics", str(exr)]) == 0
     assert json.loads(report.read_text())[KEY] == values
+
+
+@pytest.mark.parametrize(("mismatches", "said"), [(900, False), (1100, True)])
+def test_a_summary_says_when_more_than_single_rays_do_not_add_up(
+    hot: HotBlock, mismatches: int, said: bool
+) -> None:
+    metrics = json.loads(hot.image.with_suffix(".json").read_text())
+    metrics["rays"] |= {"hit": 100_000, Status.INDEX_MISMATCH.key: mismatches}
+    text = io.StringIO()
+    print_summary(Console(file=text, width=200), metrics)
+    assert ("shells have holes or are another field's" in text.getvalue()) == said
 
 
 def test_either_share_alone_is_too_much() -> None:

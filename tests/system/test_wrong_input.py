@@ -458,7 +458,15 @@ def test_definitions(fails: Failing, hot: HotBlock, text: str, words: str) -> No
 
 def test_a_scene_that_is_no_text(fails: Failing, tmp_path: Path) -> None:
     (tmp_path / "scene.xml").write_bytes(bytes(range(256)))
-    assert "scene.xml" in fails("render", "scene.xml")
+    assert "scene.xml is no scene" in fails("render", "scene.xml")
+
+
+def test_a_field_in_place_of_a_scene(fails: Failing, hot: HotBlock) -> None:
+    assert "is no scene of Mitsuba's" in fails("render", hot.field)
+
+
+def test_a_rendering_that_is_missing_is_not_a_missing_folder(fails: Failing) -> None:
+    assert "There is no file gone/out.exr" in fails("compare", "gone/out.exr", "markers.csv")
 
 
 def test_a_damaged_table_of_shells(fails: Failing, scene: Path) -> None:
