@@ -5,13 +5,16 @@ from __future__ import annotations
 import signal
 import sys
 
-from iriftrace.cli.interrupts import ignore, noticed, raise_if_noticed, watching
+from iriftrace.cli.interrupts import exit_status, ignore, noticed, raise_if_noticed, watching
 
 NOTHING_KEPT = "nothing half written was left behind"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the program; returns the exit status (0 success, 2 wrong input, 130 interrupted)."""
+    """Run the program; returns the exit status.
+
+    0 success, 2 wrong input, 130 interrupted, 143 terminated.
+    """
     with watching():
         status = _run(sys.argv[1:] if arguments is None else arguments)
     if arguments is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -37,4 +40,4 @@ def _run(arguments: list[str]) -> int:
         kept = ""
     ignore()
     print(f"interrupted; {kept or NOTHING_KEPT}", file=sys.stderr)
-    return 130
+    return exit_status()

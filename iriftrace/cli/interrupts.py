@@ -1,6 +1,7 @@
 """Ctrl-C, which must end the program whatever it is doing: not even an import may swallow it.
 
-Imports nothing heavy, as it comes before everything else.
+SIGTERM, by which batch systems end programs, does the same. Imports nothing heavy, as it comes
+before everything else.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ PAUSE_S = 0.02
 _watching = threading.Event()
 _noticed = threading.Event()
 _pending = threading.Event()
+_first_signal = [signal.SIGINT]
 
 
 @contextmanager
 def watching() -> Iterator[None]:
-    """Notice every Ctrl-C inside the block, and raise it where it arrives intact.
+    """Notice every Ctrl-C and SIGTERM inside the block, and raise it where it arrives intact.
 
     Where Ctrl-C is ignored or somebody else's, as in a thread, nothing changes.
     """
@@ -46,11 +48,16 @@ def watching() -> Iterator[None]:
     _noticed.clear()
     _watching.set()
     sys.unraisablehook = hook
-    signal.signal(signal.SIGINT, _notice)
+    watched: dict[signal.Signals, Any] = {signal.SIGINT: former}
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        watched[signal.SIGTERM] = signal.SIG_DFL
+    for number in watched:
+        signal.signal(number, _notice)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, former)
+        for number, handler in watched.items():
+            signal.signal(number, handler)
         sys.unraisablehook = former_hook
         ignore()
         _noticed.clear()
@@ -67,6 +74,11 @@ def noticed() -> bool:
     return _noticed.is_set()
 
 
+def exit_status() -> int:
+    """What a shell calls the end by the signal that came first: 130 Ctrl-C, 143 SIGTERM."""
+    return 128 + _first_signal[0]
+
+
 def raise_if_noticed() -> None:
     """Raise again what was swallowed on its way.
 
@@ -79,9 +91,11 @@ def raise_if_noticed() -> None:
         raise KeyboardInterrupt
 
 
-def _notice(_signal: int, frame: FrameType | None) -> None:
+def _notice(number: int, frame: FrameType | None) -> None:
     if not _watching.is_set():
         return
+    if not noticed():
+        _first_signal[0] = signal.Signals(number)
     _noticed.set()
     if _importing(frame):
         # Extension modules that are being imported swallow exceptions, or make others of them.

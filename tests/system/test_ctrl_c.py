@@ -52,6 +52,22 @@ def test_ctrl_c_in_the_first_second_ends_a_rendering(tmp_path: Path, delay_s: fl
     assert not list(tmp_path.iterdir())
 
 
+def test_termination_by_a_batch_system_says_the_same(tmp_path: Path) -> None:
+    scene = folder_of("cylinder") / "scene.xml"
+    exr = tmp_path / "out.exr"
+    delayed = DELAYED.replace("SIGINT", "SIGTERM")
+    done = subprocess.run(
+        [sys.executable, "-c", delayed, "0.5", "render", str(scene), "-o", str(exr)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert done.returncode == 143
+    assert done.stderr == SAID
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.fixture
 def ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Python's own handler, whatever pytest and its parents have set."""
