@@ -71,7 +71,7 @@ def _one_field(
 ) -> tuple[PoseImage, Any]:
     """The image of one field, and its straight hits, which serve other fields too."""
     with runtime.using(scene.variant):
-        sensor = _sensor(scene, camera)
+        sensor = sensor_of_pose(scene, camera)
         _refuse_inside(scene, sensor, whose)
         tensor, report = scene.integrator.image(scene.mitsuba_scene, sensor, straight)
         # A view of Dr.Jit's memory where that is the processor's own.
@@ -94,7 +94,8 @@ def _full_resolution(scene: LoadedScene, camera: Camera | None) -> list[int] | N
     return list(scene.full_resolution)
 
 
-def _sensor(scene: LoadedScene, camera: Camera | None) -> Any:
+def sensor_of_pose(scene: LoadedScene, camera: Camera | None) -> Any:
+    """The scene's own sensor, or one for the camera that takes its place (mi.Sensor)."""
     if camera is None:
         return scene.mitsuba_scene.sensors()[0]
     from iriftrace.plugins.calibrated_camera import sensor_of

@@ -10,15 +10,26 @@ import warnings
 
 import numpy as np
 from attrs import asdict, frozen
+from numpy.typing import NDArray
 
 from iriftrace import runtime
+from iriftrace.camera import Camera
 from iriftrace.errors import IriftraceWarning
 from iriftrace.exr import AovImage
+from iriftrace.pose_image import sensor_of_pose
 from iriftrace.scene import LoadedScene
 from iriftrace.status import Status
 
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
 SAMPLE = 5000
 """Good rays of the picture that are traced again."""
+
+SHARES = 0.5, 0.95
+
+EVERY_SECOND_SHELL = "every_second_shell"
+"""Key of the metrics."""
 
 FEWEST = 100
 """As for the metrics: fewer good rays give no numbers."""
@@ -56,60 +67,92 @@ class ShellResolution:
         return {**asdict(self), "suffices": self.suffices}
 
 
-def shell_resolution(scene: LoadedScene, image: AovImage) -> ShellResolution | None:
+def shell_resolution(
+    scene: LoadedScene, image: AovImage, camera: Camera | None = None, sample: int = SAMPLE
+) -> ShellResolution | None:
     """Trace a sample of a picture's good rays again, with all shells and with every second one.
 
     Parameters
     ----------
     scene : LoadedScene
     image : AovImage
-        Of the scene's own camera.
+        Of this scene.
+    camera : Camera, optional
+        Of the image, if it is not the scene's own.
+    sample : int
+        Most rays that are traced again.
 
     Returns
     -------
     ShellResolution or None
         None with the continuous engine, of an ensemble, with fewer than 5 shells or such as do not
         lead from one index to the next, where no ray is bent, and with fewer than `FEWEST` rays.
-
-    Warns
-    -----
-    IriftraceWarning
-        If the shells are too few for single rays of this view.
     """
     good = np.flatnonzero(image.status == Status.GOOD)
     if scene.engine != "shells" or scene.ensemble is not None or len(good) < FEWEST:
         return None
-    pixels = good[np.linspace(0, len(good) - 1, min(SAMPLE, len(good))).astype(np.int64)]
-    moved = _moved(scene, pixels, image.status.shape[1])
-    size = image.channels["displacement.norm"].ravel()[pixels].astype(np.float64)
+    pixels = good[np.linspace(0, len(good) - 1, min(sample, len(good))).astype(np.int64)]
+    moved = _moved(scene, camera, pixels, image.status.shape[1])
     if moved is None:
         return None
     known = np.isfinite(moved)
-    median, p95 = np.quantile(size[known], (0.5, 0.95)) if known.sum() >= FEWEST else (0.0, 0.0)
-    if not median > 0.0:
+    if known.sum() < FEWEST:
         return None
-    share = np.quantile(moved[known], (0.5, 0.95)) / (median, p95)
-    found = ShellResolution(int(known.sum()), float(share[0]), float(share[1]))
+    size = image.channels["displacement.norm"].ravel()[pixels[known]].astype(np.float64)
+    whole = np.quantile(size, SHARES)
+    if not whole[0] > 0.0:
+        return None
+    median, p95 = (np.quantile(moved[known], SHARES) / whole).tolist()
+    return ShellResolution(int(known.sum()), median, p95)
+
+
+def warn_of_coarse_shells(found: ShellResolution) -> None:
+    """Say that the shells are too few for single rays of a view.
+
+    Warns
+    -----
+    IriftraceWarning
+    """
     if not found.suffices:
         warnings.warn(
             f"Single rays of this view change by {found.median_share:.0%} (median; 95th percentile "
-            f"{found.p95_share:.0%}) when every second shell is left out, because lines of sight "
+            f"{found.p95_share:.0%}) when every second shell is left out, as where lines of sight "
             "run along the layers of hot air; trace it with --engine continuous, or make the scene "
             "with more --layers.",
             IriftraceWarning,
             stacklevel=2,
         )
-    return found
 
 
-def _moved(scene: LoadedScene, pixels: np.ndarray, width: int) -> np.ndarray | None:
+def warn_of_coarse_poses(p95_shares: FloatArray) -> None:
+    """The same of a sweep's poses, given the shares of each, (n,); NaN where nothing is known.
+
+    Warns
+    -----
+    IriftraceWarning
+    """
+    coarse = int((p95_shares > LIMIT).sum())
+    if coarse:
+        warnings.warn(
+            f"Single rays of {coarse} of {len(p95_shares)} poses change by more than {LIMIT:.0%} "
+            "(95th percentile) when every second shell is left out, as where lines of sight run "
+            "along the layers of hot air (variable every_second_shell_p95); sweep with --engine "
+            "continuous, or make the scene with more --layers.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+
+
+def _moved(
+    scene: LoadedScene, camera: Camera | None, pixels: IntArray, width: int
+) -> FloatArray | None:
     """Distances (n,) of the hits of pixels' rays, mm."""
     with runtime.using(scene.variant):
         import mitsuba as mi
 
         from iriftrace.plugins.aov_integrator import camera_of
 
-        sensor = scene.mitsuba_scene.sensors()[0]
+        sensor = sensor_of_pose(scene, camera)
         left, top = sensor.film().crop_offset()
         x = mi.Float64(pixels % width + (left + 0.5))
         y = mi.Float64(pixels // width + (top + 0.5))

@@ -18,6 +18,7 @@ from iriftrace.face_maps import face_maps
 from iriftrace.pose_set import PoseSet, joined
 from iriftrace.provenance import provenance
 from iriftrace.scene import LoadedScene
+from iriftrace.shell_resolution import warn_of_coarse_poses
 from iriftrace.sweep_journal import Journal, journal_of, remove_leftovers, sole_writer
 from iriftrace.sweep_measures import metric_variables
 from iriftrace.sweep_pose import PoseTask, SceneSource, fingerprint
@@ -125,7 +126,8 @@ def run_series(
     Warns
     -----
     IriftraceWarning
-        If more than half of the poses are empty, naming the main reason.
+        If more than half of the poses are empty, naming the main reason; and if there are poses
+        for whose single rays the shells are too few.
     """
     chosen = options or SweepOptions()
     out = Path(path)
@@ -155,6 +157,7 @@ def run_series(
         journal.close()
     finished = read_sweep(out)
     warn_of_empty_poses(finished)
+    warn_of_coarse_poses(finished["every_second_shell_p95"].values)
     return finished
 
 

@@ -75,6 +75,13 @@ POSE_COUNTS = {
     "rays_open_boundary": ("rays", "open_boundary"),
     "shell_triangles_in_view": ("shell_triangles_in_view",),
 }
+POSE_NUMBERS = {
+    "every_second_shell_p95": (
+        ("every_second_shell", "p95_share"),
+        "1",
+        "change of the hits without every second shell, 95th percentile, over the displacement's",
+    ),
+}
 STAGES = ("straight", "refracted", "metrics", "total")
 
 
@@ -105,6 +112,7 @@ def metric_variables(
     counts = {f"rays_{key}": np.empty(shape, dtype=np.int64) for key in COUNTS}
     members = {name: np.empty(shape, dtype=np.int64) for name in ENSEMBLE_COUNTS if ensemble}
     pose_counts = {name: np.empty(count, dtype=np.int64) for name in POSE_COUNTS}
+    pose_numbers = {name: np.empty(count) for name in POSE_NUMBERS}
     times = {stage: np.empty(count) for stage in STAGES}
     failures = []
     for pose, entry in enumerate(entries):
@@ -118,6 +126,8 @@ def metric_variables(
                 values[pose, region] = _count(_at(view, ENSEMBLE_COUNTS[name][0]))
         for name, keys in POSE_COUNTS.items():
             pose_counts[name][pose] = _count(_at(entry["metrics"], keys))
+        for name, (keys, _, _) in POSE_NUMBERS.items():
+            pose_numbers[name][pose] = _number(_at(entry["metrics"], keys))
         for stage in STAGES:
             times[stage][pose] = _number(_at(entry["metrics"], ("time_s", stage)))
     both = ("pose", "region")
@@ -136,6 +146,10 @@ def metric_variables(
         },
         **{name: (both, values, {"units": "1"}) for name, values in counts.items()},
         **{name: (("pose",), values, {"units": "1"}) for name, values in pose_counts.items()},
+        **{
+            name: (("pose",), pose_numbers[name], {"units": unit, "long_name": text})
+            for name, (_, unit, text) in POSE_NUMBERS.items()
+        },
         **{f"time_{stage}": (("pose",), times[stage], {"units": "s"}) for stage in STAGES},
         "failure": (("pose",), np.array(failures, dtype=object)),
     }

@@ -28,8 +28,12 @@ from iriftrace.face_sightings import NOTHING_SEEN, FaceSightings, sight_faces
 from iriftrace.render import render_scene
 from iriftrace.scene import LoadedScene
 from iriftrace.scene_file import read_scene_file
+from iriftrace.shell_resolution import EVERY_SECOND_SHELL, shell_resolution
 
-_KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions", "ensemble")
+_KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions", "ensemble", EVERY_SECOND_SHELL)
+
+SAMPLE = 1000
+"""Rays of each pose by which its shells are judged: enough to find poses, not to measure them."""
 
 
 @frozen
@@ -187,6 +191,9 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> PoseResult:
             )
         except InputError as error:
             return PoseResult(task.number, {"metrics": None, "failure": str(error)}, NOTHING_SEEN)
+    resolution = shell_resolution(scene, rendering.image, task.camera, SAMPLE)
+    if resolution is not None:
+        rendering.metrics[EVERY_SECOND_SHELL] = resolution.as_dict()
     if task.exr:
         rendering.save(task.exr)
     measured = {

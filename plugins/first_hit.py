@@ -75,9 +75,15 @@ def plugin_class(variant: str) -> type:
             self.max_crossings = whole_number(props, "max_crossings", 1000)
             self.trace_all = flag(props, "trace_all", False)
             self.inside_hit = choice(props, "inside_hit", INSIDE_HITS)
+            self._fewer: tuple[PreparedScene, PreparedScene | None] | None = None
 
         def to_string(self) -> str:
             return f"FirstHit[normals={self.normals}, max_crossings={self.max_crossings}]"
+
+        def forget(self) -> None:
+            """Let go of the scene, also of the one with fewer shells."""
+            super().forget()
+            self._fewer = None
 
         def bends_in_layers(self, tables: SceneTables) -> bool:
             """Whether rays turn all along the layers of a scene, or at its shells alone."""
@@ -114,7 +120,9 @@ def plugin_class(variant: str) -> type:
             :func:`iriftrace.plugins.fewer_shells.with_every_second_shell`.
             """
             prepared = self.prepare(scene)
-            fewer = with_every_second_shell(prepared)
+            if self._fewer is None or self._fewer[0] is not prepared:
+                self._fewer = prepared, with_every_second_shell(prepared)
+            fewer = self._fewer[1]
             if fewer is None:
                 return None
             one, other = (self.bender(each, False)(origin, direction) for each in (prepared, fewer))

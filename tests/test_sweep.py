@@ -28,6 +28,9 @@ from iriftrace.sweep_store import read_sweep
 from iriftrace.sweep_surface import write_surface
 from iriftrace.sweep_table import write_table
 
+# Some poses look straight down the plume.
+pytestmark = pytest.mark.filterwarnings("ignore:Single rays of .* poses change")
+
 
 @pytest.fixture(scope="module")
 def scene(variant: str) -> LoadedScene:

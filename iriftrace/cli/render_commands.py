@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from iriftrace.render import Rendering
 
 DEMO = "cylinder"
-EVERY_SECOND_SHELL, SHELLS_AGAINST_FIELD = "every_second_shell", "shells_against_field"
-"""Keys of the metrics that need the scene and not just the picture."""
+SHELLS_AGAINST_FIELD = "shells_against_field"
 
 
 def render(
@@ -126,6 +125,8 @@ def _keep_what_only_rendering_knew(result: dict[str, Any], report: Path) -> None
     for key, value in result["time_s"].items():
         if value is None:
             result["time_s"][key] = known.get(key)
+    from iriftrace.shell_resolution import EVERY_SECOND_SHELL
+
     for key in (EVERY_SECOND_SHELL, SHELLS_AGAINST_FIELD):
         if key in earlier:
             result[key] = earlier[key]
@@ -197,7 +198,11 @@ def _render(
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.render import render_scene
-    from iriftrace.shell_resolution import shell_resolution
+    from iriftrace.shell_resolution import (
+        EVERY_SECOND_SHELL,
+        shell_resolution,
+        warn_of_coarse_shells,
+    )
 
     with working("Loading the scene"):
         loaded = trace.load(scene)
@@ -211,6 +216,7 @@ def _render(
         rendering = render_scene(loaded, include=include)
         resolution = shell_resolution(loaded, rendering.image)
         if resolution is not None:
+            warn_of_coarse_shells(resolution)
             checked[EVERY_SECOND_SHELL] = resolution.as_dict()
     rendering.metrics.update(checked)
     if figures:

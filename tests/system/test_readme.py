@@ -44,7 +44,9 @@ def run(arguments: list[str], folder: Path) -> str:
         [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert "warning" not in done.stderr.lower()
+    warnings = [line for line in done.stderr.splitlines() if "warning" in line.lower()]
+    # The sweep's orbit has poses straight above, and its page says what is said of them.
+    assert all("every_second_shell_p95" in line for line in warnings), done.stderr
     return done.stdout
 
 

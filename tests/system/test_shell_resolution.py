@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,12 +14,14 @@ from iriftrace.camera import Camera, look_at
 from iriftrace.cli import main
 from iriftrace.errors import IriftraceWarning
 from iriftrace.part import read_part
+from iriftrace.pose_set import PoseSet
 from iriftrace.render import render_scene, trace_rays
 from iriftrace.scene import LoadedScene, load_scene, write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shell_io import load_shells
-from iriftrace.shell_resolution import shell_resolution
+from iriftrace.shell_resolution import ShellResolution, shell_resolution, warn_of_coarse_shells
 from iriftrace.shell_stack import Shell, ShellStack
+from iriftrace.sweep import run_sweep
 
 pytestmark = pytest.mark.usefixtures("variant")
 
@@ -60,12 +61,9 @@ def every_second(stack: ShellStack) -> ShellStack:
     return evolve(stack, shells=[put(k, shell) for k, shell in enumerate(kept)])
 
 
-def said(scene: LoadedScene) -> tuple[object, list[str]]:
-    """What is found of a scene's own picture, and the warnings."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        found = shell_resolution(scene, render_scene(scene, nearest=False).image)
-    return found, [str(w.message) for w in caught if w.category is IriftraceWarning]
+def found_in(scene: LoadedScene) -> ShellResolution | None:
+    """Of the scene's own picture."""
+    return shell_resolution(scene, render_scene(scene, nearest=False).image)
 
 
 def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path) -> None:
@@ -89,7 +87,7 @@ def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path)
     moved = np.linalg.norm(ends[1] - ends[0], axis=1)
     known = np.isfinite(moved)
     length = image.channels["displacement.norm"][good].astype(np.float64)[known]
-    found, _ = said(scenes[0])
+    found = found_in(scenes[0])
     assert found is not None
     assert found.rays == known.sum()
     for share, quantile in ((found.median_share, 0.5), (found.p95_share, 0.95)):
@@ -98,15 +96,30 @@ def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path)
 
 
 def test_straight_down_the_plume_it_warns_and_from_the_side_it_does_not(tmp_path: Path) -> None:
-    side, quiet = said(load_scene(written(tmp_path / "side", FROM_THE_SIDE)))
-    above, loud = said(load_scene(written(tmp_path / "above", FROM_ABOVE)))
-    assert quiet == []
+    side = found_in(load_scene(written(tmp_path / "side", FROM_THE_SIDE)))
+    above = found_in(load_scene(written(tmp_path / "above", FROM_ABOVE)))
     assert side.suffices
     assert side.p95_share < 0.02
+    warn_of_coarse_shells(side)
     assert not above.suffices
     assert above.p95_share > 0.5
-    (text,) = loud
-    assert "--engine continuous" in text
+    with pytest.warns(IriftraceWarning, match="--engine continuous"):
+        warn_of_coarse_shells(above)
+
+
+def test_a_sweep_keeps_it_of_each_pose_and_says_how_many(tmp_path: Path) -> None:
+    """With another camera than the scene's own, and from a sample of the rays."""
+    scene = load_scene(written(tmp_path, FROM_THE_SIDE))
+    matrices = np.stack([look_at(o, (0.0, 0.0, 0.0)) for o in (FROM_THE_SIDE, FROM_ABOVE)])
+    away = look_at((0.0, -200.0, 0.0), (0.0, -400.0, 0.0))
+    poses = PoseSet(np.concatenate((matrices, away[None])))
+    with pytest.warns(IriftraceWarning, match=r"1 of 3 poses .*every_second_shell_p95"):
+        dataset = run_sweep(scene, poses, scene.camera, tmp_path / "s.nc")
+    side, above, nothing = dataset["every_second_shell_p95"].values
+    whole = found_in(scene)
+    assert side == pytest.approx(whole.p95_share, rel=0.5)
+    assert above > 0.5
+    assert np.isnan(nothing)
 
 
 def test_render_says_it_and_metrics_keeps_it(
@@ -126,7 +139,7 @@ def test_nothing_is_said_where_shells_cannot_be_thinned_out(tmp_path: Path) -> N
     stack = load_shells(folder_of("cylinder") / "shells")
     few = evolve(stack, shells=stack.shells[:4])
     scene = load_scene(written(tmp_path, FROM_ABOVE, few))
-    assert said(scene) == (None, [])
+    assert found_in(scene) is None
     bundled = folder_of("cylinder") / "scene.xml"
     continuous = load_scene(bundled, {"scale": 0.1}, engine="continuous")
-    assert said(continuous) == (None, [])
+    assert found_in(continuous) is None
