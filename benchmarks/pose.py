@@ -10,6 +10,8 @@ from statistics import median
 from iriftrace.camera import Camera
 from iriftrace.render import render_scene
 from iriftrace.scene import LoadedScene
+from iriftrace.shell_resolution import shell_resolution
+from iriftrace.sweep_pose import SAMPLE
 
 
 def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
@@ -32,6 +34,7 @@ def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
     for _ in range(repeats + 1):
         started = time.perf_counter()
         rendering = render_scene(scene, nearest=False)
+        shell_resolution(scene, rendering.image, sample=SAMPLE)
         seconds = time.perf_counter() - started
         time_s = rendering.metrics["time_s"]
         ratios.append(seconds / (time_s["straight"] + time_s["refracted"]))

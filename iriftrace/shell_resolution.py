@@ -150,12 +150,13 @@ def _moved(
     with runtime.using(scene.variant):
         import mitsuba as mi
 
+        from iriftrace.plugins.aligned import aligned
         from iriftrace.plugins.aov_integrator import camera_of
 
         sensor = sensor_of_pose(scene, camera)
         left, top = sensor.film().crop_offset()
-        x = mi.Float64(pixels % width + (left + 0.5))
-        y = mi.Float64(pixels // width + (top + 0.5))
+        x = mi.Float64(aligned(pixels % width + (left + 0.5)))
+        y = mi.Float64(aligned(pixels // width + (top + 0.5)))
         origin, direction = camera_of(sensor).rays64(x, y)
         moved = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, origin, direction)
         return None if moved is None else np.array(moved)
