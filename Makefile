@@ -22,8 +22,11 @@ help:
 demo: $(VENV)/installed $(VENV)/drawing llvm
 	$(BIN)/iriftrace demo -o out
 
+# Most of a test is one thread of Python or VTK. What a file's tests share is made once.
+TWO_AT_A_TIME = --numprocesses 2 --dist loadfile --no-loadscope-reorder
+
 test: $(VENV)/installed-dev $(VENV)/drawing llvm
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(TWO_AT_A_TIME)
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
