@@ -72,8 +72,8 @@ def load_mesh_file(path: Path) -> MeshFile:
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     if faces.size == 0:
         raise InputError(
-            f"{path} has no triangles, so there is nothing to measure; export the part's surface "
-            "as triangles."
+            f"{path} has no triangles or is damaged, so there is nothing to measure; export the "
+            "part's surface as triangles."
         )
     vertices = np.array(mesh.vertices, dtype=np.float64)
     lowest, highest = int(faces.min()), int(faces.max())

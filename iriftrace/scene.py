@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+import weakref
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import evolve, field, frozen
+from attrs import Factory, evolve, field, frozen
 from numpy.typing import NDArray
 
 from iriftrace import runtime
@@ -20,10 +21,12 @@ from iriftrace.errors import InputError
 from iriftrace.part import Part, read_part
 from iriftrace.scene_air import (
     field_table,
+    other_shells,
     shells_table_of,
     stated_bending,
     stated_index_rule,
     stated_normals,
+    warn_of_another_part,
 )
 from iriftrace.scene_file import read_scene_file, readable
 from iriftrace.scene_folder import SHELLS_FOLDER as SHELLS_FOLDER
@@ -37,6 +40,20 @@ from iriftrace.scene_wavelength import (
 )
 
 ENGINES = ("shells", "continuous")
+
+
+@frozen(eq=False)
+class _Lease:
+    """Frees the scene when no `LoadedScene` has it any more.
+
+    Mitsuba's scene holds its integrator, whose tables hold the scene: only one of them letting go
+    frees both.
+    """
+
+    integrator: Any
+
+    def __attrs_post_init__(self) -> None:
+        weakref.finalize(self, self.integrator.forget).atexit = False
 
 
 @frozen(eq=False)
@@ -93,6 +110,9 @@ class LoadedScene:
     mitsuba_scene: Any = field(repr=False)
     integrator: Any = field(repr=False)
     ensemble: LoadedEnsemble | None = field(default=None, repr=False)
+    _lease: _Lease = field(
+        repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
+    )
 
     @property
     def wavelength_nm(self) -> float | None:
@@ -181,6 +201,7 @@ def _load_one(
             table = table_at(table, wavelength)
     prepared = integrator.prepare(scene)
     part = read_part(file.part_path).transformed(file.part_to_world)
+    warn_of_another_part(file, part, table)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
     sensor = camera_of(scene.sensors()[0])
@@ -201,7 +222,7 @@ def _load_one(
         bending="continuously" if continuous else stated_bending(integrator, prepared.tables),
         index_rule="none, linear in each tetrahedron"
         if continuous
-        else stated_index_rule(path, table, prepared.tables),
+        else stated_index_rule(path, table, prepared.tables, other_shells(file, table)),
         shells_table=table,
         load_s=loaded - started,
         build_s=built - loaded,

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iriftrace.camera import Camera
+from iriftrace.checksum import sha256_of
 from iriftrace.continuous_field import FIELD_FILE, save_field_file
 from iriftrace.errors import InputError
 from iriftrace.part import Part, save_part
 from iriftrace.scene_xml import PART_FILE, require_pinhole, scene_xml, shell_shapes
-from iriftrace.shell_io import save_shells
+from iriftrace.shell_io import PartFile, save_shells
 from iriftrace.shell_stack import ShellStack
 from iriftrace.whole_file import whole_file
 
@@ -82,7 +83,14 @@ def write_scene(
         raise InputError(f"cannot make the folder {target}: {error.strerror}.") from error
     save_part(part, target / PART_FILE)
     shapes = save_air(
-        target, SHELLS_FOLDER, shells, field, report=report, notes=notes, paraview=paraview
+        target,
+        SHELLS_FOLDER,
+        shells,
+        field,
+        part=PartFile(target / PART_FILE, sha256_of(target / PART_FILE)),
+        report=report,
+        notes=notes,
+        paraview=paraview,
     )
     origin = shells.source.origin if shells.source else ""
     with whole_file(target / name) as temporary:
@@ -106,6 +114,7 @@ def save_air(
     shells: ShellStack,
     field: IndexField | None,
     *,
+    part: PartFile,
     report: Sequence[ShellReport] | None,
     notes: Mapping[str, str] | None,
     paraview: bool,
@@ -118,6 +127,8 @@ def save_air(
         Where `SHELLS_FOLDER` and `continuous_field.FIELD_FILE` go.
     shown : str
         The shells' folder, seen from the scene's file.
+    part : PartFile
+        The scene's part; another one in its place is noticed.
     shells, field, report, notes, paraview
         As for `write_scene`.
 
@@ -126,7 +137,14 @@ def save_air(
     list of str
         Lines of the shells for the scene's XML.
     """
-    files = save_shells(shells, folder / SHELLS_FOLDER, report, notes=notes, paraview=paraview)
+    files = save_shells(
+        shells,
+        folder / SHELLS_FOLDER,
+        report,
+        notes=notes,
+        paraview=paraview,
+        part=part,
+    )
     if field is not None:
         save_field_file(field, folder / FIELD_FILE)
     return shell_shapes(shells, [path for path in files if path.suffix == ".ply"], shown)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -10,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from attrs import asdict
+from attrs import asdict, frozen
 
 from iriftrace.air import Air
+from iriftrace.checksum import sha256_of
 from iriftrace.errors import InputError
 from iriftrace.ply_corners import NARROW, WIDE, CornerType, corner_type
 from iriftrace.shell_mesh import AnyIntArray, Float32Array, polydata
@@ -32,6 +34,25 @@ _NORMAL = ("nx", "ny", "nz")
 _STEEPNESS = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
 
 
+@frozen
+class PartFile:
+    """The part's file beside which shells are written.
+
+    path : where it will be
+    sha256 : of its content
+    """
+
+    path: Path
+    sha256: str
+
+    def seen_from(self, folder: Path) -> dict[str, str]:
+        """As the table of shells in that folder names it."""
+        return {
+            "file": Path(os.path.relpath(self.path, folder)).as_posix(),
+            "sha256": self.sha256,
+        }
+
+
 def save_shells(
     stack: ShellStack,
     directory: str | Path,
@@ -39,6 +60,7 @@ def save_shells(
     *,
     notes: Mapping[str, str] | None = None,
     paraview: bool = True,
+    part: PartFile | None = None,
 ) -> list[Path]:
     """Write a stack of shells into a folder.
 
@@ -53,6 +75,8 @@ def save_shells(
         What else is known of the field, such as ``{"time": "snapshot"}``; kept in the table.
     paraview : bool
         Whether to write ``shells.vtm`` too, which doubles the size.
+    part : PartFile, optional
+        The part of the scene that they are written for; kept in the table.
 
     Returns
     -------
@@ -78,7 +102,8 @@ def save_shells(
     if paraview:
         written.append(_write_paraview(folder, stack))
     _remove_stale(folder, {path.name for path in written})
-    table = _table(stack, [path.name for path in written], report, notes or {})
+    table = _table(stack, written, report, notes or {})
+    table["part"] = None if part is None else part.seen_from(folder)
     with whole_file(folder / TABLE) as temporary:
         temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
     return [*written, folder / TABLE]
@@ -212,7 +237,7 @@ def _header(names: Sequence[str], vertices: int, faces: int, kind: CornerType) -
 
 def _table(
     stack: ShellStack,
-    names: Sequence[str],
+    files: Sequence[Path],
     report: Sequence[ShellReport] | None,
     notes: Mapping[str, str],
 ) -> dict[str, Any]:
@@ -221,7 +246,8 @@ def _table(
     for i, (shell, temperature) in enumerate(zip(stack.shells, temperatures, strict=True)):
         row = {
             "layer": shell.layer,
-            "file": names[i],
+            "file": files[i].name,
+            "sha256": sha256_of(files[i]),
             "refractivity": shell.refractivity,
             "ext": shell.ext,
             "int": shell.int_,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,10 @@ from iriftrace.ensemble.members import read_members
 from iriftrace.ensemble.metrics import ensemble_metrics
 from iriftrace.ensemble.scene_folder import MemberAir, write_ensemble_scene
 from iriftrace.ensemble.statistics import EnsembleStatistics
-from iriftrace.errors import InputError
+from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.exr import AovImage, read_exr, write_exr
 from iriftrace.field import FieldSource
+from iriftrace.part import save_part
 from iriftrace.pose_set import PoseSet
 from iriftrace.render import render_scene, trace_rays
 from iriftrace.scene import load_scene
@@ -191,6 +193,19 @@ def ten(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("ten")
     airs = (MemberAir(f"share {share}", None, scaled(stack, share)) for share in SHARES)
     return write_ensemble_scene(folder, part, airs, SLANTED, paraview=False)[0]
+
+
+@pytest.mark.usefixtures("variant")
+def test_shells_and_parts_of_others_are_noticed(ten: Path, tmp_path: Path) -> None:
+    """In the member that is traced; all know the part that stands beside the scene."""
+    scene = shutil.copytree(ten.parent, tmp_path / "copy") / ten.name
+    shells = [scene.parent / "members" / number / "shells" for number in "23"]
+    shutil.copy(shells[0] / "shell_02.ply", shells[0] / "shell_03.ply")
+    with pytest.warns(IriftraceWarning, match=r"shell_03\.ply in .*2/shells are not the shells"):
+        assert load_scene(scene, {"member": 2}).index_rule.startswith("edited: 1 of 5")
+    save_part(slab(5)[0].transformed(np.diag((2.0, 2.0, 1.0, 1.0))), scene.parent / "part.ply")
+    with pytest.warns(IriftraceWarning, match=r"part\.ply is not the part that the scene"):
+        load_scene(scene, {"member": 3})
 
 
 def slab_offsets(heights: np.ndarray, layers: np.ndarray, sine: np.ndarray) -> np.ndarray:

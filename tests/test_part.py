@@ -298,7 +298,7 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
     }
     (tmp_path / "text.stl").write_text("hello")
     (tmp_path / "cut.ply").write_bytes(CYLINDER.read_bytes()[:5000])
-    cases["text.stl has no triangles"] = tmp_path / "text.stl"
+    cases["text.stl has no triangles or is damaged"] = tmp_path / "text.stl"
     cases["cut.ply is damaged"] = tmp_path / "cut.ply"
     cases["is damaged: a triangle names vertex 7, but there are 3"] = _ply(
         tmp_path / "far.ply", triangle, [(0, 1, 7)]

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import re
+import shutil
+import warnings
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 
@@ -158,6 +162,20 @@ def test_defaults_of_the_parameters_are_written(
 
 
 @pytest.mark.usefixtures("variant")
+def test_a_scene_is_freed_with_the_last_that_has_it(xml: Path) -> None:
+    """Mitsuba's scene and its integrator hold each other; a notebook loads many."""
+    loaded = load_scene(xml)
+    tables = weakref.ref(loaded.integrator.prepare(loaded.mitsuba_scene))
+    copy = evolve(loaded, variables={"scale": "1"})
+    del loaded
+    gc.collect()
+    assert tables() is not None
+    del copy
+    gc.collect()
+    assert tables() is None
+
+
+@pytest.mark.usefixtures("variant")
 def test_camera_can_be_moved_by_hand(xml: Path) -> None:
     """Through the lookat that the file shows."""
     text = xml.read_text()
@@ -184,6 +202,31 @@ def test_shells_can_be_dropped_by_hand(xml: Path) -> None:
     good = (whole.status == 0) & (fewer.status == 0) & (whole.channels["path.crossings"] == 4)
     assert good.sum() > 50
     np.testing.assert_array_equal(fewer.channels["path.crossings"][good], 3)
+
+
+@pytest.mark.usefixtures("variant")
+def test_shells_and_parts_of_other_scenes_are_noticed(xml: Path, tmp_path: Path) -> None:
+    """A finer cylinder fits the air and has as many shells, so nothing else would tell."""
+    finer = concentric_cylinders(4, sections=80)
+    other = write_scene(tmp_path / "other", *finer, CAMERA, paraview=False).parent
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", IriftraceWarning)
+        rule = load_scene(xml).index_rule
+    shutil.copy(other / "shells" / "shell_02.ply", xml.parent / "shells")
+    with pytest.warns(IriftraceWarning, match=r"shell_02\.ply in .* are not the shells"):
+        assert load_scene(xml).index_rule == f"edited: 1 of 4 {rule} shells changed"
+    text = xml.read_text()
+    xml.write_text(text.replace('"part.ply"', '"../other/part.ply"'))
+    with pytest.warns(IriftraceWarning) as told:
+        load_scene(xml)
+    assert not any("is not the part" in str(one.message) for one in told), (
+        "another file, chosen on purpose"
+    )
+    xml.write_text(text)
+    shutil.copy(other / "part.ply", xml.parent)
+    with pytest.warns(IriftraceWarning) as told:
+        load_scene(xml)
+    assert sum("is not the part" in str(one.message) for one in told) == 1
 
 
 @pytest.mark.usefixtures("variant")

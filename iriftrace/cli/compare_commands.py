@@ -40,7 +40,8 @@ def compare(
         A map of two channels (.exr, or .npy with the shape height, width, 2), or markers (.csv with
         the columns u, v, du, dv; pixel centres are whole numbers, as OpenCV counts).
     output
-        The JSON file; by default beside the EXR. The picture goes beside it.
+        The JSON file; by default beside the EXR and named after both, such as
+        out_against_markers.json. The picture goes beside it.
     positions
         The picture in which the places were measured; most programs take the first, cold one.
     include
@@ -57,7 +58,7 @@ def compare(
     check_input(image, measured)
     if not image.is_file():
         raise InputError(f"There is no file {image}; give the AOV EXR that a render wrote.")
-    target = output or image.with_name(f"{image.stem}_comparison.json")
+    target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
     check_output(target, ".json", "comparison.json", make=False)
     if target.resolve() == measured.resolve():
         raise InputError(f"The output {target} would replace the measured shift; name another one.")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from attrs import asdict, frozen
 
 from iriftrace.camera import Camera
+from iriftrace.checksum import sha256_of
 from iriftrace.ensemble.members import (
     FOLDER,
     INCLUDED,
@@ -23,6 +24,7 @@ from iriftrace.errors import InputError
 from iriftrace.part import Part, save_part
 from iriftrace.scene_folder import SHELLS_FOLDER, save_air
 from iriftrace.scene_xml import PART_FILE, included_xml, require_pinhole, scene_xml
+from iriftrace.shell_io import PartFile
 from iriftrace.shell_stack import ShellStack
 from iriftrace.whole_file import whole_file
 
@@ -102,8 +104,10 @@ def write_ensemble_scene(
     except OSError as error:
         raise InputError(f"cannot make the folder {building}: {error.strerror}.") from error
     try:
+        save_part(part, building / PART_FILE)
+        placed = PartFile(scene.parent / PART_FILE, sha256_of(building / PART_FILE))
         listed = tuple(
-            _write_member(building / str(number), number, member, notes, paraview)
+            _write_member(building / str(number), number, member, placed, notes, paraview)
             for number, member in enumerate(members, start=1)
         )
         if len(listed) < 2:
@@ -111,7 +115,7 @@ def write_ensemble_scene(
                 f"An ensemble of {len(listed)} field has no scatter; give at least two."
             )
         write_members(building, listed)
-        save_part(part, scene.parent / PART_FILE)
+        (building / PART_FILE).replace(scene.parent / PART_FILE)
         # Members of an earlier, larger ensemble would be taken for this one's.
         shutil.rmtree(scene.parent / FOLDER, ignore_errors=True)
         building.rename(scene.parent / FOLDER)
@@ -150,6 +154,7 @@ def _write_member(
     folder: Path,
     number: int,
     member: MemberAir,
+    part: PartFile,
     notes: Mapping[str, str] | None,
     paraview: bool,
 ) -> FieldMember:
@@ -166,6 +171,7 @@ def _write_member(
         f"{FOLDER}/{number}/{SHELLS_FOLDER}",
         member.shells,
         member.field,
+        part=part,
         report=member.report,
         notes=told,
         paraview=paraview,

@@ -73,10 +73,11 @@ def test_rendering_compared_with_itself_leaves_nothing(hot: HotBlock, tmp_path: 
     image = tmp_path / "out.exr"
     image.write_bytes(hot.image.read_bytes())
     assert main(["compare", str(image), str(hot.image), "--positions=hot", "--no-figures"]) == 0
-    report = json.loads((tmp_path / "out_comparison.json").read_text())
+    name = f"out_against_{hot.image.stem}.json"
+    report = json.loads((tmp_path / name).read_text())
     assert report["residual_px"]["max"] == 0
     assert report["points"]["without_simulation"] == 0
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.exr", "out_comparison.json"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.exr", name]
 
 
 def test_a_scaled_rendering_says_so(
