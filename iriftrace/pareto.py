@@ -22,6 +22,7 @@ def pareto_front(
     resolution: Resolution = "step",
     region: str = "part",
     min_hits: int = 100,
+    min_coverage: float = 0.0,
 ) -> IntArray:
     """Poses that no other pose surpasses in every respect, whatever the weights.
 
@@ -34,7 +35,7 @@ def pareto_front(
     (k,) array of int
         Numbers of the poses, ascending.
     """
-    found = find_candidates(dataset, statistic, resolution, region, min_hits, METRICS)
+    found = find_candidates(dataset, statistic, resolution, region, min_hits, min_coverage, METRICS)
     poses = np.flatnonzero(found.eligible)
     costs = np.stack(
         [

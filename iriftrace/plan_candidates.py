@@ -54,13 +54,14 @@ def find_candidates(
     resolution: str,
     region: str,
     min_hits: int,
+    min_coverage: float,
     needed: Collection[str],
 ) -> Candidates:
     """The metrics of all poses, and why some of them cannot be compared.
 
     Parameters
     ----------
-    dataset, statistic, resolution, region, min_hits
+    dataset, statistic, resolution, region, min_hits, min_coverage
         As for `iriftrace.planning.rank_poses`.
     needed
         Those of `METRICS` without which a pose cannot be compared.
@@ -77,6 +78,11 @@ def find_candidates(
             f"The smallest number of good rays is {min_hits}, so views of nothing would be ranked; "
             "give at least 1."
         )
+    if not 0 <= min_coverage <= 1:
+        raise InputError(
+            f"The smallest coverage is {min_coverage:g}, but it is a share of the area; give a "
+            "number from 0 to 1, such as 0.3."
+        )
     reading = "" if resolution == "step" else f"_{resolution}"
     variables = {
         "displacement": f"displacement_{statistic}",
@@ -89,6 +95,7 @@ def find_candidates(
     good_rays = _column(dataset, "rays_good", column)
     failures = _failures(dataset)
     reasons = {}
+    seen = metrics["coverage"].tolist()
     for pose, (failure, rays) in enumerate(zip(failures, good_rays.tolist(), strict=True)):
         if failure:
             reasons[pose] = f"failed: {failure}"
@@ -96,6 +103,8 @@ def find_candidates(
             reasons[pose] = "not traced"
         elif rays < min_hits:
             reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
+        elif seen[pose] < min_coverage:
+            reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
     rich = np.ones(len(good_rays), dtype=np.bool_)
     rich[list(reasons)] = False
     if not rich.any():

@@ -76,6 +76,7 @@ class Plan:
     statistic, resolution, region, outside : str
         What was compared, as given to `rank_poses`.
     min_hits : int
+    min_coverage : float
     warnings : tuple of str
         What was also issued as `IriftraceWarning`.
     """
@@ -95,6 +96,7 @@ class Plan:
     region: str
     outside: Outside
     min_hits: int
+    min_coverage: float
     warnings: tuple[str, ...]
 
     @property
@@ -113,6 +115,7 @@ def rank_poses(
     percentile: float = 95.0,
     outside: Outside = "clip",
     min_hits: int = 100,
+    min_coverage: float = 0.0,
 ) -> Plan:
     """Rank the poses of a sweep.
 
@@ -139,6 +142,9 @@ def rank_poses(
         is unranked; the normalisation stays that of all poses.
     min_hits
         Poses with fewer good rays on the region are unranked and stay out of the normalisation.
+    min_coverage
+        Likewise poses that see a smaller share of the region's area, 0..1. A small displacement
+        or a fine resolution can outweigh that hardly anything is seen.
 
     Raises
     ------
@@ -158,7 +164,7 @@ def rank_poses(
             "0 and up to 100."
         )
     needed = [name for name, weight in weights.as_dict().items() if weight > 0]
-    found = find_candidates(dataset, statistic, resolution, region, min_hits, needed)
+    found = find_candidates(dataset, statistic, resolution, region, min_hits, min_coverage, needed)
     limits = {
         name: _limits(values[found.eligible], percentile) for name, values in found.metrics.items()
     }
@@ -222,6 +228,7 @@ def rank_poses(
         region=region,
         outside=outside,
         min_hits=min_hits,
+        min_coverage=min_coverage,
         warnings=tuple(messages),
     )
 

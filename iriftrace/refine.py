@@ -262,7 +262,7 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
         return None
     whole = rendering.metrics
     view: dict[str, Any] = whole if plan.region == "part" else whole["regions"][plan.region]
-    if view["rays"]["good"] < plan.min_hits:
+    if view["rays"]["good"] < plan.min_hits or (view["coverage"] or 0.0) < plan.min_coverage:
         return None
     reading = "" if plan.resolution == "step" else f"_{plan.resolution}"
     values = (

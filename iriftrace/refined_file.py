@@ -69,6 +69,7 @@ def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Datas
             "region": plan.region,
             "outside": plan.outside,
             "min_hits": plan.min_hits,
+            "min_coverage": plan.min_coverage,
         },
         "scene": attribute(dataset, "scene"),
     }

@@ -169,7 +169,12 @@ def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
         (
             "Normalisation",
             f"minimum to {summary.plan.percentile:g}th percentile; beyond it: "
-            f"{summary.plan.outside}; at least {summary.plan.min_hits} good rays",
+            f"{summary.plan.outside}; at least {summary.plan.min_hits} good rays"
+            + (
+                f" and a coverage of {summary.plan.min_coverage:g}"
+                if summary.plan.min_coverage
+                else ""
+            ),
         ),
         (
             "Traced with",

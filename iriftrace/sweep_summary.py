@@ -158,6 +158,7 @@ def summarise(dataset: xr.Dataset, plan: Plan) -> SweepSummary:
         resolution=plan.resolution,
         region=plan.region,
         min_hits=plan.min_hits,
+        min_coverage=plan.min_coverage,
     )
     view = dataset.sel(region=plan.region)
     enough = np.asarray(view["rays_good"].values) >= plan.min_hits

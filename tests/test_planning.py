@@ -172,6 +172,18 @@ def test_poses_that_see_nothing_never_win_and_change_nothing() -> None:
     assert 0 in rank_poses(table, min_hits=99).order
 
 
+def test_poses_that_see_too_little_never_win_and_change_nothing() -> None:
+    """The best by far in all else sees 4 % of the part."""
+    columns = {name: [0.04 if name == "coverage" else 0.0, *FIVE[name]] for name in METRICS}
+    table = sweep_table(*columns.values(), [1000] * 6)
+    assert rank_poses(table).best == 0
+    assert 0 in pareto_front(table)
+    plan = rank_poses(table, min_coverage=0.05)
+    assert plan.unranked == {0: "coverage 0.04, less than 0.05"}
+    assert_allclose(plan.score[1:], SCORES, atol=1e-12)
+    assert 0 not in pareto_front(table, min_coverage=0.05)
+
+
 def test_a_metric_without_weight_may_be_unknown() -> None:
     table = five(axial=[np.nan] * 5)
     plan = rank_poses(table, weights=Weights(axial=0))
@@ -256,6 +268,8 @@ def test_impossible_weights_are_refused(given_weights: dict[str, float], words: 
         ({"percentile": 101}, "percentile is 101"),
         ({"percentile": np.nan}, "percentile is nan"),
         ({"min_hits": 0}, "good rays is 0"),
+        ({"min_coverage": 30}, r"coverage is 30, .*from 0 to 1"),
+        ({"min_coverage": 1}, r"None of the 5 poses .*coverage 0\.\d+, less than 1"),
         ({"min_hits": 1001}, r"None of the 5 poses .*pose 0: 1000 good rays, fewer than 1001"),
     ],
 )

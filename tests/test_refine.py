@@ -63,15 +63,17 @@ def hill_sweep() -> tuple[xr.Dataset, Plan]:
         return table, rank_poses(table, weights=Weights(1, 0.1, 0.1, 0.1), percentile=100)
 
 
-def test_the_top_of_a_hill_is_found() -> None:
+def hill_with_room() -> tuple[xr.Dataset, Plan]:
     """The normalisation is the sweep's: 0 is the start's own value, so widen it first."""
     table, plan = hill_sweep()
     lower = {**plan.limits, "displacement": (0.0, plan.limits["displacement"][1])}
     free = evolve(plan, limits=lower)
-    free = evolve(
-        free,
-        score=np.array([score_of(free, {"displacement": v}) for v in plan.metrics["displacement"]]),
-    )
+    score = [score_of(free, {"displacement": v}) for v in plan.metrics["displacement"]]
+    return table, evolve(free, score=np.array(score))
+
+
+def test_the_top_of_a_hill_is_found() -> None:
+    table, free = hill_with_room()
     found = refine_pose(table, free, Hill(), evaluations=120)
     assert found.start == 1
     assert np.linalg.norm(found.matrix[:3, 3] - SUMMIT) < 1.0
@@ -84,6 +86,23 @@ def test_the_top_of_a_hill_is_found() -> None:
     np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
     cosine = found.matrix[:3, 2] @ START[:3, 2]
     assert found.turn_deg == pytest.approx(np.degrees(np.arccos(cosine)))
+
+
+class Fog(Hill):
+    """The same hill, but from above 5 mm little of the part is seen."""
+
+    def render(self, matrix: Any, *, nearest: bool = False) -> Any:
+        rendering = super().render(matrix, nearest=nearest)
+        rendering.metrics["coverage"] = 0.3 if matrix[2, 3] <= 5.0 else 0.1
+        return rendering
+
+
+def test_poses_that_see_too_little_are_passed_over() -> None:
+    table, free = hill_with_room()
+    assert refine_pose(table, free, Fog()).matrix[2, 3] > 5.0
+    found = refine_pose(table, evolve(free, min_coverage=0.2), Fog())
+    assert 0.0 < found.matrix[2, 3] <= 5.0
+    assert found.gain > 0
 
 
 def test_nothing_better_leaves_the_start() -> None:

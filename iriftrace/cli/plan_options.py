@@ -43,6 +43,8 @@ class RankingOptions:
         What becomes of poses beyond the percentile.
     min_hits
         Poses with fewer good rays stay unranked.
+    min_coverage
+        Poses that see a smaller share of the area, from 0 to 1, stay unranked.
     """
 
     displacement: float = 0.5
@@ -55,6 +57,7 @@ class RankingOptions:
     percentile: float = 95.0
     outside: Literal["clip", "discard"] = "clip"
     min_hits: int = 100
+    min_coverage: float = 0.0
 
     def summary_of(self, dataset: xr.Dataset) -> SweepSummary:
         """The sweep's poses ranked by these options."""
@@ -71,6 +74,7 @@ class RankingOptions:
             percentile=self.percentile,
             outside=self.outside,
             min_hits=self.min_hits,
+            min_coverage=self.min_coverage,
         )
         return summarise(dataset, plan)
 

@@ -216,6 +216,8 @@ RANKING = [
     (("--displacement=0", "--coverage=0", "--axial=0", "--lateral=0"), "All weights are zero"),
     (("--percentile=0",), "percentile"),
     (("--min-hits=100000000",), "None of the 9 poses"),
+    (("--min-coverage=30",), "from 0 to 1, such as 0.3"),
+    (("--min-coverage=0.99",), "None of the 9 poses"),
     (("--resolution=nn3d",), "no value of"),
     (("--statistic=mode",), "mode"),
     (("--top=0",), "0 rows"),
