@@ -113,8 +113,8 @@ def alternative_text(summary: SweepSummary) -> str | None:
     return (
         f"The winner is not clear: pose {found.pose} scores only {found.behind:.3f} more and sees "
         f"{100 * found.coverage:.1f} % of the {_what(summary.plan.region)} instead of "
-        f"{100 * found.best_coverage:.1f} %; choose by what has to be measured, or change the "
-        "weights."
+        f"{100 * found.best_coverage:.1f} %; choose by what has to be measured, change the "
+        "weights or ask for a --min-coverage."
     )
 
 
