@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -61,8 +62,10 @@ def in_tetrahedra(field: IndexField) -> IndexField:
     return evolve(field, grid=pv.UnstructuredGrid({pv.CellType.TETRA: corners}, points))
 
 
-def load_all(folder: Path, field: IndexField, part: Part) -> dict[Key, LoadedScene]:
-    """Scenes of each number of shells and of the continuous engine, with either normals."""
+def load_all(
+    folder: Path, field: IndexField, part: Part, kinds: Sequence[str] = NORMALS
+) -> dict[Key, LoadedScene]:
+    """Scenes of each number of shells and of the continuous engine, with these normals."""
     scenes: dict[Key, LoadedScene] = {}
     for layers in LAYERS:
         xml = write_scene(
@@ -73,7 +76,7 @@ def load_all(folder: Path, field: IndexField, part: Part) -> dict[Key, LoadedSce
             paraview=False,
             field=field if layers == LAYERS[0] else None,
         )
-        for normals in NORMALS:
+        for normals in kinds:
             scenes[layers, normals] = load_scene(xml, {"normals": normals})
             if layers == LAYERS[0]:
                 scenes["continuous", normals] = load_scene(

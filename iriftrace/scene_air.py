@@ -24,40 +24,64 @@ def shells_table_of(file: SceneFile) -> dict[str, Any]:
     InputError
         It is damaged.
     """
-    folders = {path.parent for path in file.shell_paths}
-    for folder in folders:
-        table = folder / "shells.json"
-        if table.is_file():
-            try:
-                content = json.loads(table.read_text(encoding="utf-8"))
-            except ValueError as error:
-                raise InputError(
-                    f"{table} is damaged ({error}); write the scene again, or remove the file "
-                    "(then results do not state the field)."
-                ) from error
-            return content if isinstance(content, dict) else {}
-    return {}
+    table = _table_file(file)
+    if table is None:
+        return {}
+    try:
+        content: dict[str, Any] = json.loads(table.read_text(encoding="utf-8"))
+        _check_kinds(content)
+    except ValueError as error:
+        raise InputError(
+            f"{table} is damaged ({error}); write the scene again, or remove the file (then "
+            "results do not state the field)."
+        ) from error
+    return content
+
+
+def _table_file(file: SceneFile) -> Path | None:
+    """The first table there is, should shells lie in several folders."""
+    tables = (path.parent / "shells.json" for path in file.shell_paths)
+    return next(filter(Path.is_file, tables), None)
+
+
+def _check_kinds(table: Any) -> None:
+    """Raise ValueError where a table is no object of objects, as what follows takes for granted."""
+    if not isinstance(table, dict):
+        raise ValueError("it is no object")
+    for name in ("air", "source", "notes", "part"):
+        if not isinstance(table.get(name) or {}, dict):
+            raise ValueError(f"{name} is no object")
+    shells = table.get("shells", [])
+    if not (isinstance(shells, list) and all(isinstance(row, dict) for row in shells)):
+        raise ValueError("shells is no list of objects")
+    if not all(isinstance(row.get(key), int | float) for row in shells for key in ("ext", "int")):
+        raise ValueError("a shell has no indices")
+    part = table.get("part") or {}
+    if not all(isinstance(value, str) for value in part.values()):
+        raise ValueError("part has something else than texts")
 
 
 def other_shells(file: SceneFile, table: dict[str, Any]) -> tuple[str, ...]:
-    """Names of the shells whose files are not those that were written with their table.
+    """Shells whose files are not those that were written with the table.
 
     Warns
     -----
     IriftraceWarning
         There are some.
     """
-    stated = {row.get("file"): row.get("sha256") for row in table.get("shells", [])}
+    place = _table_file(file)
+    rows = [row for row in table.get("shells", []) if "sha256" in row]
+    if place is None or not rows:
+        return ()
+    stated = {(place.parent / str(row.get("file"))).resolve(): row["sha256"] for row in rows}
     others = tuple(
-        path.name
-        for path in file.shell_paths
-        if stated.get(path.name) not in (None, sha256_of(path))
+        str(path) for path in file.shell_paths if stated.get(path.resolve()) != sha256_of(path)
     )
     if others:
         warnings.warn(
-            f"{', '.join(others)} in {file.shell_paths[0].parent} are not the shells that the "
-            "scene was written with, so rays meet other air than its table tells of; write the "
-            "scene again. Results say that it was edited.",
+            f"{', '.join(others)} {'is' if len(others) == 1 else 'are'} not of the shells that "
+            f"{place} was written with, so rays meet other air than it tells of; write the scene "
+            "again.",
             IriftraceWarning,
             stacklevel=3,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import re
 import shutil
 import warnings
@@ -213,7 +214,7 @@ def test_shells_and_parts_of_other_scenes_are_noticed(xml: Path, tmp_path: Path)
         warnings.simplefilter("error", IriftraceWarning)
         rule = load_scene(xml).index_rule
     shutil.copy(other / "shells" / "shell_02.ply", xml.parent / "shells")
-    with pytest.warns(IriftraceWarning, match=r"shell_02\.ply in .* are not the shells"):
+    with pytest.warns(IriftraceWarning, match=r"shell_02\.ply is not of the shells"):
         assert load_scene(xml).index_rule == f"edited: 1 of 4 {rule} shells changed"
     text = xml.read_text()
     xml.write_text(text.replace('"part.ply"', '"../other/part.ply"'))
@@ -227,6 +228,35 @@ def test_shells_and_parts_of_other_scenes_are_noticed(xml: Path, tmp_path: Path)
     with pytest.warns(IriftraceWarning) as told:
         load_scene(xml)
     assert sum("is not the part" in str(one.message) for one in told) == 1
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_shell_of_another_folder_is_noticed(xml: Path, tmp_path: Path, edit: Edit) -> None:
+    """Though it has the same name, the same indices and a table of its own."""
+    finer = concentric_cylinders(4, sections=80)
+    other = write_scene(tmp_path / "other", *finer, CAMERA, paraview=False).parent
+    edit('"shells/shell_02.ply"', f'"{other}/shells/shell_02.ply"')
+    with pytest.warns(IriftraceWarning, match=r"other/shells/shell_02\.ply is not of the shells"):
+        assert load_scene(xml).index_rule.startswith("edited: 1 of 4")
+
+
+@pytest.mark.usefixtures("variant")
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("part", "part.ply"),
+        ("part", {"file": 5, "sha256": "0"}),
+        ("air", [1]),
+        ("shells", "none"),
+        ("shells", [1]),
+        ("shells", [{"file": "shell_01.ply", "sha256": "0"}]),
+    ],
+)
+def test_a_damaged_table_is_named(xml: Path, key: str, value: object) -> None:
+    table = xml.parent / "shells" / "shells.json"
+    table.write_text(json.dumps({**json.loads(table.read_text()), key: value}))
+    with pytest.raises(InputError, match=r"shells\.json is damaged \(.*write the scene again"):
+        load_scene(xml)
 
 
 @pytest.mark.usefixtures("variant")

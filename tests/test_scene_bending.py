@@ -98,7 +98,7 @@ def test_one_shell_without_a_column_keeps_all_from_it(xml: Path, column: str) ->
     mesh = xml.parent / "shells/shell_02.ply"
     old, new = f" {column}_".encode(), f" {column[::-1]}_".encode()
     mesh.write_bytes(mesh.read_bytes().replace(old, new, 3))
-    with pytest.warns(IriftraceWarning, match="not the shells"):
+    with pytest.warns(IriftraceWarning, match="is not of the shells"):
         assert said(xml) == NOT_STEEP
 
 

@@ -7,20 +7,19 @@ from pathlib import Path
 from benchmarks.accuracy.line import Line, Section
 from iriftrace.render import render_scene
 from iriftrace.scene import load_scene
-from iriftrace.scenes import folder_of
+from iriftrace.scenes import folder_of, names
 from iriftrace.status import Status
 
-SCENES = ("cylinder", "slab", "concentric_cylinders")
 MOST_MISCOUNTED_PERCENT = 0.01
 
 
 def _lines(folder: Path) -> list[Line]:
     lines = []
-    for name in SCENES:
+    for name in names():
         scene = load_scene(folder_of(name) / "scene.xml")
         rays = render_scene(scene, nearest=False).metrics["rays"]
         counts = {status.key: rays[status.key] for status in Status}
-        ending = ", ".join(f"{count:,} {key}" for key, count in counts.items() if count)
+        ending = ", ".join(f"{count:,} {key}" for key, count in counts.items())
         lines.append(
             Line(
                 f"{name}: rays without a status",

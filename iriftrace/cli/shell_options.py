@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
@@ -54,7 +54,9 @@ class ShellOptions:
     layers: Whole = 13
     index_range: str | None = None
     levels: str | None = None
-    rule: Literal["midpoint", "graded", "outer"] = "midpoint"
+    rule: Annotated[
+        Literal["midpoint", "graded", "outer"], Parameter(name=["--rule", "--index-rule"])
+    ] = "midpoint"
     min_size: str = "1 mm"
     smooth: Whole = 0
     subdivide: Whole = 0

@@ -153,7 +153,8 @@ def mesh(
         Finer fields, the finest last.
     split
         One of the fields that is also contoured after its cells were divided into tetrahedra, and
-        after each of these was split into eight. Needs gigabytes; repeatable.
+        after each of these was split into eight, which on linear cells only adds coplanar
+        triangles; recovered gradients change, the field does not. Needs gigabytes; repeatable.
     reference
         "same mode" (shells of the finest field) or "continuous" (the continuous engine on it);
         repeatable, by default both.

@@ -7,7 +7,7 @@ figures of the accuracy page, which `test_continuous_exact` computes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,19 +71,28 @@ def parabola(
     return point + index * direction * time + SLOPE * double, velocity / np.linalg.norm(velocity)
 
 
-def linear_ends(origins: np.ndarray, directions: np.ndarray, height: float) -> np.ndarray:
-    """Where rays come out of the cube's air and on to the plate, by bisection of the parabola."""
+def linear_ends(
+    origins: np.ndarray,
+    directions: np.ndarray,
+    height: float,
+    slabs: Sequence[tuple[float, float]] = ((10.0, -10.0),),
+) -> np.ndarray:
+    """Where rays come out of the air and on to the plate, by bisection of the parabola.
+
+    slabs : top and bottom of the air that bends them, downwards, mm; nothing does between them
+    """
     ends = []
-    for origin, direction in zip(origins, directions, strict=True):
-        entry = origin + direction * ((10 - origin[2]) / direction[2])
-        low, high = 0.0, 100.0
-        for _ in range(200):
-            middle = (low + high) / 2
-            if parabola(entry, direction, middle)[0][2] > -10:
-                low = middle
-            else:
-                high = middle
-        point, heading = parabola(entry, direction, low)
+    for point, heading in zip(origins, directions, strict=True):
+        for top, bottom in slabs:
+            entry = point + heading * ((top - point[2]) / heading[2])
+            low, high = 0.0, 100.0
+            for _ in range(200):
+                middle = (low + high) / 2
+                if parabola(entry, heading, middle)[0][2] > bottom:
+                    low = middle
+                else:
+                    high = middle
+            point, heading = parabola(entry, heading, low)
         ends.append(point + heading * ((height - point[2]) / heading[2]))
     return np.array(ends)
 
@@ -181,6 +190,20 @@ def test_blocks_that_share_no_points_are_crossed_by_seeking(tmp_path: Path) -> N
     assert (ends.relocations[through] == 1).mean() > 0.8
     np.testing.assert_array_equal(ends.relocations[~through], 0)
     np.testing.assert_array_equal(whole.relocations, 0)
+
+
+def test_rays_leave_the_data_and_enter_them_again(tmp_path: Path) -> None:
+    """Two blocks with 8 mm of ambient air between them, where nothing bends."""
+    grid = hexahedra(10, 10.0)
+    above = np.asarray(grid.cell_centers().points)[:, 2] > 0
+    upper, lower = (grid.extract_cells(np.flatnonzero(side)) for side in (above, ~above))
+    blocks = pv.MultiBlock([upper.translate((0, 0, 8)), lower]).combine(merge_points=False)
+    origins, directions = downward(300, 0.2)
+    ends, straight = follow(plate(tmp_path, -100.0), air_of(blocks, linear), origins, directions)
+    assert (ends.outcome == 1).all()
+    expected = linear_ends(origins, directions, -100.0, ((18.0, 8.0), (0.0, -10.0)))
+    assert np.linalg.norm(expected - straight, axis=1).min() > 1e-3
+    np.testing.assert_allclose(ends.point, expected, atol=1e-8)
 
 
 def test_rays_that_start_in_the_data_are_bent_from_there(tmp_path: Path) -> None:
