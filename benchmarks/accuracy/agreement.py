@@ -30,6 +30,7 @@ PICTURE = "engines.png"
 LIMITS = {"gradient": "recovered gradient", "facet": "constant gradient"}
 BOUNDED_LAYERS = 13
 MEDIAN_BOUND, P95_BOUND = 2.0, 4.0
+STYLES = {"median": "o-", "p95": "s--", "trimmed rmse": "^:"}
 COLOURS = {"gradient": "#0072b2", "facet": "#d55e00"}
 
 FloatArray = NDArray[np.float64]
@@ -89,18 +90,16 @@ def _draw(path: Path, shares: Shares) -> None:
         for row, limit in enumerate(NORMALS):
             axis = axes[row, column]
             for normals in NORMALS:
-                median, p95, _ = zip(*shares[view, normals, limit], strict=True)
-                axis.loglog(
-                    LAYERS, median, "o-", color=COLOURS[normals], label=f"{normals} normals, median"
-                )
-                axis.loglog(
-                    LAYERS,
-                    p95,
-                    "s--",
-                    color=COLOURS[normals],
-                    mfc="none",
-                    label=f"{normals} normals, p95",
-                )
+                curves = zip(*shares[view, normals, limit], strict=True)
+                for (statistic, style), values in zip(STYLES.items(), curves, strict=True):
+                    axis.loglog(
+                        LAYERS,
+                        values,
+                        style,
+                        color=COLOURS[normals],
+                        mfc=COLOURS[normals] if statistic == "median" else "none",
+                        label=f"{normals} normals, {statistic}",
+                    )
             axis.set_xticks(LAYERS, [str(n) for n in LAYERS])
             axis.minorticks_off()
             axis.grid(alpha=0.3)
@@ -111,7 +110,7 @@ def _draw(path: Path, shares: Shares) -> None:
             if column == 0:
                 axis.set_ylabel(f"difference from the\n{LIMITS[limit]} / %")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     figure.suptitle(
         "Shells against the continuous engine: difference of the hits over displacement"
     )
