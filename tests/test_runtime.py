@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -25,12 +26,9 @@ PURE = (
 WITHOUT_VTK = sorted(
     {*PURE, "cli"} - {"field", "fit", "shells", "shell_edit", "shell_import", "shell_report"}
 )
-OLD_LIBRARIES = [library for library in llvm.llvm_libraries() if not library.ok]
-OLD_PATHS = [library.path for library in OLD_LIBRARIES]
-# Dr.Jit itself turns down LLVM 14 and older, as if there were none; twice a process then hung.
-LOADED_BY_DRJIT = [old.path for old in OLD_LIBRARIES if old.version and old.version[0] >= 15]
+OLD_LIBRARIES = [library.path for library in llvm.llvm_libraries() if not library.ok]
 #: Seconds after which a process that does not end says on stderr where it stands.
-TOO_LONG = 100
+TOO_LONG = 60
 
 
 def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -46,6 +44,20 @@ def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str
         timeout=120,
         check=False,
     )
+
+
+def run_past_hangs(code: str, path: str) -> subprocess.CompletedProcess[str]:
+    """Run `code` with an LLVM library of which Dr.Jit may think nothing; anew if Dr.Jit hangs.
+
+    It lets go of LLVM 14 again, and twice in many runs a process with it did not go on. Three in a
+    row leave the test out, which the last line of the run says. Waiting for our own probe fails.
+    """
+    for _ in range(3):
+        done = run_python(code, DRJIT_LIBLLVM_PATH=path)
+        waits_for_probe = re.search(r'iriftrace[\\/]llvm\.py"', done.stderr)
+        if "Timeout (" not in done.stderr or waits_for_probe:
+            return done
+    pytest.skip(f"Mitsuba with {path} not tested: Dr.Jit hangs ({done.stderr})")
 
 
 def without_settings() -> dict[str, str]:
@@ -318,7 +330,7 @@ def test_without_llvm_the_error_comes_before_mitsuba_is_imported() -> None:
     assert done.stdout.startswith("No LLVM library was found")
 
 
-@pytest.mark.parametrize("path", [*OLD_PATHS, "/nowhere/libLLVM.so"])
+@pytest.mark.parametrize("path", [*OLD_LIBRARIES, "/nowhere/libLLVM.so"])
 def test_a_bad_path_is_found_out_before_mitsuba_is_imported(path: str) -> None:
     """With LLVM 15 the process would die at the first float64 maximum, not raise."""
     done = run_python(NO_LLVM, DRJIT_LIBLLVM_PATH=path)
@@ -384,10 +396,10 @@ except SetupError as error:
 """
 
 
-@pytest.mark.parametrize("path", [*LOADED_BY_DRJIT, "/nowhere/libLLVM.so"])
+@pytest.mark.parametrize("path", [*OLD_LIBRARIES, "/nowhere/libLLVM.so"])
 def test_mitsuba_imported_earlier_with_a_bad_llvm_needs_a_restart(path: str) -> None:
     """Dr.Jit looks for LLVM once per process; a better path given later is not read."""
-    done = run_python(TOO_LATE, DRJIT_LIBLLVM_PATH=path)
+    done = run_past_hangs(TOO_LATE, path)
     assert done.returncode == 0, done.stderr
     assert "Mitsuba was imported" in done.stdout
     assert "restart Python" in done.stdout
