@@ -47,17 +47,18 @@ def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str
 
 
 def run_past_hangs(code: str, path: str) -> subprocess.CompletedProcess[str]:
-    """Run `code` with an LLVM library of which Dr.Jit may think nothing; anew if Dr.Jit hangs.
+    """Run `code` with an LLVM library that may be of no use; anew if it does not get past loading.
 
-    It lets go of LLVM 14 again, and twice in many runs a process with it did not go on. Three in a
-    row leave the test out, which the last line of the run says. Waiting for our own probe fails.
+    Twice in many runs a process stood still before Dr.Jit said what it thinks of LLVM 14, a large
+    file that nothing else reads. Three such processes in a row leave the test out, which the last
+    line of the run says. Waiting for our own probe fails.
     """
     for _ in range(3):
         done = run_python(code, DRJIT_LIBLLVM_PATH=path)
         waits_for_probe = re.search(r'iriftrace[\\/]llvm\.py"', done.stderr)
         if "Timeout (" not in done.stderr or waits_for_probe:
             return done
-    pytest.skip(f"Mitsuba with {path} not tested: Dr.Jit hangs ({done.stderr})")
+    pytest.skip(f"Mitsuba with {path} not tested: it does not load ({done.stderr})")
 
 
 def without_settings() -> dict[str, str]:
