@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from iriftrace.camera import Camera
-from iriftrace.distortion import Distortion
 from iriftrace.errors import InputError
 
+from .camera_properties import camera_of
 from .projection import Projection, flip_axes
 from .properties import number
 
@@ -72,8 +72,6 @@ def plugin_class(variant: str) -> type:
         ``principal_point_x``  float, px  where the axis meets the sensor, from its left  centre
                                           edge, for the film's full size (``scale`` 1)
         ``principal_point_y``  float, px  the same from the upper edge                    centre
-        ``focus_near``         float, mm  nearest distance along the ray that is sharp    0
-        ``focus_far``          float, mm  farthest one                                    unlimited
         ``k1``                 float      radial lens distortion, numerator               0
         ``k2``                 float      the same, next order                            0
         ``k3``                 float      the same, next order                            0
@@ -82,8 +80,16 @@ def plugin_class(variant: str) -> type:
         ``k6``                 float      the same, next order                            0
         ``p1``                 float      tangential lens distortion                      0
         ``p2``                 float      the same                                        0
+        ``calibration``        string     file of OpenCV (YAML or JSON), beside the       none
+                                          scene's, in place of the 13 parameters above
+        ``pixel_size``         float, mm  width of a pixel: required with a calibration,
+                                          which knows pixels only; changes no ray
+        ``length_unit``        string     of the translation in the calibration's pose    mm
+        ``focus_near``         float, mm  nearest distance along the ray that is sharp    0
+        ``focus_far``          float, mm  farthest one                                    unlimited
         ``scale``              float      factor on the film's width and height           1
         ``to_world``           transform  pose, in Mitsuba's convention (``lookat``)      identity
+                                          or, where it has one, the calibration's
         =====================  =========  ==============================================  =========
 
         A pinhole camera with the lens distortion of Brown and Conrady in OpenCV's form: with
@@ -94,8 +100,9 @@ def plugin_class(variant: str) -> type:
         (two directions at one place) are refused. Without them nothing of this is computed.
 
         Pixel ``i`` covers ``[i, i + 1)`` and its centre is ``i + 0.5``; OpenCV counts centres as
-        whole numbers, so add 0.5 to its principal point. ``first_hit`` asks for rays in double
-        precision (``rays64``); other integrators get the same in single precision. No aperture.
+        whole numbers, so add 0.5 to its principal point (in a calibration file it is as OpenCV
+        counts). ``first_hit`` asks for rays in double precision (``rays64``); other integrators get
+        the same in single precision. No aperture.
 
         .. code-block:: xml
 
@@ -118,6 +125,13 @@ def plugin_class(variant: str) -> type:
                 </film>
             </sensor>
 
+        A calibration in the middle of the sensor instead:
+
+        .. code-block:: text
+
+            <string name="calibration" value="camera.yaml"/>
+            <float name="pixel_size" value="0.00274"/>
+
         .. code-block:: python
 
             mi.load_dict({
@@ -132,39 +146,15 @@ def plugin_class(variant: str) -> type:
 
         def __init__(self, props: mi.Properties) -> None:
             super().__init__(props)
-            pose = (
-                props["to_world"].matrix if "to_world" in props else mi.ScalarTransform4d().matrix
-            )
             film = self.film()
-            full = tuple(int(n) for n in film.size())
+            width, height = (int(n) for n in film.size())
+            full = width, height
             self._full = full
-            self._description = Camera(
-                focal_length_mm=number(props, "focal_length"),
-                sensor_mm=(number(props, "sensor_width"), number(props, "sensor_height")),
-                resolution=full,
-                principal_point_px=(
-                    number(props, "principal_point_x", full[0] / 2),
-                    number(props, "principal_point_y", full[1] / 2),
-                ),
-                focus_mm=(
-                    number(props, "focus_near", 0.0),
-                    number(props, "focus_far") if "focus_far" in props else math.inf,
-                ),
-                matrix=flip_axes(pose),
-                distortion=Distortion(
-                    k1=number(props, "k1", 0.0),
-                    k2=number(props, "k2", 0.0),
-                    p1=number(props, "p1", 0.0),
-                    p2=number(props, "p2", 0.0),
-                    k3=number(props, "k3", 0.0),
-                    k4=number(props, "k4", 0.0),
-                    k5=number(props, "k5", 0.0),
-                    k6=number(props, "k6", 0.0),
-                ),
-            ).scaled(number(props, "scale", 1.0))
+            described = camera_of(props, full)
+            self._description = described.scaled(number(props, "scale", 1.0))
             if self._description.resolution != full:
                 self._resize(film, full)
-            self.to_world = mi.Transform4d(pose)
+            self.to_world = mi.Transform4d(flip_axes(described.matrix))
             self._projection = Projection(self._description.as_dict())
 
         def _resize(self, film: Any, full: tuple[int, ...]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,13 +11,12 @@ from numpy.typing import NDArray
 
 from iriftrace.channels import CHANNELS, ERROR_CHANNEL
 from iriftrace.continuous_field import FieldCells, load_field_file
-from iriftrace.errors import InputError
 
 from .aov_integrator import Window, integrator_class
 from .bundle import Trace
 from .curved_path import CurvedHits, curved_hits
 from .prepared import PreparedScene
-from .properties import choice, flag, whole_number
+from .properties import choice, file_beside, flag, whole_number
 from .ray_query import HIT_PART
 from .tetrahedral_air import TetrahedralAir
 
@@ -78,13 +76,7 @@ def plugin_class(variant: str) -> type:
 
         def __init__(self, props: mi.Properties) -> None:
             super().__init__(props)
-            named = props.get("field", "field.npz")
-            if not isinstance(named, str):
-                raise InputError(
-                    f'"field" is {named!r}; write <string name="field" value="field.npz"/>.'
-                )
-            # Mitsuba's resolver knows the folder of the scene's file while that is read.
-            self.field = Path(str(mi.file_resolver().resolve(named)))
+            self.field = file_beside(props, "field", "field.npz")
             self.gradient = choice(props, "gradient", GRADIENTS)
             self.max_steps = whole_number(props, "max_steps", 100_000)
             self.trace_all = flag(props, "trace_all", False)

@@ -6,6 +6,7 @@ Mitsuba's loader accepts a ``<string>`` where a number belongs, so every plugin 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 from iriftrace.errors import InputError
@@ -47,6 +48,22 @@ def flag(props: Any, name: str, default: bool) -> bool:
             f'write <boolean name="{name}" value="true"/> or "false".'
         )
     return value
+
+
+def word(props: Any, name: str, default: str) -> str:
+    """Read a text from plugin properties."""
+    value = props.get(name, default)
+    if not isinstance(value, str):
+        raise InputError(f'"{name}" is {value!r}; write <string name="{name}" value="{default}"/>.')
+    return value
+
+
+def file_beside(props: Any, name: str, default: str) -> Path:
+    """Read a file's name from plugin properties; it lies beside the scene's file."""
+    import mitsuba as mi
+
+    # Mitsuba's resolver knows the folder of the scene's file while that is read.
+    return Path(str(mi.file_resolver().resolve(word(props, name, default))))
 
 
 def choice(props: Any, name: str, allowed: tuple[str, ...]) -> str:
