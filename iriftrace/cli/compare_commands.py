@@ -12,6 +12,7 @@ from rich.table import Table
 from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import out, working
 from iriftrace.cli.options import Statuses, statuses
+from iriftrace.cli.traced_light import check_light
 from iriftrace.errors import InputError
 
 
@@ -22,6 +23,7 @@ def compare(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     positions: Literal["cold", "hot"] = "cold",
     include: Statuses = None,
+    wavelength: str | None = None,
     figures: bool = True,
 ) -> None:
     """Compare measured pixel shifts between a cold and a hot picture with a rendering.
@@ -46,6 +48,8 @@ def compare(
         The picture in which the places were measured; most programs take the first, cold one.
     include
         Further status codes whose rays count, such as 5.
+    wavelength
+        Wavelength that the rendering must be of, "450 nm"; one of other light is refused.
     figures
         Draw measured and simulated shifts and residuals.
     """
@@ -64,6 +68,7 @@ def compare(
         raise InputError(f"The output {target} would replace the measured shift; name another one.")
     used = statuses(include)
     rendering = read_exr(image)
+    check_light(wavelength, rendering.header, image)
     missing = [key for key in ("camera", "assumptions") if key not in rendering.header]
     if missing:
         raise InputError(

@@ -12,6 +12,7 @@ from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import notes, out
 from iriftrace.cli.options import Whole, quantity, quantity_with_unit
 from iriftrace.cli.plan_options import THE_PAPERS, RankingOptions
+from iriftrace.cli.traced_light import check_light
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def plan(
     *,
     ranking: RankingOptions = THE_PAPERS,
     top: Whole = 10,
+    wavelength: str | None = None,
     views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
     max_displacement: Annotated[str | None, Parameter(group=VIEWS)] = None,
     max_incidence: Annotated[str | None, Parameter(group=VIEWS)] = None,
@@ -57,6 +59,8 @@ def plan(
         A file that ``iriftrace sweep`` wrote.
     top
         Rows of the ranking to print.
+    wavelength
+        Wavelength that the sweep must be of, "450 nm"; one of other light is refused.
     views
         Number of poses that together are to see as much area as possible.
     max_displacement
@@ -100,6 +104,7 @@ def plan(
         check_output(output, ".json", "refined.json", make=False)
     check_input(sweep)
     dataset = read_sweep(sweep)
+    check_light(wavelength, dataset.attrs, sweep)
     summary = ranking.summary_of(dataset)
     table = ranking_table(summary, top)
     if views is not None:

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from iriftrace.cli.checks import check_folder, check_input, removed_on_failure
 from iriftrace.cli.console import notes, out, working
 from iriftrace.cli.plan_options import THE_PAPERS, RankingOptions
+from iriftrace.cli.traced_light import check_light
 from iriftrace.errors import InputError
 
 
@@ -18,6 +19,7 @@ def plot(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
     ranking: RankingOptions = THE_PAPERS,
+    wavelength: str | None = None,
 ) -> None:
     """Draw a sweep, a study or one pose.
 
@@ -35,6 +37,8 @@ def plot(
         which the options for the ranking do not apply.
     output
         Folder for the pictures (PNG, and PDF where there are vectors).
+    wavelength
+        Wavelength that the file must be of, "450 nm"; one of other light is refused.
     """
     suffix = file.suffix.lower()
     if suffix not in (".nc", ".exr"):
@@ -46,11 +50,11 @@ def plot(
         raise InputError(f"The folder {output.parent} does not exist; create it first.")
     check_folder(output)
     if suffix == ".exr":
-        pictures = _plot_pose(file, output)
+        pictures = _plot_pose(file, wavelength, output)
     elif _is_study(file):
-        pictures = _plot_study(file, output)
+        pictures = _plot_study(file, wavelength, output)
     else:
-        pictures = _plot_sweep(file, ranking, output)
+        pictures = _plot_sweep(file, ranking, wavelength, output)
     out.print(
         f"Pictures in {output}: {', '.join(path.name for path in pictures)}",
         markup=False,
@@ -58,12 +62,13 @@ def plot(
     )
 
 
-def _plot_pose(file: Path, folder: Path) -> list[Path]:
+def _plot_pose(file: Path, wavelength: str | None, folder: Path) -> list[Path]:
     from iriftrace.ensemble.metrics import has_ensemble
     from iriftrace.exr import read_exr
     from iriftrace.figures import displacement_figure, scatter_figure
 
     image = read_exr(file)
+    check_light(wavelength, image.header, file)
     pictures = [folder / f"{file.stem}.png"]
     with removed_on_failure(folder), working("Drawing"):
         folder.mkdir(exist_ok=True)
@@ -80,12 +85,13 @@ def _is_study(file: Path) -> bool:
     return is_study(file)
 
 
-def _plot_study(file: Path, folder: Path) -> list[Path]:
+def _plot_study(file: Path, wavelength: str | None, folder: Path) -> list[Path]:
     from iriftrace.figure_file import write_png
     from iriftrace.studies.cases import read_study
     from iriftrace.studies.figure import study_figure
 
     dataset = read_study(file)
+    check_light(wavelength, dataset.attrs, file)
     picture = folder / f"{file.stem}.png"
     with removed_on_failure(folder), working("Drawing"):
         folder.mkdir(exist_ok=True)
@@ -93,10 +99,13 @@ def _plot_study(file: Path, folder: Path) -> list[Path]:
     return [picture]
 
 
-def _plot_sweep(file: Path, ranking: RankingOptions, folder: Path) -> list[Path]:
+def _plot_sweep(
+    file: Path, ranking: RankingOptions, wavelength: str | None, folder: Path
+) -> list[Path]:
     from iriftrace.sweep_store import read_sweep
 
     dataset = read_sweep(file)
+    check_light(wavelength, dataset.attrs, file)
     summary = ranking.summary_of(dataset)
     from iriftrace.sweep_pictures import draw_sweep
 

@@ -14,6 +14,7 @@ from iriftrace.cli.checks import check_folder, check_input, check_output, remove
 from iriftrace.cli.console import out, show_warning, working
 from iriftrace.cli.options import Statuses, statuses
 from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.cli.traced_light import check_light
 from iriftrace.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def metrics(
     part: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     include: Statuses = None,
+    wavelength: str | None = None,
 ) -> None:
     """Reduce an AOV EXR to metrics again.
 
@@ -91,6 +93,8 @@ def metrics(
         The JSON file; by default beside the EXR.
     include
         Further status codes whose rays the metrics use, such as 5.
+    wavelength
+        Wavelength that the EXR must be of, "450 nm"; one of other light is refused.
     """
     from iriftrace.cli.output import print_summary
     from iriftrace.exr import read_exr
@@ -101,6 +105,7 @@ def metrics(
     target = image.with_suffix(".json") if output is None else output
     check_output(target, ".json", "out.json", make=False)
     pixels = read_exr(image)
+    check_light(wavelength, pixels.header, image)
     shown = part_of_image(pixels, part)
     started = time.perf_counter()
     with working("Reducing"):

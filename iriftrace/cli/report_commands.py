@@ -11,6 +11,7 @@ from iriftrace.cli.checks import check_input, check_output
 from iriftrace.cli.console import notes, out, working
 from iriftrace.cli.options import Whole
 from iriftrace.cli.plan_options import THE_PAPERS, RankingOptions
+from iriftrace.cli.traced_light import check_light
 
 
 def report(
@@ -19,6 +20,7 @@ def report(
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
     ranking: RankingOptions = THE_PAPERS,
     top: Whole = 10,
+    wavelength: str | None = None,
 ) -> None:
     """Write what a sweep found out as one HTML page that needs neither Python nor a network.
 
@@ -32,6 +34,8 @@ def report(
         The HTML file.
     top
         Rows of the ranking.
+    wavelength
+        Wavelength that the sweep must be of, "450 nm"; one of other light is refused.
     """
     from iriftrace.report import write_report
     from iriftrace.sweep_store import read_sweep
@@ -39,6 +43,7 @@ def report(
     check_output(output, ".html", "report.html", make=False)
     check_input(sweep)
     dataset = read_sweep(sweep)
+    check_light(wavelength, dataset.attrs, sweep)
     summary = ranking.summary_of(dataset)
     with working("Writing the report"):
         missing = write_report(output, sweep, dataset, summary, top=top)

@@ -160,3 +160,35 @@ def test_scenes_for_different_light_are_not_ranked_together(
     assert main(["sweep", *both, "--wavelength=450 nm"]) == 0
     with xr.open_dataset(path) as dataset:
         assert dataset.attrs["wavelength_nm"] == BLUE
+
+
+def test_results_are_asked_for_the_light_they_are_of(
+    hot: HotBlock, tmp_path: Path, fails: Failing
+) -> None:
+    sweep, image = tmp_path / "blue.nc", tmp_path / "image.exr"
+    orbit = ["--azimuth=0:90:3", "--elevation=30"]
+    light = "--wavelength=450 nm"
+    assert main(["sweep", str(hot.scene), "-o", str(sweep), *orbit, light]) == 0
+    shutil.copy(hot.image, image)
+    height, width = read_exr(image).status.shape
+    np.save(tmp_path / "shift.npy", np.zeros((height, width, 2)))
+    few = "--min-hits=1"
+    for words in (["plan", sweep, few], ["plot", sweep, few], ["report", sweep, few]):
+        message = fails(*words, "--wavelength=633 nm")
+        assert "blue.nc is of light of 450 nm and not of 633 nm" in message
+        assert main([*map(str, words), "--wavelength=0.45 um"]) == 0
+    for words in (["metrics", image], ["plot", image], ["compare", image, "shift.npy"]):
+        message = fails(*words, light)
+        assert "image.exr is of light of 633 nm and not of 450 nm" in message
+        assert main([*map(str, words), "--wavelength=633"]) == 0
+    assert "--wavelength" in fails("metrics", image, "--wavelength=blue")
+
+
+def test_results_that_do_not_state_their_light(
+    hot: HotBlock, tmp_path: Path, fails: Failing
+) -> None:
+    folder = tmp_path / "bare"
+    shutil.copytree(hot.scene.parent, folder)
+    (folder / "shells" / "shells.json").unlink()
+    assert main(["render", str(folder / "scene.xml"), "-o", "bare.exr", "--no-figures"]) == 0
+    assert "does not state its wavelength" in fails("metrics", "bare.exr", "--wavelength=633nm")
