@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from iriftrace.errors import InputError
 from iriftrace.field_cells import HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE, cell_corners
+from iriftrace.topology import cells_to_flip
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -21,8 +22,9 @@ BOUNDARY = 0x80000000
 MOST_TETRAHEDRA = 2**28
 """More would not leave room for a face's number beside the tetrahedron's in 32 bits."""
 
-RANDOM_SHARE = 0.2
-"""So near one half, the share of volume that is negative tells that the order is random."""
+MIXED_SHARE = 1e-3
+"""So much negative volume is no cells turned inside out, but cells of both hands; flow solutions on
+snapped meshes have 1e-7 to 1e-5."""
 
 # Faces of each cell type by VTK's corner numbers; quadrilaterals in cyclic order.
 _FACES: dict[int, tuple[tuple[int, ...], ...]] = {
@@ -83,7 +85,7 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
     points = np.asarray(grid.points, dtype=np.float64)
     corners = np.concatenate(
         [
-            _right_handed(_cones(cells, kind), points)
+            _by_majority(_cones(cells, kind), points)
             for kind, (_, cells) in cell_corners(grid).items()
         ]
     )
@@ -92,23 +94,43 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
             f"The field splits into {len(corners)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
             "be numbered; crop it to the part's surroundings."
         )
-    return _linked(_with_content(corners))
+    return _linked(_of_one_hand(_with_content(corners), points))
 
 
-def _right_handed(corners: IntArray, points: FloatArray) -> IntArray:
-    """Turn tetrahedra of one cell type whose volume is negative for no reason of their shape.
+def _by_majority(corners: IntArray, points: FloatArray) -> IntArray:
+    """Turn all tetrahedra of one cell type if most of their volume is negative.
 
-    Solvers do not agree on the order of a wedge's corners, a mirrored field has the other hand
-    throughout, and some programs number tetrahedra at random. What is negative besides is really
-    turned inside out.
+    Solvers do not agree on the order of a wedge's corners, and a mirrored field has the other hand
+    throughout. What is negative besides is really turned inside out.
     """
-    edges = points[corners[:, 1:]] - points[corners[:, :1]]
-    volume = np.einsum("ij,ij->i", np.cross(edges[:, 0], edges[:, 1]), edges[:, 2])
-    negative = volume < 0
-    share = -volume[negative].sum() / max(np.abs(volume).sum(), np.finfo(float).tiny)
-    random = abs(share - 0.5) < RANDOM_SHARE
-    turned = negative if random else np.full(len(corners), share > 0.5)
+    return corners[:, (0, 2, 1, 3)] if _volumes(corners, points).sum() < 0 else corners
+
+
+def _of_one_hand(corners: NumberArray, points: FloatArray) -> NumberArray:
+    """Turn tetrahedra of the other hand than their neighbours.
+
+    Where a field is half a mirror image, or tetrahedra are numbered at random, the sign of a volume
+    does not tell the other hand from a cell that is turned inside out; the order of the points of
+    the faces that neighbours share does.
+    """
+    volume = _volumes(corners, points)
+    if -volume[volume < 0].sum() <= MIXED_SHARE * np.abs(volume).sum():
+        return corners
+    faces = corners[:, OPPOSITE].reshape(-1, 3).astype(np.int64)
+    first, second = _face_pairs(faces)[:2]
+    # Of a face's points in ascending order, or turned from it, two of three pairs ascend.
+    ascends = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
+    pairs = np.stack((first, second), axis=1) // 4
+    turned, one_sided = cells_to_flip(pairs, ascends[first] != ascends[second], volume)
+    turned &= ~one_sided
     return np.where(turned[:, None], corners[:, (0, 2, 1, 3)], corners)
+
+
+def _volumes(corners: NDArray[Any], points: FloatArray) -> FloatArray:
+    """Six times the volumes of tetrahedra, (m,) array, mm^3."""
+    edges = points[corners[:, 1:]] - points[corners[:, :1]]
+    volume: FloatArray = np.einsum("ij,ij->i", np.cross(edges[:, 0], edges[:, 1]), edges[:, 2])
+    return volume
 
 
 def _cones(cells: IntArray, kind: int) -> IntArray:
@@ -146,7 +168,27 @@ def _with_content(corners: IntArray) -> NumberArray:
 
 
 def _linked(corners: NumberArray) -> Tetrahedra:
-    faces = np.sort(corners[:, OPPOSITE].reshape(-1, 3), axis=1).astype(np.int64)
+    first, second, boundary_place = _face_pairs(corners[:, OPPOSITE].reshape(-1, 3))
+    neighbours = np.empty(corners.size, dtype=np.uint32)
+    neighbours[first], neighbours[second] = second, first
+    neighbours[boundary_place] = BOUNDARY + np.arange(len(boundary_place))
+    return Tetrahedra(
+        corners=corners,
+        neighbours=neighbours.reshape(-1, 4),
+        boundary=corners[:, OPPOSITE].reshape(-1, 3)[boundary_place],
+        boundary_place=boundary_place.astype(np.uint32),
+    )
+
+
+def _face_pairs(faces: NDArray[Any]) -> tuple[IntArray, IntArray, IntArray]:
+    """Rows of (f, 3) faces that have the same points, first and second, and rows without a twin.
+
+    Raises
+    ------
+    InputError
+        If three rows or more are one face.
+    """
+    faces = np.sort(faces, axis=1).astype(np.int64)
     order = _sorted(faces)
     ranked = faces[order]
     same = (ranked[1:] == ranked[:-1]).all(axis=1)
@@ -158,16 +200,7 @@ def _linked(corners: NumberArray) -> Tetrahedra:
     first, second = order[:-1][same], order[1:][same]
     alone = np.ones(len(faces), dtype=bool)
     alone[first] = alone[second] = False
-    boundary_place = np.flatnonzero(alone)
-    neighbours = np.empty(len(faces), dtype=np.uint32)
-    neighbours[first], neighbours[second] = second, first
-    neighbours[boundary_place] = BOUNDARY + np.arange(len(boundary_place))
-    return Tetrahedra(
-        corners=corners,
-        neighbours=neighbours.reshape(-1, 4),
-        boundary=corners[:, OPPOSITE].reshape(-1, 3)[boundary_place],
-        boundary_place=boundary_place.astype(np.uint32),
-    )
+    return first, second, np.flatnonzero(alone)
 
 
 def _sorted(rows: IntArray) -> IntArray:

@@ -1,4 +1,4 @@
-"""Which triangles of a mesh are neighbours, whether it is closed and which way its faces turn."""
+"""Which cells of a mesh are neighbours, whether it is closed and which way its cells turn."""
 
 from __future__ import annotations
 
@@ -123,11 +123,42 @@ def faces_to_flip(neighbours: Neighbours, areas: FloatArray) -> NDArray[np.bool_
     InputError
         The surface is one-sided, like a Moebius strip.
     """
-    count = len(areas)
-    first, second = neighbours.pairs.T
-    # Each face stands for two nodes, "kept" and "flipped". An edge that the two run along in
-    # opposite directions ties kept to kept, any other ties kept to flipped.
-    crossing = np.where(neighbours.opposed, 0, count)
+    flipped, one_sided = cells_to_flip(neighbours.pairs, neighbours.opposed, areas)
+    if one_sided.any():
+        raise InputError(
+            "the part's surface is one-sided (like a Moebius strip), so no side of it is outside; "
+            "repair the mesh."
+        )
+    return flipped
+
+
+def cells_to_flip(
+    pairs: IntArray, opposed: NDArray[np.bool_], weights: FloatArray
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Cells, triangles or tetrahedra, that must be turned so that neighbours agree.
+
+    Parameters
+    ----------
+    pairs
+        (k, 2) cell numbers of neighbours.
+    opposed
+        (k,) bool; True where the two run along what they share in opposite directions, as
+        neighbours of one orientation do.
+    weights
+        (m,) of each cell. In each connected piece the orientation with the larger sum stays, where
+        a cell that is turned counts with the opposite sign.
+
+    Returns
+    -------
+    flipped : (m,) bool array
+    one_sided : (m,) bool array
+        Cells of pieces that have no orientation.
+    """
+    count = len(weights)
+    first, second = pairs.T
+    # Each cell stands for two nodes, "kept" and "flipped". Neighbours that agree tie kept to kept,
+    # others tie kept to flipped.
+    crossing = np.where(opposed, 0, count)
     ties = np.concatenate(
         (
             np.stack((first, second + crossing), axis=1),
@@ -136,13 +167,8 @@ def faces_to_flip(neighbours: Neighbours, areas: FloatArray) -> NDArray[np.bool_
     )
     sheet = connected(ties, 2 * count)
     kept, flipped = sheet[:count], sheet[count:]
-    if np.any(kept == flipped):
-        raise InputError(
-            "the part's surface is one-sided (like a Moebius strip), so no side of it is outside; "
-            "repair the mesh."
-        )
-    # The two sheets of a piece bear different numbers; faces on the lower one agree already.
+    # The two sheets of a piece bear different numbers; cells on the lower one agree already.
     on_lower = kept < flipped
     piece = np.minimum(kept, flipped)
-    lower_area = np.bincount(piece, np.where(on_lower, areas, -areas), minlength=2 * count)
-    return np.where(lower_area[piece] >= 0, ~on_lower, on_lower)
+    lower = np.bincount(piece, np.where(on_lower, weights, -weights), minlength=2 * count)
+    return np.where(lower[piece] >= 0, ~on_lower, on_lower), kept == flipped

@@ -140,12 +140,34 @@ def test_order_of_corners_does_not_look_like_cells_turned_inside_out(mirrored: b
     assert volumes(anyhow, tetrahedra_of(anyhow)).min() > 0.01
 
 
-def test_cells_that_are_inside_out_stay_so() -> None:
+def folded() -> pv.UnstructuredGrid:
+    """A cube of 20 mm in which a point lies beyond its neighbour."""
     grid = hexahedra(6, 10.0)
     points = np.array(grid.points)
     middle = int(np.linalg.norm(points, axis=1).argmin())
     points[middle] += (5.0, 0.5, 0.3)
     grid.points = points
+    return grid
+
+
+def test_cells_that_are_inside_out_stay_so() -> None:
+    grid = folded()
     found = volumes(grid, tetrahedra_of(grid))
     assert 0 < (found < 0).sum() < 10
     assert found.sum() == pytest.approx(8000)
+
+
+def test_cells_that_are_inside_out_stay_so_where_half_a_field_is_a_mirror_image() -> None:
+    """As users complete a quarter that was solved; the image's cells have the other hand."""
+    half = folded()
+    image = pv.UnstructuredGrid(half.cells, half.celltypes, np.asarray(half.points) * (-1, 1, 1))
+    half.points = np.add(half.points, (10, 0, 0))
+    image.points = np.subtract(image.points, (10, 0, 0))
+    whole = pv.merge([half, image], merge_points=True)
+    assert whole.n_points == 2 * half.n_points - 49
+    tetrahedra = tetrahedra_of(whole)
+    assert_links_are_mutual(tetrahedra)
+    found = volumes(whole, tetrahedra)
+    assert 0 < (found < 0).sum() < 20
+    assert -found[found < 0].sum() < 0.01 * 16_000
+    assert found.sum() == pytest.approx(16_000)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.accuracy.curves import draw_convergence
 from benchmarks.accuracy.exact_air import (
     cylinder_cells,
     cylinder_ends,
@@ -27,6 +28,7 @@ from benchmarks.accuracy.exact_shells import CYLINDER_UM, SLAB_SHIFT_UM
 from benchmarks.accuracy.line import Line, Section, relative
 
 STEPS = (16, 32, 64, 128)
+PICTURE = "continuous.png"
 FINE_STEPS = 2000
 END_BOUND = {"Luneburg lens": 1e-8, "Maxwell fish-eye": 1e-5, "parabolic rod": 1e-9}
 """Relative error of the end after 64 steps (ten times as many in the rod)."""
@@ -37,9 +39,8 @@ FORMULA_BOUND, CELLS_BOUND = 0.01, 0.5
 """Per cent."""
 
 
-def convergence(name: str, launch: Launch) -> list[Line]:
+def convergence(name: str, launch: Launch, errors: dict[int, float]) -> list[Line]:
     """End after 64 steps, and the slope of the error over the number of steps."""
-    errors = {steps: end_error(launch, steps) for steps in STEPS}
     order = -float(np.polyfit(np.log(STEPS), np.log(list(errors.values())), 1)[0])
     return [
         Line(
@@ -140,9 +141,13 @@ def hot_air(folder: Path) -> list[Line]:
 
 
 def _lines(folder: Path) -> list[Line]:
-    lines = []
+    lines, curves = [], {}
     for name, launch in launches().items():
-        lines += [*convergence(name, launch), *conservation(name, launch)]
+        errors = {steps: end_error(launch, steps) for steps in STEPS}
+        lines += [*convergence(name, launch, errors), *conservation(name, launch)]
+        curves[name] = [steps * launch.division for steps in STEPS], list(errors.values())
+    panels = {"Continuous engine, error of the end": curves}
+    draw_convergence(folder / PICTURE, panels, "number of steps", "relative error", ORDER)
     return [*lines, *parabolas(), *hot_air(folder)]
 
 
@@ -156,4 +161,5 @@ SECTION = Section(
     "lead home. Then slab and hot cylinder of the section above, once as formulas in steps of "
     "0.02 mm, once on tetrahedra (80 and 100 layers of cells) with either kind of gradient.",
     _lines,
+    picture=PICTURE,
 )
