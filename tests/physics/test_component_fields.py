@@ -1,0 +1,41 @@
+"""Thirteen shells agree with the continuous engine at the poses of the bundled components."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.accuracy.fields import lines_of
+from benchmarks.component_fields import SOLVED, component_field
+from benchmarks.real_fields import agreements
+from iriftrace.continuous_cells import tetrahedra_of
+from iriftrace.part import read_part
+from iriftrace.scenes import folder_of
+from iriftrace.scenes.components import COMPONENTS
+
+
+@pytest.mark.filterwarnings("ignore:only .* rays fall on each visible face")
+@pytest.mark.parametrize("name", SOLVED)
+@pytest.mark.usefixtures("variant")
+def test_shells_and_field_agree_at_the_scenes_own_pose(name: str, tmp_path: Path) -> None:
+    field, part = component_field(name, tmp_path), read_part(folder_of(name) / "part.ply")
+    (found,) = agreements(tmp_path / "scene", field, part, [COMPONENTS[name].origin_mm])
+    assert found.rays > 40_000
+    lines = lines_of(name, found, bounded=True)
+    assert sum(line.bound is not None for line in lines) == 2
+    assert [line for line in lines if not line.holds] == []
+
+
+def test_mirror_images_join_what_was_solved(tmp_path: Path) -> None:
+    """No gap at the planes of symmetry; cells of one hand, but for folds of the solver's mesh."""
+    field = component_field("bevel_gear", tmp_path)
+    points = np.asarray(field.grid.points, dtype=np.float64)
+    found = tetrahedra_of(field.grid)
+    middles = points[found.boundary.astype(np.int64)].mean(axis=1)
+    assert (np.abs(middles[:, 0]) > 1e-3).all()
+    corners = points[found.corners.astype(np.int64)]
+    volume = np.linalg.det(corners[:, 1:] - corners[:, :1])
+    assert 0 < (volume < 0).mean() < 0.01
+    assert -volume[volume < 0].sum() < 1e-4 * volume.sum()
