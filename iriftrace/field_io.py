@@ -13,6 +13,7 @@ from attrs import evolve
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field_cells import CORNERS, IntArray
 from iriftrace.field_origin import WALL_HEAT, origin_of, state_origin, wall_heat_of
+from iriftrace.field_seams import without_seams
 from iriftrace.readers import comsol_text, openfoam_case, vtk_file
 from iriftrace.readers.contents import Contents
 from iriftrace.readers.kinds import kind_of
@@ -53,10 +54,11 @@ def read_volume(path: str | Path, *, member: int | None = None) -> pv.Unstructur
 def open_volume(path: str | Path, *, member: int | None = None, flow: bool = False) -> Contents:
     """Read the volume cells of a file, and what it states about units.
 
-    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly. Voxels
-    become hexahedra; polyhedra and prisms with more than three sides are split into tetrahedra
-    (OpenFOAM's around their centroids); cells of higher order keep only their corners. Cells that
-    are not volumes are left out, and then points that no cell uses.
+    Blocks (`.vtm`, `.pvd`) and pieces (`.pvtu`) are joined at points that coincide exactly, and the
+    two sides of a seam inside a file (`iriftrace.field_seams`). Voxels become hexahedra; polyhedra
+    and prisms with more than three sides are split into tetrahedra (OpenFOAM's around their
+    centroids); cells of higher order keep only their corners. Cells that are not volumes are left
+    out, and then points that no cell uses.
 
     Parameters
     ----------
@@ -102,7 +104,7 @@ def open_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
             stacklevel=4,
         )
     origin = "; ".join(filter(None, (contents.origin, origin_of(contents.data))))
-    volume = linear_volume(grid)
+    volume = without_seams(linear_volume(grid))
     heat = wall_heat_of(contents.data)
     volume.clear_field_data()
     state_origin(volume, origin)
