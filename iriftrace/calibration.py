@@ -23,6 +23,9 @@ from iriftrace.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
+LARGEST_PIXEL_MM = 0.5
+"""No camera has such; a number of this size is one in micrometres."""
+
 _MATRIX = ("camera_matrix", "cameraMatrix", "K")
 _DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D")
 _WIDTH = ("image_width", "imageWidth", "width")
@@ -30,6 +33,7 @@ _HEIGHT = ("image_height", "imageHeight", "height")
 _ROTATION = ("rvec", "rotation_vector", "R", "rotation", "rotation_matrix")
 _TRANSLATION = ("tvec", "translation_vector", "T", "t", "translation")
 _VIEWS = ("extrinsic_parameters",)
+_FISHEYE = ("fisheye_model", "fisheye")
 _MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv")
 
 
@@ -70,8 +74,10 @@ class Calibration:
         **more
             Focus interval and pose, as of :class:`iriftrace.camera.Camera`.
         """
-        if not (np.isfinite(pixel_size_mm) and pixel_size_mm > 0):
-            raise InputError(f"Pixel size is {pixel_size_mm} mm; give a positive length.")
+        if not 0 < pixel_size_mm < LARGEST_PIXEL_MM:
+            raise InputError(
+                f"Pixel size is {pixel_size_mm} mm; give the width of a pixel, such as 0.00274 mm."
+            )
         across, down = self.focal_px
         width, height = self.resolution
         return Camera(
@@ -139,8 +145,18 @@ _MatrixLoader.add_multi_constructor(
 def _content(path: Path) -> Mapping[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read the calibration {path}: {error}.") from error
+    except OSError as error:
+        raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"The calibration {path} is no text; give the YAML or JSON that OpenCV's FileStorage "
+            "wrote."
+        ) from error
+    if text.lstrip().startswith("<"):
+        raise InputError(
+            f"The calibration {path} is XML, which is not read; write it as YAML or JSON (name the "
+            "file .yaml when FileStorage writes it)."
+        )
     try:
         if text.lstrip().startswith("{"):
             content = json.loads(text)
@@ -215,6 +231,11 @@ class _File:
     def refuse_other_models(self) -> None:
         model = self.named(("distortion_model", "camera_model"))
         known = (*_MODELS, "pinhole")
+        if str(self.named(_FISHEYE) or 0).lower() not in ("0", "false"):
+            raise self.wrong(
+                "it is of OpenCV's fisheye model, which is not modelled; calibrate with the one of "
+                "Brown and Conrady"
+            )
         if model is not None and str(model).lower() not in known:
             raise self.wrong(
                 f"the lens model {model!r} is not the one of Brown and Conrady ({', '.join(known)})"
@@ -245,6 +266,12 @@ class _File:
             if len(rotation) == 3
             else rotation.reshape(3, 3)
         )
+        if not np.allclose(to_camera @ to_camera.T, np.eye(3), atol=1e-6) or (
+            np.linalg.det(to_camera) < 0
+        ):
+            raise self.wrong(
+                "its rotation does not turn, but stretches or mirrors; give a rotation"
+            )
         matrix = np.eye(4)
         matrix[:3, :3] = to_camera.T
         matrix[:3, 3] = -to_camera.T @ translation * length_mm

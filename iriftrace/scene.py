@@ -212,7 +212,7 @@ def _load_one(
         path=path,
         part=part,
         part_to_world=file.part_to_world,
-        camera=Camera.from_dict(sensor.description()),
+        camera=_seen_by(scene.sensors()[0].film(), Camera.from_dict(sensor.description())),
         full_resolution=sensor.full_resolution(),
         variables=values,
         engine=integrator.engine,
@@ -230,6 +230,14 @@ def _load_one(
         mitsuba_scene=scene,
         integrator=integrator,
     )
+
+
+def _seen_by(film: Any, camera: Camera) -> Camera:
+    """The camera, of the film's crop window alone."""
+    (left, top), (width, height) = film.crop_offset(), film.crop_size()
+    if (width, height) == camera.resolution:
+        return camera
+    return camera.cropped(int(left), int(top), int(width), int(height))
 
 
 def _integrator(own: Any, engine: str | None, path: Path, field_file: Path) -> Any:

@@ -23,6 +23,9 @@ _HEAD = 100_000
 
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
+_NAMED_FILES = {"calibrated_camera": ("calibration",)}
+"""Properties of plugins that name files, beside the filenames of meshes."""
+
 
 @frozen(eq=False)
 class SceneFile:
@@ -83,6 +86,11 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
     files = _files(nodes, path)
     for file in files:
         check_readable(file)
+    for node in nodes:
+        # Mitsuba also looks in the current folder.
+        for name in _NAMED_FILES.get(_plugin(node), ()):
+            if isinstance(named := node.props.get(name), str):
+                _check_there(path.parent / named, path)
     parts = [props for props in shapes if props.id() == "part"]
     if len(parts) != 1:
         raise InputError(
@@ -209,14 +217,14 @@ def _mesh_file(props: Any, scene: Path) -> Path | None:
     return named if named.is_absolute() else scene.parent / named
 
 
-def _check_there(mesh: Path, scene: Path) -> None:
-    if mesh.is_file():
+def _check_there(file: Path, scene: Path) -> None:
+    if file.is_file():
         return
-    if mesh.is_relative_to(scene.parent):
+    if file.is_relative_to(scene.parent):
         raise InputError(
-            f"{mesh.relative_to(scene.parent)} is not beside {scene}; move the whole folder."
+            f"{file.relative_to(scene.parent)} is not beside {scene}; move the whole folder."
         )
-    raise InputError(f"The mesh {mesh}, which {scene} names, is not there; correct its path.")
+    raise InputError(f"The file {file}, which {scene} names, is not there; correct its path.")
 
 
 def _files(nodes: list[Any], scene: Path) -> tuple[Path, ...]:

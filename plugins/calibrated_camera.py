@@ -125,12 +125,9 @@ def plugin_class(variant: str) -> type:
                 </film>
             </sensor>
 
-        A calibration in the middle of the sensor instead:
-
-        .. code-block:: text
-
-            <string name="calibration" value="camera.yaml"/>
-            <float name="pixel_size" value="0.00274"/>
+        With ``<string name="calibration" value="camera.yaml"/>`` and ``<float name="pixel_size"
+        value="0.00274"/>`` in place of the lengths, what OpenCV found is taken as it is; a
+        relative path counts from the scene's file, with ``load_dict`` from the working folder.
 
         .. code-block:: python
 

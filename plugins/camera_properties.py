@@ -18,6 +18,9 @@ from iriftrace.units import length_factor
 from .projection import flip_axes
 from .properties import file_beside, number, word
 
+_UNPLACED = flip_axes(np.eye(4))
+"""Mitsuba's pose of what has no ``to_world``."""
+
 _SAID_BY_A_CALIBRATION = (
     "focal_length",
     "sensor_width",
@@ -57,6 +60,7 @@ def camera_of(props: Any, resolution: tuple[int, int]) -> Camera:
                 f'"{name}" belongs to a calibration, and there is none; add <string '
                 'name="calibration" value="camera.yaml"/> or leave it out.'
             )
+    pose = _pose(props)
     return Camera(
         focal_length_mm=number(props, "focal_length"),
         sensor_mm=(number(props, "sensor_width"), number(props, "sensor_height")),
@@ -66,7 +70,7 @@ def camera_of(props: Any, resolution: tuple[int, int]) -> Camera:
             number(props, "principal_point_y", resolution[1] / 2),
         ),
         focus_mm=focus,
-        matrix=flip_axes(np.eye(4)) if (pose := _pose(props)) is None else pose,
+        matrix=_UNPLACED if pose is None else pose,
         distortion=Distortion(
             k1=number(props, "k1", 0.0),
             k2=number(props, "k2", 0.0),
@@ -90,6 +94,11 @@ def _calibrated(props: Any, resolution: tuple[int, int], focus: tuple[float, flo
         if name in props:
             raise InputError(f'"calibration" says "{name}" too; leave one of them out.')
     path = file_beside(props, "calibration", "camera.yaml")
+    if path.is_dir():
+        raise InputError(
+            f'"calibration" names the folder {path}; name the file that OpenCV wrote, such as '
+            "camera.yaml."
+        )
     unit = length_factor(word(props, "length_unit", "mm"))
     calibration = read_calibration(path, length_mm=unit)
     if calibration.resolution != resolution:
@@ -114,8 +123,12 @@ def _calibrated(props: Any, resolution: tuple[int, int], focus: tuple[float, flo
 
 def _calibrated_pose(props: Any, calibration: Calibration, path: Path) -> NDArray[np.float64]:
     """Camera to world, (4, 4) array, mm: that of the scene, or else that of the calibration."""
-    pose = _pose(props)
-    pose = calibration.matrix if pose is None else pose
+    own = _pose(props)
+    if "length_unit" in props and (own is not None or calibration.matrix is None):
+        raise InputError(
+            f'"length_unit" is that of the pose in {path}, which is not used; leave it out.'
+        )
+    pose = calibration.matrix if own is None else own
     if pose is None:
         views = calibration.views
         has = f"{views} views of a calibration board, which are none" if views else "none"

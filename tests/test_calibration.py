@@ -45,13 +45,14 @@ def test_camera_of_opencvs_file_projects_as_opencv_does(tmp_path: Path, name: st
 def test_pixel_size_sets_lengths_but_no_ray(tmp_path: Path) -> None:
     """Pixels of 2.74 um: the lens is one, so their height is 2.74 um times fx / fy."""
     calibration = read_calibration(plain(tmp_path / "camera.json"))
-    one, other = (calibration.camera(pixel_size_mm=size) for size in (2.74e-3, 1.0))
+    one, other = (calibration.camera(pixel_size_mm=size) for size in (2.74e-3, 0.1))
     assert one.focal_length_mm == pytest.approx(3653.8 * 2.74e-3)
     assert one.pixel_pitch_mm == pytest.approx((2.74e-3, 2.74e-3 * 3653.8 / 3657.25))
     pixels = [(0.5, 0.5), (2000.5, 99.5)]
     np.testing.assert_allclose(one.rays(pixels)[1], other.rays(pixels)[1], rtol=0, atol=1e-15)
-    with pytest.raises(InputError, match=r"Pixel size is 0 mm"):
-        calibration.camera(pixel_size_mm=0)
+    for size in (0, 2.74, float("nan")):
+        with pytest.raises(InputError, match=rf"Pixel size is {size} mm"):
+            calibration.camera(pixel_size_mm=size)
 
 
 def test_old_header_plain_lists_and_other_names(tmp_path: Path) -> None:
@@ -122,6 +123,9 @@ def test_more_coefficients_than_are_modelled(tmp_path: Path) -> None:
         ({"image_height": 20.5}, "image_height is 20.5"),
         ({"image_height": 0}, "image_height is 0"),
         ({"distortion_model": "equidistant"}, "lens model 'equidistant'"),
+        ({"fisheye_model": 1}, "fisheye model, which is not modelled"),
+        ({"rvec": [[1, 0, 0], [0, 1, 0], [0, 0, -1]], "tvec": [0, 0, 1]}, "stretches or mirrors"),
+        ({"R": [[2, 0, 0], [0, 2, 0], [0, 0, 2]], "t": [0, 0, 1]}, "stretches or mirrors"),
         ({"rvec": [0, 0, 1]}, "only one of rvec and tvec"),
         ({"rvec": [0, 1], "tvec": [0, 0, 1]}, "rvec has 2 numbers instead of 3 or 9"),
     ],
@@ -140,6 +144,7 @@ def test_wrong_files_are_refused(tmp_path: Path, changes: dict[str, Any], messag
         ("a: [1, 2", "neither YAML nor JSON"),
         ("a: !!python/object/apply:os.getcwd []", "neither YAML nor JSON"),
         ("just words", "holds no named values"),
+        ("<?xml version='1.0'?><opencv_storage/>", "is XML, which is not read"),
         ("", "holds no named values"),
     ],
 )
@@ -149,3 +154,11 @@ def test_files_that_are_something_else(tmp_path: Path, text: str, message: str) 
         read_calibration(tmp_path / "camera.yaml")
     with pytest.raises(InputError, match="cannot read the calibration"):
         read_calibration(tmp_path / "gone.yaml")
+    (tmp_path / "camera.yaml").write_bytes(b"\x80\x81")
+    with pytest.raises(InputError, match="is no text; give the YAML"):
+        read_calibration(tmp_path / "camera.yaml")
+
+
+def test_a_calibration_that_says_it_is_no_fisheye(tmp_path: Path) -> None:
+    """As OpenCV's own calibration program writes it."""
+    assert read_calibration(plain(tmp_path / "camera.json", fisheye_model=0)).views == 0

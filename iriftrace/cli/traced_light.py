@@ -9,18 +9,18 @@ from typing import Any
 from iriftrace.cli.options import quantity
 from iriftrace.errors import InputError
 
-SAME = 1e-6
-"""Share by which two wavelengths may differ and still be one."""
+RELATIVE_TOLERANCE = 1e-6
+"""By which two wavelengths may differ and still be one."""
 
 
-def check_light(wavelength: str | None, said: Mapping[str, Any], file: Path) -> None:
+def check_light(wavelength: str | None, header: Mapping[str, Any], file: Path) -> None:
     """Refuse a result that was traced in other light than the one that is asked for.
 
     Parameters
     ----------
     wavelength : str or None
         What the option says.
-    said : mapping
+    header : mapping
         Header of an EXR, or attributes of a netCDF file.
     file : Path
         Its name.
@@ -33,13 +33,15 @@ def check_light(wavelength: str | None, said: Mapping[str, Any], file: Path) -> 
     if wavelength is None:
         return
     wanted = quantity(wavelength, "nm", "--wavelength")
-    stated = said.get("wavelength_nm")
+    if not wanted > 0:
+        raise InputError(f'--wavelength is "{wavelength}"; give a positive length, "450 nm".')
+    stated = header.get("wavelength_nm")
     if not isinstance(stated, int | float):
         raise InputError(
             f"{file} does not state its wavelength, because its scene does not, so it is not known "
             "to be the one that --wavelength asks for; leave the option out."
         )
-    if abs(stated - wanted) > SAME * wanted:
+    if abs(stated - wanted) > RELATIVE_TOLERANCE * wanted:
         raise InputError(
             f"{file} is of light of {stated:g} nm and not of {wanted:g} nm, as --wavelength asks "
             "for; give the file of the other light, or trace it with this option."

@@ -404,6 +404,8 @@ def test_pose_of_the_scene_comes_before_that_of_the_calibration(tmp_path: Path) 
     pose = mi.ScalarTransform4d().look_at(*POSE, [0, 0, 1])
     moved = np.array(from_file(path, to_world=pose).description()["matrix"])
     np.testing.assert_allclose(moved, look_at(*POSE), atol=1e-12)
+    with pytest.raises(RuntimeError, match='"length_unit" is that of the pose'):
+        from_file(path, to_world=pose, length_unit="m")
 
 
 @pytest.mark.parametrize(
@@ -416,6 +418,8 @@ def test_pose_of_the_scene_comes_before_that_of_the_calibration(tmp_path: Path) 
         ({"calibration": "nowhere.yaml"}, "cannot read the calibration .*nowhere.yaml"),
         ({"pixel_size": 0.0}, "Pixel size is 0.0 mm"),
         ({"length_unit": "furlong"}, "'furlong' is not a length unit"),
+        ({"pixel_size": 2.74}, "Pixel size is 2.74 mm"),
+        ({"calibration": "."}, '"calibration" names the folder'),
     ],
 )
 def test_wrong_calibrations_are_refused(

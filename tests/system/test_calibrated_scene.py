@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import Failing
 from hot_block import HotBlock
 
 from iriftrace.camera import Camera
 from iriftrace.cli import main
 from iriftrace.exr import read_exr
+from iriftrace.scene import load_scene
 
 MATRIX = np.array(((400.0, 0.0, 61.0), (0.0, 402.0, 48.5), (0.0, 0.0, 1.0)))
 COEFFICIENTS = np.array((-0.3, 0.2, 1e-3, -2e-3, 0.0))
@@ -120,3 +123,50 @@ def test_wrong_options(
     output = ("-o", "out/scene.xml", "--layers=1")
     message = fails("scene", hot.field, hot.part, *output, *shlex.split(options.format(file=path)))
     assert re.search(words, message)
+
+
+def with_calibration(hot: HotBlock, folder: Path) -> Path:
+    """The hot block's scene, in which the sensor reads a calibration beside it."""
+    shutil.copytree(hot.scene.parent, folder)
+    text = (folder / "scene.xml").read_text()
+    start, end = text.index('<float name="focal_length"'), text.index('<float name="focus_near"')
+    named = (
+        '<string name="calibration" value="camera.yaml"/> <float name="pixel_size" value=".05"/>'
+    )
+    (folder / "scene.xml").write_text(text[:start] + named + text[end:])
+    calibration(folder)
+    return folder / "scene.xml"
+
+
+def test_a_scene_reads_its_calibration_and_no_other(
+    hot: HotBlock, tmp_path: Path, fails: Failing
+) -> None:
+    """Mitsuba alone would take one from the current folder where the scene's is missing."""
+    xml = with_calibration(hot, tmp_path / "scene")
+    assert main(["render", str(xml), "-o", "out.exr", "--no-figures"]) == 0
+    camera = Camera.from_dict(read_exr("out.exr").header["camera"])
+    assert camera.focal_length_mm == pytest.approx(400 * 0.05)
+    assert camera.distortion is not None
+    (xml.parent / "camera.yaml").rename(tmp_path / "camera.yaml")
+    assert "camera.yaml is not beside" in fails("render", xml, "-o", "out2.exr")
+
+
+def test_poses_of_a_sweep_see_the_films_crop_window(hot: HotBlock, tmp_path: Path) -> None:
+    xml = with_calibration(hot, tmp_path / "scene")
+    window = {"crop_offset_x": 30, "crop_offset_y": 20, "crop_width": 50, "crop_height": 40}
+    lines = "".join(f'<integer name="{name}" value="{px}"/>' for name, px in window.items())
+    xml.write_text(
+        xml.read_text().replace('<film type="hdrfilm">', f'<film type="hdrfilm">{lines}')
+    )
+    whole = load_scene(with_calibration(hot, tmp_path / "whole"))
+    part = load_scene(xml)
+    assert part.camera.resolution == (50, 40)
+    np.testing.assert_allclose(
+        part.camera.rays([(0.5, 0.5), (49.5, 39.5)])[1],
+        whole.camera.rays([(30.5, 20.5), (79.5, 59.5)])[1],
+        atol=1e-15,
+    )
+    words = ["--azimuth=0:0:1", "--elevation=30:30:1", "-o", str(tmp_path / "sweep.nc")]
+    assert main(["sweep", str(xml), *words]) == 0
+    with xr.open_dataset(tmp_path / "sweep.nc") as dataset:
+        assert dataset["rays_launched"].values.tolist() == [2000]

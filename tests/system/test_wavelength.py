@@ -182,6 +182,7 @@ def test_results_are_asked_for_the_light_they_are_of(
         assert "image.exr is of light of 633 nm and not of 450 nm" in message
         assert main([*map(str, words), "--wavelength=633"]) == 0
     assert "--wavelength" in fails("metrics", image, "--wavelength=blue")
+    assert "positive length" in fails("metrics", image, "--wavelength=0 nm")
 
 
 def test_results_that_do_not_state_their_light(
