@@ -27,5 +27,6 @@ def component_field(name: str, folder: Path) -> IndexField:
     for axis in axes:
         pieces += [piece.reflect(NORMALS[axis]) for piece in pieces]
     whole = folder / f"{name}.vtu"
-    pv.merge(pieces, merge_points=True).save(whole)
+    # Reading joins them at the planes of symmetry.
+    pv.merge(pieces, merge_points=False).save(whole)
     return read_field(whole)

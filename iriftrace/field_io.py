@@ -13,7 +13,7 @@ from attrs import evolve
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.field_cells import CORNERS, IntArray
 from iriftrace.field_origin import WALL_HEAT, origin_of, state_origin, wall_heat_of
-from iriftrace.field_seams import without_seams
+from iriftrace.field_seams import refuse_cells_twice, without_seams
 from iriftrace.readers import comsol_text, openfoam_case, vtk_file
 from iriftrace.readers.contents import Contents
 from iriftrace.readers.kinds import kind_of
@@ -104,7 +104,10 @@ def open_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
             stacklevel=4,
         )
     origin = "; ".join(filter(None, (contents.origin, origin_of(contents.data))))
-    volume = without_seams(linear_volume(grid))
+    pieces = linear_volume(grid)
+    volume = without_seams(pieces)
+    if volume is not pieces or isinstance(contents.data, pv.MultiBlock):
+        refuse_cells_twice(volume, str(path))
     heat = wall_heat_of(contents.data)
     volume.clear_field_data()
     state_origin(volume, origin)

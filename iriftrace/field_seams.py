@@ -6,6 +6,12 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 
+from iriftrace.errors import InputError
+from iriftrace.field_cells import cell_corners
+
+FLAT = 1e-4
+"""Thickness of a cell over its length, below which it encloses nothing."""
+
 
 def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     """The same cells, joined where points coincide exactly and have the same values.
@@ -13,7 +19,8 @@ def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     ParaView's Reflect leaves the halves side by side, and so do some exports with several domains:
     each ends at the seam, where a ray would leave the data and a gradient look to one side only.
     Vectors need not agree, because a mirror turns them; where a value differs, it jumps there, as
-    on both sides of a thin wall, and the points stay apart.
+    on both sides of a thin wall, and the points stay apart. A wall without thickness that is
+    equally hot on both sides cannot be told from a seam; give it one.
 
     Parameters
     ----------
@@ -46,6 +53,30 @@ def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     for name, array in grid.field_data.items():
         joined.field_data[name] = array
     return joined
+
+
+def refuse_cells_twice(grid: pv.UnstructuredGrid, path: str) -> None:
+    """Refuse a joined grid in which cells lie where others do.
+
+    Raises
+    ------
+    InputError
+    """
+    points = np.asarray(grid.points, dtype=np.float64)
+    twice = 0
+    for _, corners in cell_corners(grid).values():
+        ranked = np.sort(corners, axis=1)
+        ranked = ranked[np.lexsort(ranked.T)]
+        repeated = ranked[1:][(ranked[1:] == ranked[:-1]).all(axis=1)]
+        # Flat ones enclose no air; pieces of a solver's polyhedra are sometimes such twins.
+        offsets = points[repeated] - points[repeated].mean(axis=1, keepdims=True)
+        sizes = np.linalg.svd(offsets, compute_uv=False)
+        twice += int((sizes[:, 2] > FLAT * sizes[:, 0]).sum())
+    if twice:
+        raise InputError(
+            f"{twice} cells of {path} lie where others do, so it is not clear which air is meant; "
+            "export each cell once, and mirror only what was solved, not the whole."
+        )
 
 
 def _coincides(grid: pv.UnstructuredGrid) -> bool:

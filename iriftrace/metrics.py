@@ -123,6 +123,7 @@ def pose_metrics(
         **_ensemble(image, rays.pixels, hits, whole),
         "shell_triangles_in_view": counts.get("shell_triangles_in_view"),
         "time_s": {key: times.get(key) for key in TIMES},
+        "wavelength_nm": image.header.get("wavelength_nm"),
         "camera": image.header["camera"],
         "pose": image.header.get("pose"),
         "assumptions": {**(image.header.get("assumptions") or {}), "included_rays": included},

@@ -49,6 +49,8 @@ def write_table(path: Path, dataset: xr.Dataset) -> None:
     check_table(path)
     others = [name for name in dataset.sizes if name not in ("pose", "region")]
     table = dataset.drop_dims(others).sel(region=WHOLE_PART).drop_vars("region").to_dataframe()
+    # A table has no header for what holds for all poses.
+    table["wavelength_nm"] = dataset.attrs.get("wavelength_nm")
     with whole_file(path) as temporary:
         if path.suffix.lower() == ".csv":
             table.to_csv(temporary)

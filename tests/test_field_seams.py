@@ -10,11 +10,13 @@ import pyvista as pv
 import vtk
 
 from iriftrace.continuous_cells import tetrahedra_of
+from iriftrace.errors import InputError
 from iriftrace.field import read_field
 from iriftrace.field_seams import without_seams
 from tests.shell_fields import hexahedra
 
 SEAM = 49
+DATA = Path(__file__).parent / "data"
 
 
 def half() -> pv.UnstructuredGrid:
@@ -93,3 +95,24 @@ def test_a_reflected_field_has_no_boundary_inside(tmp_path: Path) -> None:
     assert seam.sum() == SEAM
     gradient = field.gradient[seam]
     assert np.abs(gradient[:, 0]).max() < 1e-6 * np.abs(gradient).max()
+
+
+def test_cells_twice_are_refused(tmp_path: Path) -> None:
+    """Reflect applied to a field that was whole already; and a block that is there twice."""
+    whole = without_seams(reflected(half()))
+    path = tmp_path / "twice.vtu"
+    pv.merge([whole, whole.copy()], merge_points=False).save(path)
+    with pytest.raises(InputError, match=f"{whole.n_cells} cells of .*twice.vtu lie where others"):
+        read_field(path)
+    blocks = tmp_path / "blocks.vtm"
+    pv.MultiBlock([whole, whole.extract_cells(range(7))]).save(blocks)
+    with pytest.raises(InputError, match=r"7 cells of .*blocks.vtm lie where others"):
+        read_field(blocks)
+
+
+def test_flat_twins_of_polyhedra_are_no_cells_twice(tmp_path: Path) -> None:
+    """A gear's quarter has such; mirrored it is read as it was solved."""
+    quarter = pv.read(DATA / "bevel_gear_quarter.vtu")
+    path = tmp_path / "half.vtu"
+    reflected(quarter).save(path)
+    assert read_field(path).grid.n_cells == 2 * quarter.n_cells

@@ -56,6 +56,8 @@ class Section:
         From a folder for scenes and pictures to the lines.
     picture : str
         File name of the picture that `compute` leaves in the folder; empty without.
+    minutes : float
+        That it takes, about; long ones are begun first.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Section:
     text: str
     compute: Callable[[Path], list[Line]]
     picture: str = ""
+    minutes: float = 1.0
 
 
 def relative(case: str, expected: float, obtained: float, unit: str, bound: float) -> Line:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
+from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.accuracy.line import Line, Section
+from iriftrace.runtime import ensure
 
 INTRODUCTION = """# Accuracy
 
@@ -16,6 +19,10 @@ Computed by `make accuracy`; a section alone by `make accuracy PARTS="{first}"`.
 the cheap sections and fail when an error leaves its bound. mitsuba {mitsuba}, drjit {drjit},
 variant {variant}.
 """
+
+
+PROCESSES = 2
+"""Sections at a time: contouring, which takes the most, keeps one core busy."""
 
 
 def write_page(path: Path, sections: Sequence[Section], variant: str) -> list[Line]:
@@ -30,16 +37,35 @@ def write_page(path: Path, sections: Sequence[Section], variant: str) -> list[Li
     ]
     lines = []
     with tempfile.TemporaryDirectory() as name:
-        for section in sections:
-            folder = Path(name) / section.name
+        folders = [Path(name) / section.name for section in sections]
+        for folder in folders:
             folder.mkdir()
-            found = section.compute(folder)
+        computed = _computed(sections, folders, variant)
+        for section, folder, found in zip(sections, folders, computed, strict=True):
             pieces.append(section_text(section, found))
             lines += found
             if section.picture:
                 shutil.copy(folder / section.picture, path.with_name(section.picture))
     path.write_text("\n".join(pieces), encoding="utf-8")
     return lines
+
+
+def _computed(
+    sections: Sequence[Section], folders: Sequence[Path], variant: str
+) -> list[list[Line]]:
+    """Lines of each section."""
+    if len(sections) == 1:
+        return [sections[0].compute(folders[0])]
+    # Kernels and scenes belong to a process, and a forked one cannot use its parent's.
+    context = get_context("spawn")
+    with ProcessPoolExecutor(PROCESSES, context, initializer=ensure, initargs=(variant,)) as pool:
+        jobs = {
+            section.name: pool.submit(section.compute, folder)
+            for section, folder in sorted(
+                zip(sections, folders, strict=True), key=lambda job: -job[0].minutes
+            )
+        }
+        return [jobs[section.name].result() for section in sections]
 
 
 def section_text(section: Section, lines: Sequence[Line]) -> str:

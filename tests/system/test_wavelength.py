@@ -9,6 +9,7 @@ from pathlib import Path
 
 import hot_block
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from conftest import Failing
@@ -54,7 +55,9 @@ def test_displacement_goes_with_n_less_one(
     assert blue.header["bending"] == bending
     assert blue.header["wavelength_nm"] == BLUE
     assert infrared.header["assumptions"]["wavelength"] == "850 nm"
-    assert json.loads((tmp_path / "450.json").read_text())["assumptions"]["wavelength"] == "450 nm"
+    metrics = json.loads((tmp_path / "450.json").read_text())
+    assert metrics["assumptions"]["wavelength"] == "450 nm"
+    assert metrics["wavelength_nm"] == BLUE
     good = (blue.status == 0) & (infrared.status == 0)
     size = infrared.channels["displacement.norm"]
     good &= size > 0.2 * np.median(size[good])
@@ -97,7 +100,10 @@ def test_sweep_says_and_uses_the_wavelength(hot: HotBlock, tmp_path: Path) -> No
     found = {}
     for nm in (BLUE, INFRARED):
         path = tmp_path / f"{nm:g}.nc"
-        assert main([*words, "-o", str(path), f"--wavelength={nm:g} nm"]) == 0
+        table = path.with_suffix(".csv")
+        files = ["-o", str(path), "--export", str(table)]
+        assert main([*words, *files, f"--wavelength={nm:g} nm"]) == 0
+        assert (pd.read_csv(table)["wavelength_nm"] == nm).all()
         with xr.open_dataset(path) as dataset:
             assert dataset.attrs["wavelength_nm"] == nm
             found[nm] = dataset["displacement_median"].isel(region=0).values
