@@ -13,6 +13,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from iriftrace.continuous_field import FIELD_FILE
 from iriftrace.errors import InputError, IriftraceWarning
 from iriftrace.scene_wavelength import WAVELENGTH, of_the_file
 from iriftrace.steepness import PLY_COLUMNS
@@ -23,8 +24,8 @@ _HEAD = 100_000
 
 SHELL_BSDFS = ("iso_shell", "dielectric")
 
-_NAMED_FILES = {"calibrated_camera": ("calibration",)}
-"""Properties of plugins that name files, beside the filenames of meshes."""
+_NAMED_FILES = {"calibrated_camera": ("calibration", None), "gradient_path": ("field", FIELD_FILE)}
+"""Properties of plugins that name files, beside the filenames of meshes, and their defaults."""
 
 
 @frozen(eq=False)
@@ -87,10 +88,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
     for file in files:
         check_readable(file)
     for node in nodes:
-        # Mitsuba also looks in the current folder.
-        for name in _NAMED_FILES.get(_plugin(node), ()):
-            if isinstance(named := node.props.get(name), str):
-                _check_there(path.parent / named, path)
+        _check_named_file(node, path)
     parts = [props for props in shapes if props.id() == "part"]
     if len(parts) != 1:
         raise InputError(
@@ -215,6 +213,15 @@ def _mesh_file(props: Any, scene: Path) -> Path | None:
         return None
     named = Path(str(props["filename"]))
     return named if named.is_absolute() else scene.parent / named
+
+
+def _check_named_file(node: Any, scene: Path) -> None:
+    """Refuse a file of the current folder, where Mitsuba also looks, in place of the scene's."""
+    name, default = _NAMED_FILES.get(_plugin(node), ("", None))
+    named = node.props.get(name, default) if name else None
+    # What is nowhere is missed by whoever needs it, which says more of it.
+    if isinstance(named, str) and os.path.isfile(named):
+        _check_there(scene.parent / named, scene)
 
 
 def _check_there(file: Path, scene: Path) -> None:

@@ -136,7 +136,13 @@ def _of_one_way(folder: Path, bending: str, found: dict[int, FloatArray]) -> lis
         few, more = (abs(found[layers][place] / CYLINDER_UM[b] - 1) for layers in ORDER_LAYERS)
         order = np.log(few / more) / np.log(ORDER_LAYERS[1] / ORDER_LAYERS[0])
         what = f"order from {ORDER_LAYERS[0]} to {ORDER_LAYERS[1]} shells, bending={bending}"
-        lines.append(Line(f"{what}, ray at {b:g} R", "2 or more", f"{order:.2f}"))
+        lines.append(
+            Line(
+                f"{what}, ray at {b:g} R",
+                "2 or more" if bending == "layers" else "2",
+                f"{order:.2f}",
+            )
+        )
     return lines
 
 

@@ -18,8 +18,8 @@ from benchmarks.accuracy.trouble import lines_of, troubles
 PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
 
 
-COUNT_TOLERANCE = 20
-"""Rays of 1,253,376 that other processors may trace to another end."""
+OTHER_RAYS, RARE_RAYS = 20, 2
+"""By how many rays of a million other processors may differ; the second where no ray ended here."""
 
 Row = tuple[str, str, str]
 
@@ -32,14 +32,17 @@ def rows_in_docs(section: Section) -> list[Row]:
     return [(row[0].removeprefix("| "), row[1], row[2]) for row in rows]
 
 
-def assert_same_figures(found: str, kept: str) -> None:
-    """The same words around numbers that agree within 5 %, or counts within a few rays."""
+def assert_same_figures(found: str, kept: str, *, rays: bool) -> None:
+    """The same words around numbers that agree within 5 %, or counts of rays within a few."""
     number = r"-?\d[\d,]*(?:\.\d+)?(?:e-?\d+)?"
     assert re.sub(number, "#", found) == re.sub(number, "#", kept)
     pairs = zip(re.findall(number, found), re.findall(number, kept), strict=True)
     for one, other in (tuple(text.replace(",", "") for text in pair) for pair in pairs):
-        few = COUNT_TOLERANCE if one.isdigit() else 0.0
-        assert float(one) == pytest.approx(float(other), rel=0.05, abs=few), (found, kept)
+        if rays:
+            few = OTHER_RAYS if float(other) else RARE_RAYS
+            assert abs(float(one) - float(other)) <= few, (found, kept)
+        else:
+            assert float(one) == pytest.approx(float(other), rel=0.05), (found, kept)
 
 
 @pytest.mark.parametrize("name", ["ledger", "air", "plume"])
@@ -53,8 +56,8 @@ def test_errors_are_within_their_bounds_and_figures_are_those_in_docs(
     kept = rows_in_docs(section)
     assert [line.case for line in lines] == [case for case, _, _ in kept]
     for line, (_, expected, obtained) in zip(lines, kept, strict=True):
-        assert_same_figures(line.expected, expected)
-        assert_same_figures(line.obtained, obtained)
+        assert_same_figures(line.expected, expected, rays=name == "ledger")
+        assert_same_figures(line.obtained, obtained, rays=name == "ledger")
 
 
 @pytest.mark.usefixtures("variant")

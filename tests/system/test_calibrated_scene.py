@@ -149,6 +149,23 @@ def test_a_scene_reads_its_calibration_and_no_other(
     assert camera.distortion is not None
     (xml.parent / "camera.yaml").rename(tmp_path / "camera.yaml")
     assert "camera.yaml is not beside" in fails("render", xml, "-o", "out2.exr")
+    (tmp_path / "camera.yaml").unlink()
+    assert "cannot read the calibration" in fails("render", xml, "-o", "out2.exr")
+
+
+def test_a_scene_reads_its_field_and_no_other(
+    hot: HotBlock, tmp_path: Path, fails: Failing
+) -> None:
+    shutil.copytree(hot.scene.parent, tmp_path / "scene")
+    xml = tmp_path / "scene" / "scene.xml"
+    start, rest = xml.read_text().split('<integrator type="first_hit">')
+    xml.write_text(start + '<integrator type="gradient_path"/>' + rest.split("</integrator>")[1])
+    text = xml.read_text()
+    unused = [line for line in text.splitlines() if re.search('"(normals|bending)"', line)]
+    xml.write_text("\n".join(line for line in text.splitlines() if line not in unused))
+    assert main(["render", str(xml), "-o", "out.exr", "--no-figures"]) == 0
+    (xml.parent / "field.npz").rename(tmp_path / "field.npz")
+    assert "field.npz is not beside" in fails("render", xml, "-o", "out2.exr")
 
 
 def test_poses_of_a_sweep_see_the_films_crop_window(hot: HotBlock, tmp_path: Path) -> None:
