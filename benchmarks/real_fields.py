@@ -15,11 +15,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from attrs import frozen
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.accuracy.agreement import share
 from benchmarks.component_fields import SOLVED, component_field
 from benchmarks.engines import camera_at
 from iriftrace.exr import AovImage
@@ -35,35 +34,12 @@ from iriftrace.shells import contour_shells
 from iriftrace.status import Status
 
 Position = tuple[float, float, float]
-Pair = tuple[float, float]
 
 
-@frozen
-class Agreement:
-    """Shells and field, seen from one position; pairs are median and 95th percentile.
-
-    Attributes
-    ----------
-    rays : int
-        That are good in all pictures.
-    displacement_um : (2,) float, um
-        By the continuous engine with the recovered gradient.
-    shells : (2,) float, per cent
-        Difference of the shells over it.
-    constant : (2,) float, per cent
-        Difference of the engine with the gradient that is constant in each tetrahedron.
-    """
-
-    rays: int
-    displacement_um: Pair
-    shells: Pair
-    constant: Pair
-
-
-def agreements(
+def rows(
     folder: Path, field: IndexField, part: Part, stack: ShellStack, positions: Sequence[Position]
-) -> list[Agreement]:
-    """Compare shells and field from each position."""
+) -> list[list[str]]:
+    """For each position rays, displacement (um) and differences (per cent), as printed."""
     cameras = [camera_at(position) for position in positions]
     xml = write_scene(folder, part, stack, cameras[0], paraview=False, field=field)
     scenes = [
@@ -72,28 +48,20 @@ def agreements(
         load_scene(xml, {"normals": "facet"}, engine="continuous"),
     ]
     return [
-        _agreement([render_scene(one, camera=camera, nearest=False).image for one in scenes])
+        _row([render_scene(one, camera=camera, nearest=False).image for one in scenes])
         for camera in cameras
     ]
 
 
-def _agreement(images: Sequence[AovImage]) -> Agreement:
+def _row(images: Sequence[AovImage]) -> list[str]:
     good = np.all([image.status == Status.GOOD for image in images], axis=0)
-    exact, shells, constant = (image.vector("displacement", good) * 1e3 for image in images)
-    size = _median_and_p95(exact)
-    return Agreement(
-        int(good.sum()), size, _share(shells - exact, size), _share(constant - exact, size)
-    )
-
-
-def _share(off: NDArray[np.float64], size: Pair) -> Pair:
-    median, p95 = _median_and_p95(off)
-    return 100 * median / size[0], 100 * p95 / size[1]
-
-
-def _median_and_p95(vectors: NDArray[np.float64]) -> Pair:
-    median, p95 = np.quantile(np.linalg.norm(vectors, axis=1), (0.5, 0.95))
-    return float(median), float(p95)
+    exact, *others = (image.vector("displacement", good) * 1e3 for image in images)
+    norm = np.linalg.norm(exact, axis=1)
+    row = [f"{good.sum():,}", *(f"{um:.3g}" for um in np.quantile(norm, (0.5, 0.95)))]
+    for other in others:
+        median, p95, _ = share(np.linalg.norm(other - exact, axis=1), norm)
+        row += [f"{median:.2f}", f"{p95:.2f}"]
+    return row
 
 
 def main() -> None:
@@ -118,11 +86,9 @@ def main() -> None:
         field = component_field(given.field, folder) if known else read_field(given.field)
         part = read_part(part_path)
         stack = contour_shells(field, given.layers, rule=given.rule)
-        found = agreements(folder / "scene", field, part, stack, positions)
-    for position, one in zip(given.words, found, strict=True):
-        sizes = (f"{size:.3g}" for size in one.displacement_um)
-        shares = (f"{share:.2f}" for share in (*one.shells, *one.constant))
-        table.add_row(position, f"{one.rays:,}", *sizes, *shares)
+        found = rows(folder / "scene", field, part, stack, positions)
+    for position, row in zip(given.words, found, strict=True):
+        table.add_row(position, *row)
     Console(width=110).print(table)
 
 
