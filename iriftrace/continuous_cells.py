@@ -24,7 +24,7 @@ MOST_TETRAHEDRA = 2**28
 
 MIXED_SHARE = 1e-3
 """So much negative volume is no cells turned inside out, but cells of both hands; flow solutions on
-snapped meshes have 1e-7 to 1e-5."""
+snapped meshes have 4e-5 at most."""
 
 # Faces of each cell type by VTK's corner numbers; quadrilaterals in cyclic order.
 _FACES: dict[int, tuple[tuple[int, ...], ...]] = {

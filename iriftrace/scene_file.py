@@ -65,8 +65,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
     """
     import mitsuba as mi
 
-    if not path.is_file():
-        raise InputError(f"There is no scene file {path}; `iriftrace scene` writes one.")
+    require_scene(path)
     check_readable(path)
     with path.open("rb") as opened:
         if b"<scene" not in opened.read(_HEAD):
@@ -150,6 +149,17 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         shell_paths=tuple(shell_paths),
         file_paths=files,
     )
+
+
+def require_scene(path: Path) -> None:
+    """Refuse the name of a scene that is not there.
+
+    Raises
+    ------
+    InputError
+    """
+    if not path.is_file():
+        raise InputError(f"There is no scene file {path}; `iriftrace scene` writes one.")
 
 
 def _check_variables(path: Path, values: Mapping[str, str]) -> None:

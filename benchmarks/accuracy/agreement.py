@@ -157,12 +157,12 @@ SECTION = Section(
     "coarse field: difference of the hits over the displacement, median by median, p95 by p95 and "
     "rmse by rms (both without the largest 1 %). Shells with gradient normals converge to the "
     "solution along the recovered direction of the gradient, whose strength is what the index of "
-    "the solver's cells changes by along the ray, but for 0.5 to 1 %, in which shells and engine "
-    "weigh the noisy gradients of the cells differently. Faceted shells converge to the solution "
-    "of the field that is linear in each of the engine's tetrahedra, slowly, if they are cut from "
-    "these (as here); 80 that are cut from the solver's hexahedra, as the program does, stay 6 to "
-    "15 % off (median; `python -m benchmarks.engines`). That the two solutions differ by 8 to 80 % "
-    "is what this coarse mesh leaves open.",
+    "the solver's cells changes by along the ray, to within 0.5 to 1 %; from 20 shells on it falls "
+    "no further on these cells. Faceted shells converge to the solution of the field that is "
+    "linear in each of the engine's tetrahedra, slowly, if they are cut from these (as here); 80 "
+    "that are cut from the solver's hexahedra, as the program does, stay 6 to 15 % off (median; "
+    "`python -m benchmarks.engines`). That the two solutions differ by 8 to 80 % is what this "
+    "coarse mesh leaves open.",
     _lines,
     picture=PICTURE,
     minutes=2.5,

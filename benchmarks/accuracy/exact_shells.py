@@ -139,7 +139,7 @@ def _of_one_way(folder: Path, bending: str, found: dict[int, FloatArray]) -> lis
         lines.append(
             Line(
                 f"{what}, ray at {b:g} R",
-                "2 or more" if bending == "layers" else "2",
+                "2",
                 f"{order:.2f}",
             )
         )

@@ -39,7 +39,7 @@ THROUGH_THE_PLUME = {
     f"from {', '.join(f'{x:g}' for x in VIEWS[name])} mm": VIEWS[name]
     for name in ("corner", "45 degrees above", "oblique")
 }
-"""Views of the wishbone in which rays pass the plume of one arm on their way to another."""
+"""Views of the wishbone from above, through its plume."""
 
 PICTURE = "fields.png"
 STATISTICS = ("median", "p95", "trimmed rmse")
@@ -164,13 +164,13 @@ SECTION = Section(
     "Two engines, every scene",
     "The same for the fields of all bundled scenes, with all triangles of their shells; facet "
     "normals on the same shells, cut from the solver's cells. At the scenes' own poses 13 shells "
-    "with gradient normals stay within the bounds. In the wishbone's last three views they do not: "
-    "rays cross the plume of one arm on their way to another and are turned there and back by "
-    "several times what is left, and shells do not see the air beside the outermost one. Straight "
-    "down a plume it is worse ([parameters.md](parameters.md#when-to-leave-the-defaults)). The "
-    "continuous engine needs no shells. Where cells are coarse the difference stays at about 1 %, "
-    "because shells and engine weigh the noisy gradients of the cells differently. By how much the "
-    "engine's two gradients differ tells what the mesh leaves open.",
+    "with gradient normals stay within the bounds. In the wishbone's last three views, from above "
+    "through its plume, they do not; why is not settled. It gets better with the number of shells, "
+    "and in one of the three with graded steps (`python -m benchmarks.real_fields wishbone "
+    "60,-190,110 --rule graded`). Straight down a plume it is worse "
+    "([parameters.md](parameters.md#when-to-leave-the-defaults)). The continuous engine needs no "
+    "shells. On the cylinder, whose cells are the coarsest, the difference stays at about 1 %. By "
+    "how much the engine's two gradients differ tells what the mesh leaves open.",
     _lines,
     picture=PICTURE,
     minutes=8.0,

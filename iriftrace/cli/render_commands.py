@@ -60,8 +60,11 @@ def render(
     """
     from iriftrace.cli.output import print_summary
     from iriftrace.ensemble.metrics import has_ensemble
+    from iriftrace.scene_file import require_scene
 
     check_input(scene)
+    # Before the output, whose folder is the scene's unless another one is given.
+    require_scene(scene)
     exr = scene.with_suffix(".exr") if output is None else output
     check_output(exr, ".exr", "out.exr", make=False)
     used = statuses(include)

@@ -530,3 +530,9 @@ def test_a_part_that_was_changed_since(
     part.unlink()
     assert "not there" in fails("metrics", scene.with_suffix(".exr"))
     assert hot.scene.parent.joinpath("part.ply").is_file()
+
+
+def test_a_scene_in_a_folder_that_is_not_there_is_called_so(fails: Failing) -> None:
+    """And not its output, which would lie beside it."""
+    message = fails("render", "nowhere/scene.xml")
+    assert message == "There is no scene file nowhere/scene.xml; `iriftrace scene` writes one."
