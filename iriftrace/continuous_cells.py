@@ -67,6 +67,22 @@ class Tetrahedra:
 def tetrahedra_of(grid: Any) -> Tetrahedra:
     """Split linear cells into tetrahedra and find the neighbours.
 
+    Parameters
+    ----------
+    grid
+        As for :func:`tetrahedron_corners`.
+
+    Raises
+    ------
+    InputError
+        If there are too many cells, or three of them share a face.
+    """
+    return _linked(tetrahedron_corners(grid))
+
+
+def tetrahedron_corners(grid: Any) -> NumberArray:
+    """Split linear cells into tetrahedra that share whole faces.
+
     Every quadrilateral is cut at its lowest point number, which is the same seen from both sides;
     every cell is then the cone from its own lowest point to the triangles that do not touch it
     (Dompierre et al. 1999, "How to subdivide pyramids, prisms and hexahedra into tetrahedra").
@@ -76,6 +92,11 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
     grid
         Anything with ``points``, ``celltypes``, ``cell_offsets`` and ``cell_connectivity`` as a
         pyvista.UnstructuredGrid has them.
+
+    Returns
+    -------
+    (m, 4) array of uint32
+        As in :class:`Tetrahedra`.
 
     Raises
     ------
@@ -94,7 +115,7 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
             f"The field splits into {len(corners)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
             "be numbered; crop it to the part's surroundings."
         )
-    return _linked(_of_one_hand(_with_content(corners), points))
+    return _of_one_hand(_with_content(corners), points)
 
 
 def _by_majority(corners: IntArray, points: FloatArray) -> IntArray:
@@ -128,8 +149,15 @@ def _of_one_hand(corners: NumberArray, points: FloatArray) -> NumberArray:
 
 def _volumes(corners: NDArray[Any], points: FloatArray) -> FloatArray:
     """Six times the volumes of tetrahedra, (m,) array, mm^3."""
-    edges = points[corners[:, 1:]] - points[corners[:, :1]]
-    volume: FloatArray = np.einsum("ij,ij->i", np.cross(edges[:, 0], edges[:, 1]), edges[:, 2])
+    numbers = [np.ascontiguousarray(column) for column in corners.T]
+    # Axis by axis, which takes half the time of numpy.cross.
+    first, second, third = (
+        [axis[number] - axis[numbers[0]] for axis in np.ascontiguousarray(points.T)]
+        for number in numbers[1:]
+    )
+    volume: FloatArray = np.zeros(len(corners))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        volume += (first[i] * second[j] - first[j] * second[i]) * third[k]
     return volume
 
 

@@ -130,7 +130,7 @@ def _is_flat(vertices: Float32Array, faces: IntArray) -> BoolArray:
     """Whether a triangle's vertices lie on one line, as exactly as float64 can tell."""
     points = np.asarray(vertices, dtype=np.float64)
     edge = points[np.roll(faces, -1, axis=1)] - points[faces]
-    longest = np.einsum("ijk,ijk->ij", edge, edge).max(axis=1)
+    longest = np.maximum.reduce(np.einsum("ijk,ijk->ji", edge, edge))
     areas = area_vectors(points, faces)
     flat: BoolArray = np.sqrt(np.einsum("ij,ij->i", areas, areas)) <= 1e-12 * longest
     return flat
@@ -143,7 +143,8 @@ def _without_repeats(faces: IntArray) -> IntArray:
     corners = np.sort(faces, axis=1)
     order = np.lexsort(corners.T)
     ranked = corners[order]
-    first = np.flatnonzero(np.concatenate(([True], np.any(ranked[1:] != ranked[:-1], axis=1))))
+    changes = np.logical_or.reduce((ranked[1:] != ranked[:-1]).T)
+    first = np.flatnonzero(np.concatenate(([True], changes)))
     count = np.diff(np.append(first, len(ranked)))
     if len(faces) == 0 or count.max() == 1:
         return faces
@@ -262,9 +263,10 @@ def _piece_sizes(vertices: Float32Array, faces: IntArray, piece: IntArray) -> Fl
     """Diagonal of the bounding box of every piece, (pieces,) array, mm."""
     order = np.argsort(piece, kind="stable")
     start = np.searchsorted(piece[order], np.arange(piece.max() + 1))
-    corners = np.asarray(vertices, dtype=np.float64)[faces[order]]
-    high = np.maximum.reduceat(corners.max(axis=1), start)
-    low = np.minimum.reduceat(corners.min(axis=1), start)
+    points = np.asarray(vertices, dtype=np.float64)
+    corners = [points[corner] for corner in faces[order].T]
+    high = np.maximum.reduceat(np.maximum.reduce(corners), start)
+    low = np.minimum.reduceat(np.minimum.reduce(corners), start)
     size: FloatArray = np.linalg.norm(high - low, axis=1)
     return size
 

@@ -57,7 +57,7 @@ def weld(vertices: FloatArray) -> IntArray:
     rounded = vertices.astype(np.float32) + np.float32(0)
     order = np.lexsort(rounded.T)
     ranked = rounded[order]
-    new = np.any(ranked[1:] != ranked[:-1], axis=1)
+    new = np.logical_or.reduce((ranked[1:] != ranked[:-1]).T)
     numbers = np.empty(len(vertices), dtype=np.int64)
     numbers[order] = np.concatenate(([0], np.cumsum(new)))
     return numbers

@@ -50,15 +50,19 @@ def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
     On a closed surface the vector area vanishes and x, y and z give the same enclosed volume
     (Gauss); an opening breaks one of the two unless it is tiny.
     """
-    corners = vertices[faces].astype(np.float64)
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    extent = corners.reshape(-1, 3)
-    centre = corners.mean(axis=1) - (extent.min(axis=0) + extent.max(axis=0)) / 2
-    total = np.linalg.norm(area, axis=1).sum()
-    size = np.linalg.norm(extent.max(axis=0) - extent.min(axis=0))
-    volumes = (centre * area).sum(axis=0)
+    # Axis by axis, which takes a fifth of the time of rows of three.
+    axes = np.ascontiguousarray(vertices.T, dtype=np.float64)
+    corners = [axes[:, number] for number in np.ascontiguousarray(faces.T)]
+    low = np.min([corner.min(axis=1) for corner in corners], axis=0)
+    high = np.max([corner.max(axis=1) for corner in corners], axis=0)
+    u, v = corners[1] - corners[0], corners[2] - corners[0]
+    area = np.stack([u[i] * v[j] - u[j] * v[i] for i, j in ((1, 2), (2, 0), (0, 1))]) / 2
+    centre = (corners[0] + corners[1] + corners[2]) / 3 - ((low + high) / 2)[:, None]
+    total = np.sqrt((area * area).sum(axis=0)).sum()
+    size = np.linalg.norm(high - low)
+    volumes = (centre * area).sum(axis=1)
     return bool(
-        np.linalg.norm(area.sum(axis=0)) < 1e-5 * total and np.ptp(volumes) < 1e-5 * total * size
+        np.linalg.norm(area.sum(axis=1)) < 1e-5 * total and np.ptp(volumes) < 1e-5 * total * size
     )
 
 
