@@ -1,7 +1,7 @@
 """How far shells are from a field: ``python -m benchmarks.real_fields FIELD PART X,Y,Z [...]``.
 
-FIELD PART may also be a bundled component alone (hybrid_cylinder, bevel_gear, wishbone), whose air
-the tree keeps. Any number of camera positions, in mm, from which the origin is looked at.
+FIELD PART may also be a field alone that the tree keeps (`benchmarks.solved_fields`: wishbone,
+cylinder_B ...). Any number of camera positions, in mm, from which the origin is looked at.
 Difference of the hits of the shells to those of the continuous engine over the displacement, median
 by median and p95 by p95; beside it what the engine's other gradient makes of the same field,
 constant in each tetrahedron.
@@ -19,15 +19,14 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.accuracy.agreement import share
-from benchmarks.component_fields import SOLVED, component_field
 from benchmarks.engines import camera_at
+from benchmarks.solved_fields import SOLVED
 from iriftrace.exr import AovImage
 from iriftrace.field import read_field
 from iriftrace.index_field import IndexField
 from iriftrace.part import Part, read_part
 from iriftrace.render import render_scene
 from iriftrace.scene import load_scene, write_scene
-from iriftrace.scenes import folder_of
 from iriftrace.shell_levels import RULES
 from iriftrace.shell_stack import ShellStack
 from iriftrace.shells import contour_shells
@@ -72,7 +71,8 @@ def main() -> None:
     parser.add_argument("--layers", type=int, default=13)
     parser.add_argument("--rule", choices=RULES, default=RULES[0])
     given = parser.parse_args()
-    part_path = folder_of(given.field) / "part.ply" if given.field in SOLVED else given.words.pop(0)
+    solved = SOLVED.get(given.field)
+    part = solved.part if solved else read_part(given.words.pop(0))
     positions = [tuple(float(x) for x in position.split(",")) for position in given.words]
     table = Table(title=Path(given.field).name)
     for title in ("camera / mm", "rays", "median / um", "p95 / um"):
@@ -82,9 +82,7 @@ def main() -> None:
         table.add_column("p95 / %", justify="right")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        known = given.field in SOLVED
-        field = component_field(given.field, folder) if known else read_field(given.field)
-        part = read_part(part_path)
+        field = solved.field(folder) if solved else read_field(given.field)
         stack = contour_shells(field, given.layers, rule=given.rule)
         found = rows(folder / "scene", field, part, stack, positions)
     for position, row in zip(given.words, found, strict=True):

@@ -14,6 +14,7 @@ from benchmarks.accuracy import (
     naive,
     noise_floor,
     readers,
+    resolutions,
     trouble,
 )
 
@@ -26,6 +27,7 @@ SECTIONS = tuple(
         noise_floor,
         agreement,
         fields,
+        resolutions,
         column,
         readers,
         trouble,
