@@ -68,23 +68,25 @@ def point_gradient(grid: Any, values: FloatArray) -> FloatArray:
     ----------
     grid : pyvista.UnstructuredGrid
         Points in mm, cells of the types in `CORNERS`.
-    values : (n,) array
-        The quantity at the points.
+    values : (n,) or (n, k) array
+        The quantity at the points, or k of them.
 
     Returns
     -------
-    (n, 3) array
+    (n, 3) or (n, k, 3) array
         Per mm, in the grid's frame; 0 where all cells around a point are flat.
     """
     points = _point_columns(grid)
-    sums = np.zeros((4, points.shape[1]))
+    columns = np.ascontiguousarray(values.reshape(len(values), -1).T)
+    sums = np.zeros((3 * len(columns) + 1, points.shape[1]))
     for kind, (_, corners) in cell_corners(grid).items():
-        at_corners = _gradient_sums(points, values, corners, kind)
+        at_corners = _gradient_sums(points, columns, corners, kind)
         index = corners.T.ravel()
         for row, part in zip(sums, at_corners, strict=True):
             row += np.bincount(index, part.ravel(), minlength=len(row))
-    volume = np.where(sums[3] > 0.0, sums[3], 1.0)
-    return np.ascontiguousarray((sums[:3] / volume).T)
+    volume = np.where(sums[-1] > 0.0, sums[-1], 1.0)
+    gradient = np.ascontiguousarray((sums[:-1] / volume).T)
+    return gradient.reshape(*values.shape, 3)
 
 
 def point_mean(grid: Any, values: FloatArray) -> FloatArray:
@@ -109,7 +111,7 @@ def _point_columns(grid: Any) -> FloatArray:
 
 
 def _gradient_sums(
-    points: FloatArray, values: FloatArray, corners: IntArray, kind: int
+    points: FloatArray, columns: FloatArray, corners: IntArray, kind: int
 ) -> FloatArray:
     """Sums over the tetrahedra at each corner of the cells: volume times gradient, volume.
 
@@ -117,23 +119,26 @@ def _gradient_sums(
 
     Returns
     -------
-    (4, corners, c) array
-        x, y and z of the sum of |V| grad, and the sum of |V|, all times 6.
+    (3 k + 1, corners, c) array
+        x, y and z of the sum of |V| grad of each of k columns, and the sum of |V|, all times 6.
     """
     at = points[:, corners.T]
-    value = values[corners.T]
-    sums = np.zeros((4, *value.shape))
+    value = columns[:, corners.T]
+    sums = np.zeros((3 * len(columns) + 1, *value.shape[1:]))
     for tet in _SPLITS[kind]:
         first, second, third, volume = _cofactors(at, tet)
         o, a, b, c = tet
-        term = (value[a] - value[o]) * first
-        term += (value[b] - value[o]) * second
-        term += (value[c] - value[o]) * third
-        term *= np.sign(volume)
+        sign = np.sign(volume)
+        for number, v in enumerate(value):
+            term = (v[a] - v[o]) * first
+            term += (v[b] - v[o]) * second
+            term += (v[c] - v[o]) * third
+            term *= sign
+            for corner in tet:
+                sums[3 * number : 3 * number + 3, corner] += term
         np.abs(volume, out=volume)
         for corner in tet:
-            sums[:3, corner] += term
-            sums[3, corner] += volume
+            sums[-1, corner] += volume
     sums /= _WAYS[kind]
     return sums
 

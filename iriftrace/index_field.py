@@ -136,8 +136,7 @@ class IndexField:
 
         Recovered from `fitting_gradient` as that is from n.
         """
-        columns = np.ascontiguousarray(self.fitting_gradient.T)
-        rows = np.stack([point_gradient(self.grid, column) for column in columns], axis=1)
+        rows = point_gradient(self.grid, self.fitting_gradient)
         derivatives: FloatArray = 0.5 * (rows + rows.transpose(0, 2, 1))
         return derivatives
 

@@ -71,6 +71,14 @@ def test_linear_fields_have_exact_gradients_in_all_cells(seed, coefficients, jit
     assert_allclose(gradient, np.broadcast_to(slope, gradient.shape), atol=1e-10)
 
 
+def test_several_quantities_at_a_time_have_the_gradients_of_each():
+    grid = row_of_cubes()
+    values = np.random.default_rng(1).normal(size=(grid.n_points, 2))
+    gradients = point_gradient(grid, values)
+    for number, column in enumerate(values.T):
+        assert_array_equal(gradients[:, number], point_gradient(grid, column))
+
+
 def test_quadratic_fields_have_exact_gradients_inside_regular_hexahedra():
     # Central differences: this needs a split that favours no diagonal.
     grid = cubes(4)
