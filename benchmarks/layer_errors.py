@@ -1,11 +1,11 @@
 """Where on their way shells bend rays wrongly: ``python -m benchmarks.layer_errors FIELD X,Y,Z``.
 
 FIELD is one that the tree keeps (`benchmarks.solved_fields`); any number of camera positions, in
-mm, from which the origin is looked at. Along straight rays through the field the
-turns that the layers' formulas give (`iriftrace.plugins.layer_turn`) are compared with the integral
-of the continuous engine's gradient, piece by piece: outside the outermost shell, on the way back to
-the shell that a ray comes from, and elsewhere. Printed are differences of the hits over the
-displacement, median by median and p95 by p95: as traced, as this model of them has it, and with the
+mm, from which the origin is looked at. Along straight rays through the field the turns that the
+layers' formulas give (`iriftrace.plugins.layer_turn`) are compared with the integral of the
+continuous engine's gradient, piece by piece: outside the outermost shell, on the way back to the
+shell that a ray comes from, and elsewhere. Printed are differences of the hits over the
+displacement, median by median and p95 by p95: as traced, as this model has it, and with the
 integral in place of one or both of the first two pieces.
 """
 
@@ -32,7 +32,7 @@ from iriftrace.plugins.layer_turn import Layer, outside, slope_of
 from iriftrace.render import RayHits, trace_rays
 from iriftrace.runtime import ensure
 from iriftrace.scene import load_scene, write_scene
-from iriftrace.shell_levels import RULES, index_levels
+from iriftrace.shell_levels import index_levels
 from iriftrace.shells import contour_shells
 from iriftrace.status import Status
 
@@ -71,6 +71,17 @@ class Crossings:
         """Crossings after which their ray crosses no shell."""
         return np.append(self.ray[1:] != self.ray[:-1], True)
 
+    @property
+    def first(self) -> BoolArray:
+        """Crossings before which it crosses none."""
+        return np.roll(self.last, 1)
+
+    def step_before(self, values: FloatArray) -> FloatArray:
+        """Values (c, ...) at the crossing before on the same ray; 0 where there is none."""
+        found = np.roll(values, 1, axis=0)
+        found[self.first] = 0
+        return found
+
 
 def crossings(ways: Ways, surfaces: FloatArray) -> Crossings:
     """Where the index of the air along rays is that of shells, n - 1."""
@@ -92,19 +103,17 @@ def errors(ways: Ways, field: IndexField, layers: int, rule: str) -> FloatArray:
     ambient = field.ambient_refractivity
     surfaces, air = index_levels(ambient, field.hottest_refractivity, layers, rule)
     at = crossings(ways, surfaces)
-    last = at.last
-    first = np.roll(last, 1)
-    before = np.where(first, 0, np.arange(len(first)) - 1)
-    inside, outside_ = air[at.level + 1], air[at.level]
-    near, far = np.where(at.inward, (outside_, inside), (inside, outside_))
+    last, first = at.last, at.first
+    behind, ahead = air[at.level], air[at.level + 1]
+    near, far = np.where(at.inward, (behind, ahead), (ahead, behind))
     level = surfaces[at.level]
     made = _bent(ways, field, at, (level, near, far))
 
     upto = between(ways.aside, at.ray, at.place + 0.5)
     end = ways.aside[at.ray[last], -1]
-    exact = np.concatenate((upto - np.where(first[:, None], 0, upto[before]), end - upto[last]))
+    exact = np.concatenate((upto - at.step_before(upto), end - upto[last]))
     in_ambient = [np.abs(n - ambient) < 1e-3 * np.abs(n - level) for n in (near, far)]
-    back = ~first & (at.level == at.level[before])
+    back = ~first & (level == at.step_before(level))
     kind = np.where(first | (back & in_ambient[0]), OUTSIDE, np.where(back, TURNING, ELSEWHERE))
     kind = np.append(kind, np.where(in_ambient[1], OUTSIDE, ELSEWHERE)[last])
     found = np.zeros((3, len(ways.length), 3))
@@ -117,53 +126,49 @@ def errors(ways: Ways, field: IndexField, layers: int, rule: str) -> FloatArray:
 def _bent(
     ways: Ways, field: IndexField, at: Crossings, indices: tuple[FloatArray, ...]
 ) -> FloatArray:
-    """How far beside their hits rays end by the turns before each crossing and after the last."""
+    """How far beside their hits rays end by the turns before each crossing and after the last.
+
+    (c + l, 3) array, um; `indices` are n - 1 of the shell and of the layers before and behind it.
+    """
     import mitsuba as mi
 
-    def slopes(chosen: Any, none: BoolArray | None = None) -> Any:
-        keep = np.ones(len(first)) if none is None else (~none).astype(float)
-        rows = (values[chosen] * keep[: len(values[chosen]), None] for values in (pull, change))
-        return slope_of(*(_vector(values) for values in rows))
-
     last = at.last
-    first = np.roll(last, 1)
-    before = np.where(first, 0, np.arange(len(first)) - 1)
     way = ways.distance(at.ray, at.place)
-    left = (ways.length[at.ray] - way)[:, None]
+    left = ways.length[at.ray] - way
     heading = ways.direction[at.ray]
-    pull, change = _gradients(ways, field, at)
-    level, near, far = (1 + n for n in indices)
-    ambient = np.full(len(level), 1 + field.ambient_refractivity)
-    length = way - np.where(first, 0, way[before])
+    pull, change = _gradients(ways, field, at, indices[0])
+    level, near, far, ambient = (
+        1 + n for n in (*indices, np.full(len(way), field.ambient_refractivity))
+    )
     layer = Layer(
-        slopes(before, first),
-        slopes(slice(None)),
-        *(mi.Float64(n) for n in (np.where(first, 0, level[before]), level, near, ambient)),
+        slope_of(_vector(at.step_before(pull)), _vector(at.step_before(change))),
+        slope_of(_vector(pull), _vector(change)),
+        *(mi.Float64(n) for n in (at.step_before(level), level, near, ambient)),
     )
-    turn, aside = _rows(layer.turn(_vector(heading), mi.Float(length), mi.Bool(first)))
-    behind = outside(
-        slopes(last),
-        *(mi.Float64(n[last]) for n in (level, far, ambient)),
-        _vector(heading[last]),
-        mi.Float(left[last, 0]),
-        1,
-    )
-    turned, late = _rows(behind)
-    return 1e3 * np.concatenate((aside + turn * left, turned * left[last] - late))
+    length = mi.Float(way - at.step_before(way))
+    turn, aside = _rows(layer.turn(_vector(heading), length, mi.Bool(at.first)))
+    slope = slope_of(_vector(pull[last]), _vector(change[last]))
+    air = (mi.Float64(n[last]) for n in (level, far, ambient))
+    tail = outside(slope, *air, _vector(heading[last]), mi.Float(left[last]), 1)
+    late_turn, late = _rows(tail)
+    ends = aside + turn * left[:, None], late_turn * left[last, None] - late
+    return 1e3 * np.concatenate(ends)
 
 
-def _gradients(ways: Ways, field: IndexField, at: Crossings) -> tuple[FloatArray, FloatArray]:
+def _gradients(
+    ways: Ways, field: IndexField, at: Crossings, level: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Gradient at crossings and its change along the ray, as the shells' vertices know them."""
-    ambient = field.ambient_refractivity
     pull = between(ways.gradient, at.ray, at.place)
     second = between(ways.second, at.ray, at.place).reshape(-1, 3, 3)
     heading = ways.direction[at.ray]
     points = ways.origin[at.ray] + ways.distance(at.ray, at.place)[:, None] * heading
-    outer = at.level == 0
     grid = field.grid.copy()
     grid.point_data["gradient"] = field.fitting_gradient
-    level = float(between(ways.refractivity[..., None], at.ray[outer], at.place[outer])[0, 0])
-    second[outer] = outer_derivatives(grid, points[outer], pull[outer], level, ambient)
+    outer = at.level == 0
+    second[outer] = outer_derivatives(
+        grid, points[outer], pull[outer], level[outer][0], field.ambient_refractivity
+    )
     return pull, np.einsum("ijk,ik->ij", second, heading)
 
 
@@ -235,7 +240,7 @@ def main() -> None:
     parser.add_argument("field", choices=SOLVED)
     parser.add_argument("positions", nargs="+", metavar="X,Y,Z")
     parser.add_argument("--layers", type=int, default=13)
-    parser.add_argument("--rule", choices=RULES[:2], default=RULES[0])
+    parser.add_argument("--rule", choices=("midpoint", "graded"), default="midpoint")
     given = parser.parse_args()
     ensure(None)
     table = Table(title=f"{given.field}, {given.layers} shells: median / p95 of the difference, %")
