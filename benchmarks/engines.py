@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from iriftrace.camera import Camera, look_at
-from iriftrace.continuous_cells import tetrahedron_corners
+from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.exr import AovImage
 from iriftrace.field import IndexField, read_field
 from iriftrace.part import Part, read_part
@@ -57,7 +57,7 @@ def camera_at(origin: tuple[float, float, float]) -> Camera:
 
 def in_tetrahedra(field: IndexField) -> IndexField:
     """The same values in the tetrahedra of the continuous engine."""
-    corners = tetrahedron_corners(field.grid).astype(np.int64)
+    corners = tetrahedra_of(field.grid).corners.astype(np.int64)
     points = np.asarray(field.grid.points)
     return evolve(field, grid=pv.UnstructuredGrid({pv.CellType.TETRA: corners}, points))
 

@@ -67,22 +67,6 @@ class Tetrahedra:
 def tetrahedra_of(grid: Any) -> Tetrahedra:
     """Split linear cells into tetrahedra and find the neighbours.
 
-    Parameters
-    ----------
-    grid
-        As for :func:`tetrahedron_corners`.
-
-    Raises
-    ------
-    InputError
-        If there are too many cells, or three of them share a face.
-    """
-    return _linked(tetrahedron_corners(grid))
-
-
-def tetrahedron_corners(grid: Any) -> NumberArray:
-    """Split linear cells into tetrahedra that share whole faces.
-
     Every quadrilateral is cut at its lowest point number, which is the same seen from both sides;
     every cell is then the cone from its own lowest point to the triangles that do not touch it
     (Dompierre et al. 1999, "How to subdivide pyramids, prisms and hexahedra into tetrahedra").
@@ -93,15 +77,10 @@ def tetrahedron_corners(grid: Any) -> NumberArray:
         Anything with ``points``, ``celltypes``, ``cell_offsets`` and ``cell_connectivity`` as a
         pyvista.UnstructuredGrid has them.
 
-    Returns
-    -------
-    (m, 4) array of uint32
-        As in :class:`Tetrahedra`.
-
     Raises
     ------
     InputError
-        If there are too many cells.
+        If there are too many cells, or three of them share a face.
     """
     points = np.asarray(grid.points, dtype=np.float64)
     corners = np.concatenate(
@@ -115,7 +94,7 @@ def tetrahedron_corners(grid: Any) -> NumberArray:
             f"The field splits into {len(corners)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
             "be numbered; crop it to the part's surroundings."
         )
-    return _of_one_hand(_with_content(corners), points)
+    return _linked(_of_one_hand(_with_content(corners), points))
 
 
 def _by_majority(corners: IntArray, points: FloatArray) -> IntArray:

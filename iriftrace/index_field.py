@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.air import Air
 from iriftrace.air_flow import AirFlow
 from iriftrace.consistent_gradient import consistent_gradient
-from iriftrace.continuous_cells import tetrahedron_corners
+from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.errors import InputError
 from iriftrace.field_cells import CORNERS, point_gradient
 from iriftrace.field_wall import inner_wall
@@ -125,7 +125,7 @@ class IndexField:
         """
         return consistent_gradient(
             np.asarray(self.grid.points),
-            tetrahedron_corners(self.grid),
+            tetrahedra_of(self.grid).corners,
             self.refractivity,
             self.gradient,
         )

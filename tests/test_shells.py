@@ -426,6 +426,17 @@ def test_field_without_the_levels_is_refused():
         contour_shells(field_of(hexahedra(4, 2.0), np.full(125, AMBIENT)))
 
 
+def test_cells_that_share_a_face_with_two_others_are_refused_before_any_shell_is_cut():
+    grid = pv.UnstructuredGrid(
+        [4, 0, 1, 2, 3, 4, 0, 2, 1, 4, 4, 0, 1, 2, 5],
+        [10, 10, 10],
+        np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [0, 0, 9], [0, 0, -9], [9, 9, 9.0]]),
+    )
+    values = np.array([AMBIENT, AMBIENT, AMBIENT, HOTTEST, HOTTEST, HOTTEST])
+    with pytest.raises(InputError, match="share one face"):
+        contour_shells(field_of(grid, values), layers=2)
+
+
 def test_zero_gradient_gets_the_facets_normal():
     # One hot point in still air: its neighbours' gradients are not all zero, so none may vanish.
     values = np.full(13**3, AMBIENT)

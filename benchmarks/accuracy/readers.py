@@ -15,7 +15,7 @@ from benchmarks.field_files import comsol
 from benchmarks.field_files.openfoam import write_case
 from benchmarks.field_files.openfoam_mesh import Patch
 from iriftrace.camera import Camera, look_at
-from iriftrace.continuous_cells import tetrahedron_corners
+from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.errors import IriftraceWarning
 from iriftrace.exr import AovImage
 from iriftrace.field import IndexField, read_field
@@ -71,7 +71,7 @@ def write_all(folder: Path, spacings: Sequence[float] = SPACINGS_MM) -> dict[str
     files["COMSOL, sectionwise"] = comsol.sectionwise(
         folder / "sectionwise.txt",
         points,
-        tetrahedron_corners(grid).astype(np.int64),
+        tetrahedra_of(grid).corners.astype(np.int64),
         {"T (degC)": kelvin - ZERO_CELSIUS_K},
     )
     files["COMSOL, spreadsheet"] = comsol.spreadsheet(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from iriftrace.air_properties import heat_content
-from iriftrace.continuous_cells import tetrahedron_corners
+from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.field_cells import point_gradient
 from iriftrace.field_check.wall_state import conduction_potential
 from iriftrace.index_field import IndexField
@@ -120,7 +120,7 @@ def _through_zones(
 ) -> FloatArray:
     """Heat carried and conducted through the surfaces and stored within, (zones, 3), W."""
     points = np.asarray(field.grid.points, dtype=np.float64)
-    corners = tetrahedron_corners(field.grid)
+    corners = tetrahedra_of(field.grid).corners
     place = _place(field)
     rises = [np.clip((place - low) / (high - low), 0.0, 1.0) for low, high in ZONES]
     sums = np.zeros((len(ZONES), 3))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from iriftrace import air_properties as gas
 from iriftrace.consistent_gradient import ROUNDS, consistent_gradient
-from iriftrace.continuous_cells import tetrahedron_corners
+from iriftrace.continuous_cells import tetrahedra_of
 from iriftrace.errors import InputError
 from iriftrace.field_cells import cell_corners, point_gradient
 from iriftrace.index_field import IndexField
@@ -167,7 +167,7 @@ def _fitting_gradient(
     fitting = gradient.copy()
     fitting[number] = consistent_gradient(
         np.asarray(around.points),
-        tetrahedron_corners(around),
+        tetrahedra_of(around).corners,
         values[number],
         gradient[number],
     )
