@@ -13,7 +13,7 @@ from benchmarks.pose import (
     shares,
 )
 from benchmarks.queries import trace_over_queries
-from iriftrace.scene import load_scene
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 
 REPEATS = 7

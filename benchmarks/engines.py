@@ -19,16 +19,18 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.continuous_cells import tetrahedra_of
-from iriftrace.exr import AovImage
-from iriftrace.field import IndexField, read_field
-from iriftrace.part import Part, read_part
-from iriftrace.render import render_scene
-from iriftrace.scene import LoadedScene, load_scene, write_scene
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.part.part import Part, read_part
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells import contour_shells
-from iriftrace.status import Status
+from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.render import render_scene
 
 LAYERS = (5, 9, 13, 20, 40, 80)
 VIEWS = {

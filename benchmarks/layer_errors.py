@@ -2,7 +2,7 @@
 
 FIELD is one that the tree keeps (`benchmarks.solved_fields`); any number of camera positions, in
 mm, from which the origin is looked at. Along straight rays through the field the turns that the
-layers' formulas give (`iriftrace.plugins.layer_turn`) are compared with the integral of the
+layers' formulas give (`iriftrace.plugins.kernels.layers`) are compared with the integral of the
 continuous engine's gradient, piece by piece: outside the outermost shell, on the way back to the
 shell that a ray comes from, and elsewhere. Printed are differences of the hits over the
 displacement, median by median and p95 by p95: as traced, as this model has it, and with the
@@ -25,16 +25,17 @@ from benchmarks.accuracy.agreement import share
 from benchmarks.engines import camera_at
 from benchmarks.solved_fields import SOLVED
 from benchmarks.straight_ways import BoolArray, FloatArray, IntArray, Ways, between, straight_ways
-from iriftrace.index_field import IndexField
-from iriftrace.outer_air import outer_derivatives
-from iriftrace.part import Part
-from iriftrace.plugins.layer_turn import Layer, outside, slope_of
-from iriftrace.render import RayHits, trace_rays
-from iriftrace.runtime import ensure
-from iriftrace.scene import load_scene, write_scene
-from iriftrace.shell_levels import index_levels
-from iriftrace.shells import contour_shells
-from iriftrace.status import Status
+from iriftrace.field.index_field import IndexField
+from iriftrace.image.aov_image import Status
+from iriftrace.part.part import Part
+from iriftrace.plugins.kernels.layers import Layer, outside, slope_of
+from iriftrace.runtime.variant import ensure
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.hessian import outer_derivatives
+from iriftrace.shells.levels import index_levels
+from iriftrace.trace.render import RayHits, trace_rays
 
 RAYS = 800
 

@@ -7,11 +7,11 @@ import time
 from pathlib import Path
 from statistics import median
 
-from iriftrace.camera import Camera
-from iriftrace.render import render_scene
-from iriftrace.scene import LoadedScene
-from iriftrace.shell_resolution import shell_resolution
-from iriftrace.sweep_pose import SAMPLE
+from iriftrace.camera.camera import Camera
+from iriftrace.scene.load import LoadedScene
+from iriftrace.sweep.pose import SAMPLE
+from iriftrace.trace.render import render_scene
+from iriftrace.trace.shell_convergence import shell_resolution
 
 
 def pose_over_trace(scene: LoadedScene, repeats: int) -> float:

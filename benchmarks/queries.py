@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from statistics import median
 
-from iriftrace.query_replay import Recording
-from iriftrace.scene import LoadedScene
+from iriftrace.scene.load import LoadedScene
+from iriftrace.studies.timing import Recording
 
 
 def trace_over_queries(scene: LoadedScene, repeats: int) -> tuple[float, int]:

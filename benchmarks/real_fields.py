@@ -21,16 +21,16 @@ from rich.table import Table
 from benchmarks.accuracy.agreement import share
 from benchmarks.engines import camera_at
 from benchmarks.solved_fields import SOLVED
-from iriftrace.exr import AovImage
-from iriftrace.field import read_field
-from iriftrace.index_field import IndexField
-from iriftrace.part import Part, read_part
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene, write_scene
-from iriftrace.shell_levels import RULES
-from iriftrace.shell_stack import ShellStack
-from iriftrace.shells import contour_shells
-from iriftrace.status import Status
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.part.part import Part, read_part
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.levels import RULES
+from iriftrace.shells.stack import ShellStack
+from iriftrace.trace.render import render_scene
 
 Position = tuple[float, float, float]
 

@@ -24,8 +24,8 @@ from scipy.spatial import KDTree
 from benchmarks.accuracy.agreement import FIELD
 from benchmarks.accuracy.exact_air import cylinder_cells, cylinder_ends, cylinder_values, on_cells
 from benchmarks.accuracy.exact_shells import CYLINDER_UM
-from iriftrace.field_io import read_volume
-from iriftrace.runtime import ensure
+from iriftrace.field.read import read_volume
+from iriftrace.runtime.variant import ensure
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM
 from tests.shell_fields import field_of
 

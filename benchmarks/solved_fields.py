@@ -7,9 +7,9 @@ from pathlib import Path
 import pyvista as pv
 from attrs import frozen
 
-from iriftrace.field import read_field
-from iriftrace.index_field import IndexField
-from iriftrace.part import Part, read_part
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
 
 DATA = Path(__file__).parents[1] / "tests" / "data"

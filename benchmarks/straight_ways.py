@@ -8,8 +8,8 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from benchmarks.engines import in_tetrahedra
-from iriftrace.index_field import IndexField
-from iriftrace.plugins.layer_turn import telescoping
+from iriftrace.field.index_field import IndexField
+from iriftrace.plugins.kernels.layers import telescoping
 
 PLACES = 1400
 """On each ray, from the camera to the part."""

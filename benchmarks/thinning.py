@@ -15,13 +15,13 @@ from attrs import evolve
 from rich.console import Console
 from rich.table import Table
 
-from iriftrace.camera import look_at
-from iriftrace.exr import AovImage
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.camera.pose import look_at
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes.components import COMPONENTS, SCALE, shells_around
-from iriftrace.shell_decimation import decimate
-from iriftrace.status import Status
+from iriftrace.shells.decimate import decimate
+from iriftrace.trace.render import render_scene
 
 VIEWS = {
     "from above": (1e-3, 0.0, 300.0),

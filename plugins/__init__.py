@@ -21,7 +21,7 @@ def register() -> None:
     """
     import mitsuba as mi
 
-    from iriftrace.errors import SetupError
+    from iriftrace.core.errors import SetupError
 
     global _following_variants
     variant = mi.variant()
@@ -45,7 +45,7 @@ def _on_variant(old: str | None, new: str | None) -> None:
 def _register(variant: str) -> None:
     import mitsuba as mi
 
-    from . import calibrated_camera, first_hit, gradient_path, iso_shell
+    from iriftrace.plugins import calibrated_camera, first_hit, gradient_path, iso_shell
 
     for kind, module in (
         (mi.register_bsdf, iso_shell),

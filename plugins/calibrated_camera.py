@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from iriftrace.camera import Camera
-from iriftrace.errors import InputError
-
-from .camera_properties import camera_of
-from .projection import Projection, flip_axes
-from .properties import number
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import InputError
+from iriftrace.plugins.kernels.projection import Projection, flip_axes
+from iriftrace.plugins.properties import camera_of, number
 
 
 def sensor_of(camera: Camera) -> Any:

@@ -6,15 +6,14 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from .aov_integrator import integrator_class
-from .bending import AtShells, InLayers
-from .fewer_shells import with_every_second_shell
-from .geometry import SceneTables
-from .index_check import index_check
-from .prepared import PreparedScene
-from .properties import choice, flag, whole_number
-from .ray_query import HIT_PART
-from .tracing import refracted_hits
+from iriftrace.plugins.aov_integrator import integrator_class
+from iriftrace.plugins.kernels.layers import AtShells, InLayers
+from iriftrace.plugins.kernels.ledger import index_check
+from iriftrace.plugins.kernels.march import refracted_hits
+from iriftrace.plugins.kernels.prepared import PreparedScene, with_every_second_shell
+from iriftrace.plugins.kernels.queries import HIT_PART
+from iriftrace.plugins.kernels.tables import SceneTables
+from iriftrace.plugins.properties import choice, flag, whole_number
 
 NORMALS = ("gradient", "facet")
 BENDING = ("layers", "shells")
@@ -117,7 +116,7 @@ def plugin_class(variant: str) -> type:
             """How far hits move without every second shell, mm (Float64); NaN without both hits.
 
             None where the shells cannot be thinned out; see
-            :func:`iriftrace.plugins.fewer_shells.with_every_second_shell`.
+            :func:`iriftrace.plugins.kernels.prepared.with_every_second_shell`.
             """
             prepared = self.prepare(scene)
             if self._fewer is None or self._fewer[0] is not prepared:

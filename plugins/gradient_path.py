@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from iriftrace.channels import CHANNELS, ERROR_CHANNEL
-from iriftrace.continuous_field import FieldCells, load_field_file
-
-from .aov_integrator import Window, integrator_class
-from .bundle import Trace
-from .curved_path import CurvedHits, curved_hits
-from .prepared import PreparedScene
-from .properties import choice, file_beside, flag, whole_number
-from .ray_query import HIT_PART
-from .tetrahedral_air import TetrahedralAir
+from iriftrace.field.path_data import FieldCells, load_field_file
+from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL
+from iriftrace.plugins.aov_integrator import Window, integrator_class
+from iriftrace.plugins.kernels.bundle import Trace
+from iriftrace.plugins.kernels.curve import CurvedHits, curved_hits
+from iriftrace.plugins.kernels.prepared import PreparedScene
+from iriftrace.plugins.kernels.queries import HIT_PART
+from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
+from iriftrace.plugins.properties import choice, file_beside, flag, whole_number
 
 GRADIENTS = ("recovered", "constant")
 

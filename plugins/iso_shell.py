@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from iriftrace.errors import InputError
-
-from .properties import number
+from iriftrace.core.errors import InputError
+from iriftrace.plugins.properties import number
 
 
 @cache

@@ -9,7 +9,15 @@ import math
 from pathlib import Path
 from typing import Any
 
-from iriftrace.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.camera.calibration import Calibration, read_calibration
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import Distortion
+from iriftrace.core.errors import InputError
+from iriftrace.core.units import length_factor
+from iriftrace.plugins.kernels.projection import flip_axes
 
 
 def number(props: Any, name: str, default: float | None = None) -> float:
@@ -75,3 +83,126 @@ def choice(props: Any, name: str, allowed: tuple[str, ...]) -> str:
             f"{', '.join(allowed)}."
         )
     return str(value)
+
+
+# MERGE plugins.camera_properties: What the properties of a ``calibrated_camera`` say: numbers one
+
+_UNPLACED = flip_axes(np.eye(4))
+"""Mitsuba's pose of what has no ``to_world``."""
+
+_SAID_BY_A_CALIBRATION = (
+    "focal_length",
+    "sensor_width",
+    "sensor_height",
+    "principal_point_x",
+    "principal_point_y",
+    *(f"k{order}" for order in range(1, 7)),
+    "p1",
+    "p2",
+)
+
+
+def camera_of(props: Any, resolution: tuple[int, int]) -> Camera:
+    """The camera that plugin properties describe, at its full resolution.
+
+    Parameters
+    ----------
+    props : mi.Properties
+    resolution : (2,) int, px
+        Of the film.
+
+    Raises
+    ------
+    InputError
+        A property is missing or wrong, the calibration cannot be read, is of another resolution
+        than the film, or says what a property says too.
+    """
+    focus = (
+        number(props, "focus_near", 0.0),
+        number(props, "focus_far") if "focus_far" in props else math.inf,
+    )
+    if "calibration" in props:
+        return _calibrated(props, resolution, focus)
+    for name in ("pixel_size", "length_unit"):
+        if name in props:
+            raise InputError(
+                f'"{name}" belongs to a calibration, and there is none; add <string '
+                'name="calibration" value="camera.yaml"/> or leave it out.'
+            )
+    pose = _pose(props)
+    return Camera(
+        focal_length_mm=number(props, "focal_length"),
+        sensor_mm=(number(props, "sensor_width"), number(props, "sensor_height")),
+        resolution=resolution,
+        principal_point_px=(
+            number(props, "principal_point_x", resolution[0] / 2),
+            number(props, "principal_point_y", resolution[1] / 2),
+        ),
+        focus_mm=focus,
+        matrix=_UNPLACED if pose is None else pose,
+        distortion=Distortion(
+            k1=number(props, "k1", 0.0),
+            k2=number(props, "k2", 0.0),
+            p1=number(props, "p1", 0.0),
+            p2=number(props, "p2", 0.0),
+            k3=number(props, "k3", 0.0),
+            k4=number(props, "k4", 0.0),
+            k5=number(props, "k5", 0.0),
+            k6=number(props, "k6", 0.0),
+        ),
+    )
+
+
+def _pose(props: Any) -> NDArray[np.float64] | None:
+    """Camera to world, (4, 4) array, mm, where the properties have one."""
+    return flip_axes(props["to_world"].matrix) if "to_world" in props else None
+
+
+def _calibrated(props: Any, resolution: tuple[int, int], focus: tuple[float, float]) -> Camera:
+    for name in _SAID_BY_A_CALIBRATION:
+        if name in props:
+            raise InputError(f'"calibration" says "{name}" too; leave one of them out.')
+    path = file_beside(props, "calibration", "camera.yaml")
+    if path.is_dir():
+        raise InputError(
+            f'"calibration" names the folder {path}; name the file that OpenCV wrote, such as '
+            "camera.yaml."
+        )
+    unit = length_factor(word(props, "length_unit", "mm"))
+    calibration = read_calibration(path, length_mm=unit)
+    if calibration.resolution != resolution:
+        width, height = calibration.resolution
+        raise InputError(
+            f"The calibration {path} is of pictures of {width} x {height} pixels, but the film has "
+            f'{resolution[0]} x {resolution[1]}; write <integer name="width" value="{width}"/> and '
+            f'<integer name="height" value="{height}"/> into the film, and "scale" for fewer.'
+        )
+    if "pixel_size" not in props:
+        raise InputError(
+            f'{path} knows lengths in pixels only; write <float name="pixel_size" value="0.00274"/>'
+            ", the width of a pixel in mm (no ray depends on it, only the focal length and the "
+            "sensor's size that results state)."
+        )
+    return calibration.camera(
+        pixel_size_mm=number(props, "pixel_size"),
+        focus_mm=focus,
+        matrix=_calibrated_pose(props, calibration, path),
+    )
+
+
+def _calibrated_pose(props: Any, calibration: Calibration, path: Path) -> NDArray[np.float64]:
+    """Camera to world, (4, 4) array, mm: that of the scene, or else that of the calibration."""
+    own = _pose(props)
+    if "length_unit" in props and (own is not None or calibration.matrix is None):
+        raise InputError(
+            f'"length_unit" is that of the pose in {path}, which is not used; leave it out.'
+        )
+    pose = calibration.matrix if own is None else own
+    if pose is None:
+        views = calibration.views
+        has = f"{views} views of a calibration board, which are none" if views else "none"
+        raise InputError(
+            f'The camera needs a pose, and {path} has {has}; add <transform name="to_world"> with '
+            "<lookat> to the sensor."
+        )
+    return pose

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from iriftrace.camera import Camera
-from iriftrace.errors import InputError
-
-from .projection import Projection, flip_axes
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import InputError
+from iriftrace.plugins.kernels.projection import Projection, flip_axes
 
 
 class StockSensor:

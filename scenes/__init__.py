@@ -19,7 +19,7 @@ def folder_of(name: str) -> Path:
     InputError
         If there is no scene of this name.
     """
-    from iriftrace.errors import InputError
+    from iriftrace.core.errors import InputError
 
     if name not in names():
         raise InputError(f"There is no bundled scene '{name}'; there are {', '.join(names())}.")

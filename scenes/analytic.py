@@ -10,11 +10,11 @@ import trimesh
 from attrs import evolve
 from numpy.typing import NDArray
 
-from iriftrace.air import Air
-from iriftrace.part import Part, part_of_mesh
-from iriftrace.shell_levels import index_levels
-from iriftrace.shell_stack import Shell, ShellStack
-from iriftrace.steepness import radial_steepness
+from iriftrace.air.refractivity import Air
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.shells.hessian import radial_steepness
+from iriftrace.shells.levels import index_levels
+from iriftrace.shells.stack import Shell, ShellStack
 
 FloatArray = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ def slab(
     size_mm : float, mm
         Side of plate and shells.
     rule : str
-        Of :func:`iriftrace.shell_levels.index_levels`.
+        Of :func:`iriftrace.shells.levels.index_levels`.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def concentric_cylinders(
     length_mm : float, mm
         Length of part and shells.
     rule : str
-        Of :func:`iriftrace.shell_levels.index_levels`.
+        Of :func:`iriftrace.shells.levels.index_levels`.
 
     Returns
     -------

@@ -12,15 +12,16 @@ from pathlib import Path
 
 from attrs import evolve
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.field import read_field
-from iriftrace.part import read_part
-from iriftrace.scene import write_scene
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.field.read import read_field
+from iriftrace.part.part import read_part
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.scenes.components import COMPONENTS, write_component, write_tooth
-from iriftrace.shell_report import report_shells
-from iriftrace.shells import contour_shells
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.report import report_shells
 
 FIELD = "field.vtu"
 FIELD_ORIGIN = "OpenFOAM, coarse solution"

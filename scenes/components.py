@@ -12,20 +12,20 @@ from pathlib import Path
 import numpy as np
 from attrs import evolve, frozen
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.field import read_field
-from iriftrace.part import Part, save_part
-from iriftrace.parts.bevel_gear import TOOTH, bevel_gear
-from iriftrace.parts.cylinder import hybrid_cylinder
-from iriftrace.parts.wishbone import wishbone
-from iriftrace.scene import SHELLS_FOLDER, write_scene
-from iriftrace.scene_xml import PART_FILE, scene_xml, shell_shapes
-from iriftrace.shell_decimation import decimate
-from iriftrace.shell_io import load_shells
-from iriftrace.shell_report import report_shells
-from iriftrace.shell_stack import ShellStack
-from iriftrace.shells import contour_shells
-from iriftrace.whole_file import whole_file
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.files import whole_file
+from iriftrace.field.read import read_field
+from iriftrace.part.part import Part, save_part
+from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
+from iriftrace.part.shapes.cylinder import hybrid_cylinder
+from iriftrace.part.shapes.wishbone import wishbone
+from iriftrace.scene.write import PART_FILE, SHELLS_FOLDER, scene_xml, shell_shapes, write_scene
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.decimate import decimate
+from iriftrace.shells.files import load_shells
+from iriftrace.shells.report import report_shells
+from iriftrace.shells.stack import ShellStack
 
 LAYERS = 13
 SCALE = 0.25

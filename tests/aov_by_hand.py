@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from iriftrace.camera import Camera
-from iriftrace.channels import CHANNELS
-from iriftrace.exr import SCHEMA, AovImage
-from iriftrace.part import Part
-from iriftrace.regions import Regions
-from iriftrace.status import Status
+from iriftrace.camera.camera import Camera
+from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, Status
+from iriftrace.part.part import Part
+from iriftrace.part.regions import Regions
 
 FloatArray = NDArray[np.float64]
 

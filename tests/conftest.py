@@ -16,8 +16,8 @@ os.environ.pop("IRIFTRACE_VARIANT", None)
 import hypothesis
 import pytest
 
-from iriftrace import runtime
-from iriftrace.errors import IriftraceError
+from iriftrace.core.errors import IriftraceError
+from iriftrace.runtime import variant as runtime
 
 SYSTEM_TESTS = Path(__file__).parent / "system"
 CUDA = runtime.cuda_state()

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from iriftrace.plugins.aligned import aligned
-from iriftrace.plugins.curved_path import curved_hits
-from iriftrace.plugins.ray_query import straight_hits
-from iriftrace.plugins.tetrahedral_air import Entrance, Passage
+from iriftrace.plugins.kernels.curve import curved_hits
+from iriftrace.plugins.kernels.queries import straight_hits
+from iriftrace.plugins.kernels.tables import aligned
+from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
 from tests.small_scenes import scene
 
 Field = Callable[[Any], tuple[Any, Any]]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import trimesh
 
-from iriftrace.part import Part, part_of_mesh
-from iriftrace.regions import Regions
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.part.regions import Regions
 
 
 def part_from(mesh: trimesh.Trimesh, regions: Regions | None = None) -> Part:

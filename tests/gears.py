@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from iriftrace.part import Part, part_of_mesh
+from iriftrace.part.part import Part, part_of_mesh
 
 
 def gear(teeth: int = 6, outer: float = 12.0, inner: float = 8.0, width: float = 8.0) -> Part:

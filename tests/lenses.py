@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.distortion import Distortion
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import Distortion
+from iriftrace.camera.pose import look_at
 
 LENSES = {
     "barrel": Distortion.of_sequence((-0.25, 0.1, 1e-3, -2e-3, -0.02)),

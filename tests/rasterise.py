@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from iriftrace.camera import Camera
-from iriftrace.part import Part
+from iriftrace.camera.camera import Camera
+from iriftrace.part.part import Part
 
 FloatArray = NDArray[np.float64]
 

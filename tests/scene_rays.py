@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.part import Part
-from iriftrace.scene import LoadedScene, load_scene, write_scene
-from iriftrace.shell_stack import ShellStack
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.part.part import Part
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.shells.stack import ShellStack
 
 ANY_CAMERA = Camera(
     focal_length_mm=10.0,

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pyvista as pv
 
-from iriftrace.air import Air
-from iriftrace.field import FieldSource, IndexField
+from iriftrace.air.refractivity import Air
+from iriftrace.field.index_field import FieldSource, IndexField
 
 AIR = Air()
 AMBIENT = AIR.ambient_refractivity

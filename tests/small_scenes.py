@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.channels import CHANNELS
-from iriftrace.shell_io import write_ply
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.image.aov_image import CHANNELS
+from iriftrace.shells.files import write_ply
 
 AMBIENT, HOT = 1.000272, 1.000172
 

@@ -7,10 +7,12 @@ from typing import Any
 
 import hot_block
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.field import IndexField, read_field
-from iriftrace.part import read_part
-from iriftrace.studies.pictures import View
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.part.part import read_part
+from iriftrace.studies.picture import View
 
 SOURCE: dict[str, Any] = {"version": "tests", "variant": "llvm_ad_mono"}
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from iriftrace.planning import rank_poses
-from iriftrace.sweep_summary import SweepSummary, summarise
+from iriftrace.planning.rank import rank_poses
+from iriftrace.planning.summary import SweepSummary, summarise
 
 METRIC_VARIABLES = [
     *(f"displacement_{statistic}" for statistic in ("mean", "median", "p95")),

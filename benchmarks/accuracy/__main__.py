@@ -8,7 +8,7 @@ from pathlib import Path
 
 from benchmarks.accuracy.page import write_page
 from benchmarks.accuracy.sections import SECTIONS
-from iriftrace.runtime import ensure
+from iriftrace.runtime.variant import ensure
 
 PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
 

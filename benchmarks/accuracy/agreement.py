@@ -20,10 +20,10 @@ from benchmarks.engines import (
     in_tetrahedra,
     load_all,
 )
-from iriftrace.field import read_field
-from iriftrace.part import read_part
-from iriftrace.render import render_scene
+from iriftrace.field.read import read_field
+from iriftrace.part.part import read_part
 from iriftrace.scenes import folder_of
+from iriftrace.trace.render import render_scene
 
 FIELD = Path(__file__).parents[2] / "tests" / "data" / "cylinder_A.vtu"
 PICTURE = "engines.png"

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from benchmarks.accuracy.line import Line, Section
-from iriftrace.air import Air
-from iriftrace.field import read_field
-from iriftrace.part import read_part
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.air.refractivity import Air
+from iriftrace.field.read import read_field
+from iriftrace.part.part import read_part
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells import contour_shells
+from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.render import render_scene
 
 AIRS = {
     "450 nm": Air(wavelength_nm=450),

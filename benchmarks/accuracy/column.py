@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from benchmarks.accuracy.exact_shells import ANY_CAMERA
 from benchmarks.accuracy.line import Line, Section, relative
-from iriftrace.air import Air
-from iriftrace.part import part_of_mesh
-from iriftrace.render import trace_rays
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.air.refractivity import Air
+from iriftrace.part.part import part_of_mesh
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import tube
-from iriftrace.shell_levels import index_levels
-from iriftrace.shell_stack import Shell, ShellStack
-from iriftrace.steepness import radial_steepness
+from iriftrace.shells.hessian import radial_steepness
+from iriftrace.shells.levels import index_levels
+from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.trace.render import trace_rays
 
 FloatArray = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from benchmarks.accuracy.exact_shells import CYLINDER_UM, SLAB_SHIFT_UM, RoundAir
-from iriftrace.continuous_field import cells_of
-from iriftrace.plugins.tetrahedral_air import TetrahedralAir
+from iriftrace.field.path_data import cells_of
+from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
 from tests.continuous_media import Ends, SmoothMedium, follow
 from tests.shell_fields import field_of

@@ -13,7 +13,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.plugins.nystrom import nystrom_step
+from iriftrace.plugins.kernels.curve import nystrom_step
 
 FloatArray = NDArray[np.float64]
 Medium = Callable[[Any, Any, Any], tuple[Any, tuple[Any, Any, Any]]]

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from benchmarks.accuracy.curves import draw_convergence
 from benchmarks.accuracy.line import Line, Section, relative
-from iriftrace.air import Air
-from iriftrace.camera import Camera, look_at
+from iriftrace.air.refractivity import Air
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
 from iriftrace.plugins.first_hit import BENDING
-from iriftrace.render import RayHits, trace_rays
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, concentric_cylinders, slab
+from iriftrace.trace.render import RayHits, trace_rays
 
 FloatArray = NDArray[np.float64]
 

@@ -21,15 +21,16 @@ from benchmarks.accuracy.agreement import (
 from benchmarks.accuracy.line import Line, Section
 from benchmarks.engines import LAYERS, NORMALS, VIEWS, Key, camera_at, differences
 from benchmarks.solved_fields import SOLVED
-from iriftrace.exr import AovImage
-from iriftrace.field import read_field
-from iriftrace.index_field import IndexField
-from iriftrace.part import Part, read_part
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.image.aov_image import AovImage
+from iriftrace.part.part import Part, read_part
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.components import COMPONENTS
-from iriftrace.shells import contour_shells
+from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.render import render_scene
 
 Position = tuple[float, float, float]
 

@@ -9,16 +9,16 @@ from attrs import evolve
 
 from benchmarks.accuracy.exact_shells import CYLINDER_UM, cylinder_hits
 from benchmarks.accuracy.line import Line, Section
-from iriftrace.field import read_field
-from iriftrace.part import read_part
-from iriftrace.runtime import ensure
-from iriftrace.scene import load_scene
+from iriftrace.field.read import read_field
+from iriftrace.image.differences import Hits
+from iriftrace.part.part import read_part
+from iriftrace.runtime.variant import ensure
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shell_levels import RULES
-from iriftrace.shells import contour_shells
-from iriftrace.studies.differences import Hits
-from iriftrace.studies.mode import OURS
-from iriftrace.studies.pictures import View, picture_of_shells
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.levels import RULES
+from iriftrace.studies.modes import OURS
+from iriftrace.studies.picture import View, picture_of_shells
 
 USUAL, FINEST = 13, 80
 TRIMMED = 0.001

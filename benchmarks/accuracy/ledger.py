@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from benchmarks.accuracy.line import Line, Section
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene
+from iriftrace.image.aov_image import Status
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of, names
-from iriftrace.status import Status
+from iriftrace.trace.render import render_scene
 
 MOST_MISCOUNTED_PERCENT = 0.01
 

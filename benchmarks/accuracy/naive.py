@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.accuracy.line import Line, Section
-from iriftrace.camera import Camera
-from iriftrace.render import trace_rays
-from iriftrace.scene import LoadedScene, load_scene
+from iriftrace.camera.camera import Camera
+from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.trace.render import trace_rays
 
 MOST_CROSSINGS = 100
 
@@ -49,7 +49,7 @@ def naive_hits(scene: LoadedScene, rays: Any) -> tuple[NDArray[np.float64], NDAr
 def _lines(folder: Path) -> list[Line]:
     import mitsuba as mi
 
-    from iriftrace.plugins.aligned import aligned
+    from iriftrace.plugins.kernels.tables import aligned
 
     scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25})
     camera: Camera = scene.camera

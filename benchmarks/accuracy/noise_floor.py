@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.accuracy.line import Line, Section
-from iriftrace.errors import IriftraceWarning
-from iriftrace.render import render_scene, trace_rays
-from iriftrace.scene import LoadedScene, load_scene
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.image.aov_image import Status
+from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.status import Status
+from iriftrace.trace.render import render_scene, trace_rays
 from tests.numpy_tracer import NumpyTracer
 
 ORACLE_RAYS = 600

@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.accuracy.line import Line, Section
-from iriftrace.runtime import ensure
+from iriftrace.runtime.variant import ensure
 
 INTRODUCTION = """# Accuracy
 

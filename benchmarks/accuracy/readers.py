@@ -14,19 +14,21 @@ from benchmarks.accuracy.line import Line, Section
 from benchmarks.field_files import comsol
 from benchmarks.field_files.openfoam import write_case
 from benchmarks.field_files.openfoam_mesh import Patch
-from iriftrace.camera import Camera, look_at
-from iriftrace.continuous_cells import tetrahedra_of
-from iriftrace.errors import IriftraceWarning
-from iriftrace.exr import AovImage
-from iriftrace.field import IndexField, read_field
-from iriftrace.part import read_part
-from iriftrace.plugins.layer_turn import telescoping
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.part.part import read_part
+from iriftrace.plugins.kernels.layers import telescoping
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells import contour_shells
-from iriftrace.status import Status
-from iriftrace.units import ZERO_CELSIUS_K
+from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.render import render_scene
 
 FloatArray = NDArray[np.float64]
 

@@ -12,19 +12,21 @@ from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from benchmarks.accuracy.line import Line, Section
-from iriftrace.camera import Camera, look_at
-from iriftrace.field import IndexField, read_field
-from iriftrace.part import read_part
-from iriftrace.runtime import ensure
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.geometry.topology import polydata
+from iriftrace.image.aov_image import Status
+from iriftrace.image.differences import Differences, Hits, compare, hits_of, own_size
+from iriftrace.part.part import read_part
+from iriftrace.runtime.variant import ensure
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
-from iriftrace.shell_mesh import polydata
-from iriftrace.shell_stack import ShellStack
-from iriftrace.shells import contour_shells
-from iriftrace.status import Status
-from iriftrace.studies.differences import Differences, Hits, compare, hits_of, own_size
-from iriftrace.studies.mode import Mode
-from iriftrace.studies.pictures import View, loaded_field, loaded_shells, rendered
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.stack import ShellStack
+from iriftrace.studies.modes import Mode
+from iriftrace.studies.picture import View, loaded_field, loaded_shells, rendered
 
 LAYERS = (40, 80)
 NORMALS = ("gradient", "facet")

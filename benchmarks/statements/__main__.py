@@ -10,8 +10,8 @@ from benchmarks.statements import gear, hybrid, wishbone
 from benchmarks.statements.orbit import sweep_around
 from benchmarks.statements.page import Section, page_text, picture_name, write
 from benchmarks.statements.picture import draw_best_pose, draw_faces
-from iriftrace.parts.bevel_gear import TOOTH
-from iriftrace.runtime import ensure
+from iriftrace.part.shapes.bevel_gear import TOOTH
+from iriftrace.runtime.variant import ensure
 from iriftrace.scenes.components import TOOTH_NUMBER, TOOTH_SCENE
 
 PAGE = Path(__file__).parents[2] / "docs" / "parts.md"

@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.statements.finding import Finding, verdict
 from benchmarks.statements.orbit import BoolArray, FloatArray, Swept
-from iriftrace.parts.bevel_gear import TOOTH, bevel_gear
-from iriftrace.planning import rank_poses
+from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
+from iriftrace.planning.rank import rank_poses
 from iriftrace.scenes.components import TOOTH_NUMBER, tooth_centre
 
 STEEP_DEG, OBLIQUE_DEG = 30.0, 60.0

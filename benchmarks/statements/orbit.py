@@ -10,11 +10,11 @@ import xarray as xr
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.orbit import Orbit, orbit_poses, semi_axes
-from iriftrace.part import Part
-from iriftrace.scene import load_scene
+from iriftrace.camera.orbit import Orbit, orbit_poses, semi_axes
+from iriftrace.part.part import Part
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.sweep import run_sweep
+from iriftrace.sweep.sweep import run_sweep
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

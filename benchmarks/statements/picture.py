@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.image import imread, imsave
 
 from benchmarks.statements.orbit import Swept
-from iriftrace.figures import displacement_figure
-from iriftrace.planning import rank_poses
-from iriftrace.sweep_face_figure import sweep_face_figure
-from iriftrace.sweep_faces import FaceMap
-from iriftrace.sweep_summary import summarise
-from iriftrace.swept_scene import load_swept_scene
+from iriftrace.figures.pose import displacement_figure
+from iriftrace.figures.sweep_space import sweep_face_figure
+from iriftrace.planning.rank import rank_poses
+from iriftrace.planning.summary import summarise
+from iriftrace.sweep.faces import FaceMap
+from iriftrace.sweep.reload import load_swept_scene
 
 _PERCENTILES = (2.0, 98.0)
 

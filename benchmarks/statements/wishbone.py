@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.statements.finding import Finding, verdict
 from benchmarks.statements.orbit import FloatArray, Swept
-from iriftrace.part import Part
-from iriftrace.topology import find_neighbours, weld
+from iriftrace.geometry.topology import find_neighbours, weld
+from iriftrace.part.part import Part
 
 AXIAL_DEG = 20.0
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 
-from iriftrace.cli.interrupts import exit_status, ignore, noticed, raise_if_noticed, watching
+from iriftrace.cli.console import exit_status, ignore, noticed, raise_if_noticed, watching
 
 NOTHING_KEPT = "nothing half written was left behind"
 

@@ -2,13 +2,142 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import _thread
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
-from iriftrace.cli.interrupts import raise_if_noticed
+# MERGE cli.interrupts: Ctrl-C, which must end the program whatever it is doing: not even an impor
+
+PAUSE_S = 0.02
+
+_watching = threading.Event()
+_noticed = threading.Event()
+_pending = threading.Event()
+_first_signal = [signal.SIGINT]
+
+
+@contextmanager
+def watching() -> Iterator[None]:
+    """Notice every Ctrl-C and SIGTERM inside the block, and raise it where it arrives intact.
+
+    Where Ctrl-C is ignored or somebody else's, as in a thread, nothing changes.
+    """
+    former, former_hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    if (
+        former is not signal.default_int_handler
+        or threading.current_thread() is not threading.main_thread()
+    ):
+        yield
+        return
+
+    def hook(unraisable: Any) -> None:
+        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+            former_hook(unraisable)
+        elif _watching.is_set():
+            # It arrived in a destructor, say, which cannot raise anything.
+            _raise_later()
+
+    _noticed.clear()
+    _watching.set()
+    sys.unraisablehook = hook
+    watched: dict[signal.Signals, Any] = {signal.SIGINT: former}
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        watched[signal.SIGTERM] = signal.SIG_DFL
+    for number in watched:
+        signal.signal(number, _notice)
+    try:
+        yield
+    finally:
+        for number, handler in watched.items():
+            signal.signal(number, handler)
+        sys.unraisablehook = former_hook
+        ignore()
+        _noticed.clear()
+
+
+def ignore() -> None:
+    """Let Ctrl-C do nothing any more, as the program is ending already."""
+    _watching.clear()
+    _pending.clear()
+
+
+def noticed() -> bool:
+    """Whether there was a Ctrl-C: any exception that follows may be what became of it."""
+    return _noticed.is_set()
+
+
+def exit_status() -> int:
+    """What a shell calls the end by the signal that came first: 130 Ctrl-C, 143 SIGTERM."""
+    return 128 + _first_signal[0]
+
+
+def raise_if_noticed() -> None:
+    """Raise again what was swallowed on its way.
+
+    Raises
+    ------
+    KeyboardInterrupt
+    """
+    if noticed():
+        _pending.clear()
+        raise KeyboardInterrupt
+
+
+def _notice(number: int, frame: FrameType | None) -> None:
+    if not _watching.is_set():
+        return
+    if not noticed():
+        _first_signal[0] = signal.Signals(number)
+    _noticed.set()
+    if _importing(frame):
+        # Extension modules that are being imported swallow exceptions, or make others of them.
+        _raise_later()
+        return
+    _pending.clear()
+    raise KeyboardInterrupt
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _raise_later() -> None:
+    _pending.set()
+    _thread.start_new_thread(_send_again, ())
+
+
+def _send_again() -> None:
+    time.sleep(PAUSE_S)
+    if not _pending.is_set():
+        return
+    if sys.platform == "win32":
+        _thread.interrupt_main()
+    else:
+        # Unlike the other, this ends waiting and sleeping too.
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
 
 out = Console(highlight=False)
 notes = Console(stderr=True, highlight=False)
@@ -26,3 +155,69 @@ def working(what: str) -> Iterator[None]:
     with notes.status(f"{what} ..."):
         yield
     raise_if_noticed()
+
+
+# MERGE cli.pose_progress: A bar for work that goes pose by pose, with rate and time left.
+
+
+class Rate(ProgressColumn):
+    """Poses a second."""
+
+    def render(self, task: Task) -> str:
+        """Text of the column."""
+        return "" if task.speed is None else f"{task.speed:.1f} a second"
+
+
+@contextmanager
+def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
+    """Show a bar as soon as there is something to show, and at Ctrl-C say what is kept.
+
+    Parameters
+    ----------
+    output : Path
+        The result; what is finished is kept in a journal beside it.
+    what : str
+        What is counted.
+
+    Yields
+    ------
+    callable
+        To be called with the number of finished ones and of all.
+    """
+    from iriftrace.sweep.journal import journal_of
+
+    columns = (
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+    )
+    bar = Progress(*columns, console=notes)
+    task = bar.add_task(what, total=None)
+
+    kept = ""
+
+    def report(done: int, total: int) -> None:
+        nonlocal kept
+        if done:
+            kept = (
+                f"{done} of {total} {what.lower()} are kept in {journal_of(output)}, "
+                "give the same command again to go on"
+            )
+        raise_if_noticed()
+        if not bar.live.is_started:
+            # What an earlier run has done must not count as speed.
+            bar.reset(task, total=total, completed=done)
+            bar.start()
+        bar.update(task, completed=done)
+
+    try:
+        yield report
+    except BaseException as error:
+        if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
+            raise KeyboardInterrupt(kept) from error
+        raise
+    finally:
+        if bar.live.is_started:
+            bar.stop()

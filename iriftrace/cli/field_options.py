@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
+
+from iriftrace.cli.options import Whole, check_field, numbers, optional_quantity, quantity
+from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from iriftrace.air import Air
-    from iriftrace.field import IndexField
-    from iriftrace.part import Part
+    from iriftrace.air.refractivity import Air
+    from iriftrace.field.index_field import IndexField
+    from iriftrace.field.readers.members import Member
+    from iriftrace.part.part import Part
+    from iriftrace.shells.stack import ShellStack
+
 
 FIELD = Group("Field", sort_key=2)
 
@@ -72,8 +79,8 @@ class FieldOptions:
         Of a file with several states the one with the number `member`, else that of --time; with
         its velocities, if `flow`.
         """
-        from iriftrace.field import read_field
-        from iriftrace.readers.members import member_at
+        from iriftrace.field.read import read_field
+        from iriftrace.field.readers.members import member_at
 
         return read_field(
             path,
@@ -92,7 +99,7 @@ class FieldOptions:
 
     def transform(self) -> NDArray[np.float64] | None:
         """Field to world, (4, 4) array."""
-        from iriftrace.transform import parse_transform
+        from iriftrace.geometry.transform import parse_transform
 
         return None if self.field_transform is None else parse_transform(self.field_transform)
 
@@ -105,3 +112,316 @@ class FieldOptions:
         """What results state about the field."""
         stated = {"time": self.field_time, "symmetry": self.field_symmetry}
         return {key: value for key, value in stated.items() if value is not None}
+
+
+# MERGE cli.air_options: Options about the air around the part.
+
+AIR = Group("Air", sort_key=1)
+
+
+@Parameter(name="*", group=AIR)
+@frozen
+class AirOptions:
+    """The air around the part.
+
+    Parameters
+    ----------
+    wavelength
+        Wavelength of the light.
+    ambient
+        Temperature of the ambient air.
+    pressure
+        Air pressure.
+    humidity
+        Relative humidity, 0 to 1.
+    co2
+        Carbon dioxide in ppm.
+    air_model
+        Formula for the ambient air; hot air is scaled by its density.
+    """
+
+    wavelength: str = "633 nm"
+    ambient: str = "20 degC"
+    pressure: str = "101325 Pa"
+    humidity: float = 0.0
+    co2: float = 450.0
+    air_model: Literal["ciddor", "edlen"] = "ciddor"
+
+    def air(self) -> Air:
+        """The air these options describe."""
+        from iriftrace.air.refractivity import Air
+
+        return Air(
+            wavelength_nm=quantity(self.wavelength, "nm", "--wavelength"),
+            temperature_k=quantity(self.ambient, "kelvin", "--ambient"),
+            pressure_pa=quantity(self.pressure, "pascal", "--pressure"),
+            relative_humidity=self.humidity,
+            co2_ppm=self.co2,
+            model=self.air_model,
+        )
+
+
+# MERGE cli.part_options: Options about the part's file.
+
+PART = Group("Part", sort_key=4)
+
+
+@Parameter(name="*", group=PART)
+@frozen
+class PartOptions:
+    """How to read the part's file.
+
+    Parameters
+    ----------
+    length_unit
+        Unit of the part's coordinates.
+    part_transform
+        Part to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
+    expansion
+        Linear thermal expansion of a part drawn cold, such as "14e-6/K".
+    reference_temperature
+        Temperature at which the part was drawn.
+    hot_temperature
+        Temperature of the hot part; needed with expansion.
+    region_angle
+        Faces that meet at a smaller angle (degrees) belong to one region.
+    """
+
+    length_unit: str = "mm"
+    part_transform: str | None = None
+    expansion: str | None = None
+    reference_temperature: str = "20 degC"
+    hot_temperature: str | None = None
+    region_angle: float = 30.0
+
+    def read(self, path: Path) -> Part:
+        """Read the part."""
+        from iriftrace.geometry.transform import parse_transform
+        from iriftrace.part.part import read_part
+
+        reference = quantity(self.reference_temperature, "kelvin", "--reference-temperature")
+        return read_part(
+            path,
+            length_unit=self.length_unit,
+            transform=None if self.part_transform is None else parse_transform(self.part_transform),
+            expansion=optional_quantity(self.expansion, "1/kelvin", "--expansion"),
+            reference_temperature_k=reference,
+            hot_temperature_k=self.hot_temperature_k(),
+            region_angle_deg=self.region_angle,
+        )
+
+    def hot_temperature_k(self) -> float | None:
+        """Temperature of the hot part, K, where it is known."""
+        return optional_quantity(self.hot_temperature, "kelvin", "--hot-temperature")
+
+
+# MERGE cli.shell_options: Options about how a field becomes shells.
+
+SHELLS = Group("Shells", sort_key=3)
+
+LARGEST_REFRACTIVITY = 0.01
+"""n - 1 of air is far below, a temperature in degC or n itself above."""
+
+
+@Parameter(name="*", group=SHELLS)
+@frozen
+class ShellOptions:
+    """How the field becomes shells.
+
+    Parameters
+    ----------
+    layers
+        Number of shells.
+    index_range
+        End points OUTSIDE:INSIDE of the index steps, as n - 1 (2.718e-4:5.8e-5) or as temperatures
+        ("20 degC:1100 degC"); by default ambient air and the hottest air of the field.
+    levels
+        Own list of n - 1 for the shells, separated by commas, instead of layers and rule.
+    rule
+        Steps of the index and where a shell lies in them: "midpoint" steps are equal; "graded" ones
+        are finer at the wall and in the outer tail, for few shells across a plume;
+        "outer" is of first order, for studies.
+    min_size
+        Pieces of a shell smaller than this are dropped.
+    smooth
+        Taubin smoothing steps; smoothed shells have facet normals, and bend rays there alone.
+    subdivide
+        Times every triangle is split into four.
+    drop_inner
+        Leave out this many of the innermost shells, as Kern et al. (2025) do; for studies.
+    triangles
+        Thin out the shells to about this many triangles in all; by default all are kept.
+    """
+
+    layers: Whole = 13
+    index_range: str | None = None
+    levels: str | None = None
+    rule: Annotated[
+        Literal["midpoint", "graded", "outer"], Parameter(name=["--rule", "--index-rule"])
+    ] = "midpoint"
+    min_size: str = "1 mm"
+    smooth: Whole = 0
+    subdivide: Whole = 0
+    triangles: Whole | None = None
+    drop_inner: Whole = 0
+
+    def build(self, field: IndexField) -> ShellStack:
+        """Contour the field."""
+        from iriftrace.shells.contour import contour_shells
+
+        levels = None
+        if self.levels is not None:
+            count = self.levels.count(",") + 1
+            levels = numbers(self.levels, count, "--levels")
+        stack = contour_shells(
+            field,
+            self.layers,
+            index_range=self._range(field.air),
+            levels=levels,
+            rule=self.rule,
+            min_size_mm=self.min_size_mm(),
+        )
+        return self.edited(stack, self.layers if levels is None else len(levels))
+
+    def notes(self) -> dict[str, str]:
+        """What is to be known of the shells, beside what the field's options say."""
+        if not self.drop_inner:
+            return {}
+        return {"shells": f"the {self.drop_inner} innermost left out"}
+
+    def min_size_mm(self) -> float:
+        """Size below which pieces are dropped, mm."""
+        return quantity(self.min_size, "mm", "--min-size")
+
+    def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
+        """Drop inner shells, smooth, subdivide and thin out as asked."""
+        from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint, without_inner
+
+        if self.drop_inner:
+            stack = without_inner(stack, self.drop_inner, levels)
+        if self.smooth:
+            stack = smooth_taubin(stack, self.smooth)
+        if self.subdivide:
+            stack = subdivide_midpoint(stack, self.subdivide)
+        if self.triangles is not None:
+            from iriftrace.shells.decimate import decimate
+
+            stack = decimate(stack, self.triangles)
+        return stack
+
+    def _range(self, air: Air) -> tuple[float, float] | None:
+        if self.index_range is None:
+            return None
+        ends = self.index_range.split(":")
+        if len(ends) != 2:
+            raise InputError(
+                f'--index-range is "{self.index_range}"; give OUTSIDE:INSIDE, as n - 1 or as '
+                "temperatures with unit."
+            )
+        outside, inside = (_refractivity(end, air) for end in ends)
+        return outside, inside
+
+
+def _refractivity(end: str, air: Air) -> float:
+    """One end of --index-range: a bare number is n - 1, anything else a temperature."""
+    try:
+        value = float(end)
+    except ValueError:
+        return float(air.refractivity(quantity(end, "kelvin", "--index-range")))
+    if not 0.0 <= value < LARGEST_REFRACTIVITY:
+        raise InputError(
+            f'--index-range has the end "{end}", which is no n - 1 of air (5.8e-5 at 1100 degC, '
+            '2.718e-4 in the room); a temperature needs its unit, such as "20 degC".'
+        )
+    return value
+
+
+# MERGE cli.given_fields: Which fields the user gives: states of files, one by one or as an ensemb
+
+EVERY_TIME = "all"
+"""With this --time every state of a file is a member."""
+
+
+@frozen
+class GivenField:
+    """One state of one file.
+
+    Attributes
+    ----------
+    path : Path
+    member : int or None
+        Number of the state; None for iso-surfaces, which are read as a whole.
+    label : str
+    time : float or None
+    chosen : bool
+        Whether --time named it; else whoever reads the file says which of several states it is.
+    """
+
+    path: Path
+    member: int | None
+    label: str
+    time: float | None
+    chosen: bool = False
+
+    @property
+    def member_asked_for(self) -> int | None:
+        """The number, if the user asked for this state."""
+        return self.member if self.chosen else None
+
+
+def members_given(paths: Sequence[Path], field_options: FieldOptions) -> list[GivenField]:
+    """Every state of every file, or those that --time chooses; of OpenFOAM cases the latest.
+
+    Raises
+    ------
+    InputError
+        A file is given twice, does not exist, or iso-surfaces are to make an ensemble.
+    """
+    files = [path.resolve() for path in paths]
+    twice = [path for path in paths if files.count(path.resolve()) > 1]
+    if twice:
+        raise InputError(f"{twice[0]} is given twice, so it would count twice; remove one.")
+    if field_options.isosurfaces:
+        if len(paths) > 1:
+            raise InputError(
+                "An ensemble is made of volume fields, from which the shells of all members are "
+                "cut in the same way; leave out --isosurfaces or --member."
+            )
+        return [GivenField(paths[0], None, paths[0].name, None)]
+    check_field(*paths)
+    given = []
+    for path in paths:
+        for state in _states(path, field_options.time):
+            name = path.name if len(paths) > 1 or not state.label else ""
+            label = ", ".join(text for text in (name, state.label) if text)
+            chosen = field_options.time is not None
+            given.append(GivenField(path, state.index, label, state.time, chosen))
+    return given
+
+
+def _states(path: Path, when: str | None) -> tuple[Member, ...]:
+    """The states of a file that --time means."""
+    from iriftrace.field.readers.members import kind_of, listed, member_at, members
+
+    if when is None and kind_of(path) == "openfoam":
+        # A case that was run to its steady state keeps the times before it, too.
+        when = "latest"
+    if when is None or when.strip() == EVERY_TIME:
+        return members(path)
+    if ":" not in when:
+        return (member_at(path, when),)
+    begin, end = _span(when)
+    found = tuple(m for m in members(path) if m.time is not None and begin <= m.time <= end)
+    if not found:
+        raise InputError(
+            f"{path} has no time from {begin:g} to {end:g}; it has {listed(members(path))}."
+        )
+    return found
+
+
+def _span(when: str) -> list[float]:
+    """First and last time of --time FIRST:LAST."""
+    span = numbers(when, 2, "--time", ":")
+    if not span[0] <= span[1]:
+        raise InputError(f'--time is "{when}", but a span goes from an earlier to a later time.')
+    return span

@@ -9,15 +9,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from iriftrace.resolution import FRONTAL, seen_frontally
-from iriftrace.status import Status
-from iriftrace.units import ZERO_CELSIUS_K
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.image.aov_image import Status
+from iriftrace.image.resolution import FRONTAL, seen_frontally
 
 if TYPE_CHECKING:
-    from iriftrace.camera import Camera
-    from iriftrace.fit import Fit
-    from iriftrace.shell_report import ShellReport
-    from iriftrace.shell_stack import ShellStack
+    from iriftrace.camera.camera import Camera
+    from iriftrace.field.part_fit import Fit
+    from iriftrace.shells.report import ShellReport
+    from iriftrace.shells.stack import ShellStack
+
 
 MEANING = {
     Status.GOOD: "good",

@@ -7,14 +7,38 @@ from importlib.metadata import version
 
 from cyclopts import App, CycloptsError
 
-from iriftrace.cli.checks import sentence
-from iriftrace.cli.commands_by_name import add_command
-from iriftrace.cli.console import notes, out, show_warning
-from iriftrace.cli.field_commands import scene, shells
-from iriftrace.cli.interrupts import raise_if_noticed
-from iriftrace.cli.options import with_negative_values
-from iriftrace.cli.render_commands import demo, metrics, render
-from iriftrace.errors import InputError, IriftraceError, IriftraceWarning
+from iriftrace.cli.console import notes, out, raise_if_noticed, show_warning
+from iriftrace.cli.options import sentence, with_negative_values
+from iriftrace.cli.render import demo, metrics, render
+from iriftrace.cli.scene import scene, shells
+from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning
+
+# MERGE cli.commands_by_name: Commands that are imported when they are called, so that the program
+
+
+def add_command(app: App, program: str, module: str, name: str, what: str, arguments: str) -> None:
+    """Register a command by name.
+
+    Parameters
+    ----------
+    app
+        Gets the command.
+    program
+        What a user types before the command's name, for the example.
+    module, name
+        Module in ``iriftrace.cli``; function in it and command.
+    what
+        What it does, one sentence.
+    arguments
+        An example of what is typed after the name.
+    """
+    example = " ".join((program, name, arguments)).rstrip()
+    app.command(
+        f"iriftrace.cli.{module}:{name}",
+        name=name,
+        help=f"{what}\n\nExample: ``{example}``",
+    )
+
 
 app = App(
     name="iriftrace",
@@ -52,7 +76,7 @@ def doctor() -> int:
 
     Example: ``iriftrace doctor``
     """
-    from iriftrace.doctor import diagnose
+    from iriftrace.runtime.doctor import diagnose
 
     diagnosis = diagnose()
     colours = {"ok": "green", "warn": "yellow", "error": "red"}
@@ -73,48 +97,48 @@ for _command in (shells, scene, render, metrics, demo):
 
 # Commands of commands.
 app.command(
-    "iriftrace.cli.study_commands:study",
+    "iriftrace.cli.study:study",
     name="study",
     help="Vary one thing (rays, polygons, layers, smoothing, mesh) and draw what it does.",
 )
 app.command(
-    "iriftrace.cli.field_app:field",
+    "iriftrace.cli.field:field",
     name="field",
     help="Make a temperature field for a part, or check one.",
 )
 app.command(
-    "iriftrace.cli.part_commands:part",
+    "iriftrace.cli.part:part",
     name="part",
     help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone.",
 )
 
 for _by_name in (
     (
-        "sweep_commands",
+        "sweep",
         "sweep",
         "Render a scene from many poses into one netCDF file; resumes when interrupted.",
         "scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19",
     ),
     (
-        "plan_commands",
+        "plan",
         "plan",
         "Rank the poses of a sweep by the combined metric and print the best one.",
         "sweep.nc --statistic median --region lateral",
     ),
     (
-        "plot_commands",
+        "plot",
         "plot",
         "Draw a sweep (.nc) or one pose (.exr): maps, poses in space, histograms, Pareto front.",
         "sweep.nc -o figures",
     ),
     (
-        "report_commands",
+        "plot",
         "report",
         "Write what a sweep found out as one HTML page that needs neither Python nor a network.",
         "sweep.nc -o report.html",
     ),
     (
-        "compare_commands",
+        "compare",
         "compare",
         "Compare measured pixel shifts with a rendering: bias, residual, motion of the camera.",
         "out.exr markers.csv",

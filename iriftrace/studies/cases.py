@@ -7,14 +7,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from iriftrace.errors import InputError
-from iriftrace.face_sightings import NOTHING_SEEN
-from iriftrace.sweep_journal import Journal, journal_of, remove_leftovers, sole_writer
-from iriftrace.sweep_pose import PoseResult, fingerprint
-from iriftrace.whole_file import whole_file
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.image.sightings import NOTHING_SEEN
+from iriftrace.sweep.journal import Journal, journal_of, remove_leftovers, sole_writer
+from iriftrace.sweep.pose import PoseResult, fingerprint
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 SCHEMA = "iriftrace.study/1"
 
@@ -31,7 +32,7 @@ def run_cases(
 ) -> xr.Dataset:
     """Measure every case and write the study's netCDF file.
 
-    Finished cases go into the journal of a sweep (:mod:`iriftrace.sweep_journal`), a case being a
+    Finished cases go into the journal of a sweep (:mod:`iriftrace.sweep.journal`), a case being a
     pose of it: the same call goes on where an earlier one was interrupted or killed.
 
     Parameters

@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.render import render_scene, trace_rays
-from iriftrace.scene import load_scene
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.trace.render import render_scene, trace_rays
 
 
 @pytest.mark.parametrize("origin", [(310.0, 0.0, 0.0), (0.0, -238.0, 0.0), (0.0, 0.0, -238.0)])

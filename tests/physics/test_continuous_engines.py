@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 
 from benchmarks.engines import in_tetrahedra
-from iriftrace.camera import Camera, look_at
-from iriftrace.exr import AovImage
-from iriftrace.field import IndexField, read_field
-from iriftrace.part import read_part
-from iriftrace.render import render_scene
-from iriftrace.scene import LoadedScene, load_scene, write_scene
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.part.part import read_part
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells import contour_shells
-from iriftrace.status import Status
+from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.render import render_scene
 
 FIELD = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
 CAMERA = Camera(

@@ -17,8 +17,8 @@ import pyvista as pv
 import trimesh
 from scipy.spatial import Delaunay
 
-from iriftrace.continuous_field import cells_of
-from iriftrace.plugins.tetrahedral_air import TetrahedralAir
+from iriftrace.field.path_data import cells_of
+from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from tests.continuous_media import Ends, follow
 from tests.shell_fields import field_of, hexahedra
 from tests.small_scenes import part

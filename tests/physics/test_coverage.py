@@ -13,13 +13,14 @@ from attrs import evolve
 from numpy.typing import NDArray
 from rasterise import rasterise
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.coverage import seen_areas
-from iriftrace.errors import IriftraceWarning
-from iriftrace.exr import AovImage
-from iriftrace.metrics import pose_metrics
-from iriftrace.part import Part, read_part
-from iriftrace.regions import Regions
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.image.aov_image import AovImage
+from iriftrace.image.coverage import seen_areas
+from iriftrace.image.metrics import pose_metrics
+from iriftrace.part.part import Part, read_part
+from iriftrace.part.regions import Regions
 
 FloatArray = NDArray[np.float64]
 CYLINDER = Path(__file__).parents[2] / "scenes" / "cylinder" / "part.ply"

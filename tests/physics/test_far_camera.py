@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from iriftrace.render import trace_rays
 from iriftrace.scenes.analytic import slab
+from iriftrace.trace.render import trace_rays
 from tests.scene_rays import loaded
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from iriftrace.field import IndexField, read_field
-from iriftrace.field_cells import point_gradient
+from iriftrace.field.gradient import point_gradient
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
 
 TREE = Path(__file__).parents[2]
 RAYS, STEPS = 400, 2000

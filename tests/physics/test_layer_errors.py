@@ -10,8 +10,9 @@ import pytest
 from benchmarks.engines import camera_at
 from benchmarks.layer_errors import OUTSIDE, TURNING, found_from
 from benchmarks.solved_fields import SOLVED
-from iriftrace.scene import load_scene, write_scene
-from iriftrace.shells import contour_shells
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.shells.contour import contour_shells
 
 FROM_ABOVE = (60.0, -190.0, 110.0)
 

@@ -11,14 +11,15 @@ from aov_by_hand import make_image, make_part, plate
 from attrs import evolve
 from shell_fields import sphere_field
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.distortion import Distortion
-from iriftrace.metrics import pose_metrics
-from iriftrace.nearest import nearest_in_space
-from iriftrace.resolution import pixel_grid
-from iriftrace.scene import load_scene, write_scene
-from iriftrace.shell_edit import trim_to_frustum
-from iriftrace.shells import contour_shells
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import Distortion
+from iriftrace.camera.pose import look_at
+from iriftrace.image.metrics import pose_metrics
+from iriftrace.image.resolution import nearest_in_space, pixel_grid
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.edit import trim_to_frustum
 from tests.lenses import LENSES, lens_camera
 from tests.small_scenes import (
     camera,

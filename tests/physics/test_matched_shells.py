@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.accuracy.noise_floor import matched_scene
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene
+from iriftrace.image.aov_image import Status
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.status import Status
+from iriftrace.trace.render import render_scene
 
 
 @pytest.mark.usefixtures("variant")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from iriftrace.orbit import Orbit, orbit_poses
-from iriftrace.scene import load_scene
+from iriftrace.camera.orbit import Orbit, orbit_poses
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.sweep import SweepOptions, run_sweep
+from iriftrace.sweep.sweep import SweepOptions, run_sweep
 
 STAND_OFF_MM = 225.0
 FULL_LENGTH_MM, RADIUS_MM = 170.0, 13.5

@@ -10,14 +10,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from iriftrace.camera import Camera
-from iriftrace.metrics import pose_metrics
-from iriftrace.nearest import nearest_in_plane, nearest_in_space
-from iriftrace.pose_rays import rays_that_count
-from iriftrace.render import render_scene
-from iriftrace.resolution import PixelGrid, pixel_grid, step_spacing
-from iriftrace.scene import load_scene
+from iriftrace.camera.camera import Camera
+from iriftrace.image.metrics import pose_metrics
+from iriftrace.image.rays import rays_that_count
+from iriftrace.image.resolution import (
+    PixelGrid,
+    nearest_in_plane,
+    nearest_in_space,
+    pixel_grid,
+    step_spacing,
+)
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of, names
+from iriftrace.trace.render import render_scene
 
 FloatArray = NDArray[np.float64]
 # Pixels that are not square, so that the nearest pixel is unique.

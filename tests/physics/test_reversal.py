@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iriftrace.render import trace_rays
-from iriftrace.scene import load_scene
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.trace.render import trace_rays
 
 CAMERA = np.array((150.0, -100.0, 120.0))
 

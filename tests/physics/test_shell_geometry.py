@@ -13,10 +13,12 @@ import pytest
 from numpy.testing import assert_allclose
 from shell_fields import edge_counts, is_wound_consistently, signed_volume, sphere_field
 
-from iriftrace.field import IndexField, read_field
-from iriftrace.shell_mesh import area_vectors
-from iriftrace.shell_report import report_shells
-from iriftrace.shells import ShellStack, contour_shells
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.geometry.topology import area_vectors
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.report import report_shells
+from iriftrace.shells.stack import ShellStack
 
 PLUME = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
 RADIUS, HALF, LAYERS = 10.0, 12.0, 5

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.accuracy import resolutions
 from benchmarks.accuracy.fields import Case, cases, lines_of, pictures
 from benchmarks.solved_fields import SOLVED
-from iriftrace.continuous_cells import tetrahedra_of
+from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.scenes.components import COMPONENTS
 
 

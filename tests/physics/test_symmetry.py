@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from iriftrace.field import read_field
-from iriftrace.orbit import Orbit, orbit_poses
-from iriftrace.part import read_part
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.camera.orbit import Orbit, orbit_poses
+from iriftrace.field.read import read_field
+from iriftrace.part.part import read_part
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shells import Shell, ShellStack, contour_shells
-from iriftrace.sweep import run_sweep
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.sweep.sweep import run_sweep
 
 FIELD = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
 MIRROR = np.array((1.0, -1.0, 1.0), dtype=np.float32)

@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.part import read_part
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.part.part import read_part
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shell_edit import trim_to_frustum
-from iriftrace.shell_io import load_shells
+from iriftrace.shells.edit import trim_to_frustum
+from iriftrace.shells.files import load_shells
+from iriftrace.trace.render import render_scene
 
 
 @pytest.mark.usefixtures("variant")

@@ -11,8 +11,9 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.distortion import Distortion
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import Distortion
+from iriftrace.camera.pose import look_at
 from iriftrace.plugins.calibrated_camera import sensor_of
 from tests.lenses import LENSES, lens_camera
 from tests.small_scenes import camera, channels, film, part, scene, vector

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from iriftrace.camera import look_at
+from iriftrace.camera.pose import look_at
 from tests.calibration_files import COEFFICIENTS, MATRIX, RVEC, TVEC, plain, written_by_opencv
 from tests.small_scenes import camera, film
 

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iriftrace.camera import look_at
+from iriftrace.camera.pose import look_at
 from iriftrace.plugins import (
     calibrated_camera,
-    camera_properties,
     first_hit,
     gradient_path,
     iso_shell,
+)
+from iriftrace.plugins import (
+    properties as camera_properties,
 )
 
 MODULES = (iso_shell, first_hit, gradient_path, calibrated_camera)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from iriftrace.plugins.edges import NONE, edge_neighbours
-from iriftrace.render import trace_rays
-from iriftrace.scene import load_scene
+from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.trace.render import trace_rays
 
 RAYS = 4000
 BESIDE_MM = 2e-5

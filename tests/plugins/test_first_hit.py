@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.channels import CHANNELS
-from iriftrace.errors import InputError
-from iriftrace.plugins.aligned import BYTES, aligned
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.aov_integrator import camera_of
 from iriftrace.plugins.calibrated_camera import sensor_of
-from iriftrace.plugins.projection import flip_axes
+from iriftrace.plugins.kernels.projection import flip_axes
+from iriftrace.plugins.kernels.tables import BYTES, aligned
 from tests.small_scenes import (
     camera,
     camera_in_numpy,

@@ -13,18 +13,18 @@ import pyvista as pv
 import trimesh
 from attrs import evolve
 
-from iriftrace.camera import Camera, look_at
-from iriftrace.channels import CHANNELS, ERROR_CHANNEL
-from iriftrace.continuous_cells import tetrahedra_of
-from iriftrace.continuous_field import FIELD_FILE, cells_of, load_field_file, save_field_file
-from iriftrace.errors import InputError, IriftraceWarning
-from iriftrace.exr import read_exr
-from iriftrace.part import Part, part_of_mesh
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.path_data import FIELD_FILE, cells_of, load_field_file, save_field_file
+from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL, Status, read_exr
+from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.plugins.calibrated_camera import sensor_of
-from iriftrace.render import is_inside, render_scene, trace_rays
-from iriftrace.scene import load_scene, write_scene
-from iriftrace.shells import contour_shells
-from iriftrace.status import Status
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.render import is_inside, render_scene, trace_rays
 from tests.shell_fields import AMBIENT, field_of, hexahedra, sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")

@@ -9,8 +9,8 @@ import pytest
 import small_scenes
 import trimesh
 
-from iriftrace.errors import InputError
-from iriftrace.status import Status
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import Status
 
 
 def behind_a_ball(folder: Path, **integrator: str) -> dict[str, np.ndarray]:

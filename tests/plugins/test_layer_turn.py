@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from iriftrace.plugins.layer_turn import Layer, onto_plane, outside, slope_of
+from iriftrace.plugins.kernels.layers import Layer, onto_plane, outside, slope_of
 
 pytestmark = pytest.mark.usefixtures("variant")
 

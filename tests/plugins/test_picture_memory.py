@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from iriftrace.cli import main
-from iriftrace.errors import InputError
-from iriftrace.plugins import picture_memory
-from iriftrace.plugins.picture_memory import BYTES_PER_PIXEL, check_picture_size, memory_bytes
+from iriftrace.core.errors import InputError
+from iriftrace.plugins import aov_integrator as picture_memory
+from iriftrace.plugins.aov_integrator import BYTES_PER_PIXEL, check_picture_size, memory_bytes
 from iriftrace.scenes import folder_of
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from iriftrace.plugins.refraction import (
+from iriftrace.plugins.kernels.snell import (
     GRADUAL,
     GRAZING,
     Triangle,

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from iriftrace.channels import CHANNELS
-from iriftrace.errors import IriftraceWarning
-from iriftrace.part import part_of_mesh
-from iriftrace.render import trace_rays
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.image.aov_image import CHANNELS, Status
+from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.status import Status
+from iriftrace.trace.render import trace_rays
 from tests.scene_rays import loaded
 from tests.small_scenes import (
     AMBIENT,

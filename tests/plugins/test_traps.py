@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iriftrace import runtime
-from iriftrace.errors import InputError, IriftraceWarning, SetupError
-from iriftrace.render import trace_rays
-from iriftrace.scene import load_scene, write_scene
+from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
-from iriftrace.shell_io import read_ply, write_ply
-from iriftrace.shell_stack import Shell, ShellStack
+from iriftrace.shells.files import read_ply, write_ply
+from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.trace.render import trace_rays
 from tests.scene_rays import ANY_CAMERA
 from tests.small_scenes import channels, nested_spheres, part, scene, shell, sphere, vector
 

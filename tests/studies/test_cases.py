@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from iriftrace.errors import InputError
+from iriftrace.core.errors import InputError
 from iriftrace.studies.cases import read_study, run_cases
 
 REQUEST = {"study": "squares", "count": 5}

@@ -11,16 +11,14 @@ import xarray as xr
 from attrs import evolve
 from study_inputs import SOURCE, field_and_view
 
-from iriftrace.errors import InputError
-from iriftrace.field import IndexField
-from iriftrace.shells import contour_shells
-from iriftrace.studies.comparison import DIFFERENCES, SIZES, run_comparison
-from iriftrace.studies.figure_comparison import comparison_figure
-from iriftrace.studies.layers import layers_study
-from iriftrace.studies.mesh import mesh_study
-from iriftrace.studies.mode import OURS, PAPERS, Mode
-from iriftrace.studies.pictures import View, picture_of_field, picture_of_shells
-from iriftrace.studies.smoothing import smoothed, smoothing_study
+from iriftrace.core.errors import InputError
+from iriftrace.field.index_field import IndexField
+from iriftrace.figures.studies import comparison_figure
+from iriftrace.shells.contour import contour_shells
+from iriftrace.studies.accuracy import layers_study, mesh_study, smoothed, smoothing_study
+from iriftrace.studies.hit_comparison import DIFFERENCES, SIZES, run_comparison
+from iriftrace.studies.modes import OURS, PAPERS, Mode
+from iriftrace.studies.picture import View, picture_of_field, picture_of_shells
 
 FACETS = Mode("facets", normals="facet")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from iriftrace.errors import InputError
-from iriftrace.studies.differences import Hits, compare, own_size
+from iriftrace.core.errors import InputError
+from iriftrace.image.differences import Hits, compare, own_size
 
 
 def hits(displacement: np.ndarray, good: np.ndarray, hit: np.ndarray | None = None) -> Hits:

@@ -9,8 +9,8 @@ import pytest
 from attrs import asdict, evolve
 from shell_fields import AMBIENT, HOTTEST, sphere_field
 
-from iriftrace.errors import InputError
-from iriftrace.studies.mode import OURS, PAPERS, Mode, one_change_each, shells_of, some_shells_of
+from iriftrace.core.errors import InputError
+from iriftrace.studies.modes import OURS, PAPERS, Mode, one_change_each, shells_of, some_shells_of
 
 
 def test_rules_place_the_shells_where_they_say() -> None:

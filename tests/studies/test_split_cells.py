@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from shell_fields import sphere_field
 
-from iriftrace.field import IndexField
-from iriftrace.shell_mesh import area_vectors
-from iriftrace.shells import contour_shells
-from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
+from iriftrace.field.index_field import IndexField
+from iriftrace.geometry.topology import area_vectors
+from iriftrace.shells.contour import contour_shells
+from iriftrace.studies.accuracy import as_tetrahedra, split_tetrahedra
 
 
 def volume(field: IndexField) -> np.ndarray:

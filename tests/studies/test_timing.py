@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 from study_inputs import SOURCE, field_and_view
 
-from iriftrace.errors import InputError
-from iriftrace.query_replay import Recording
-from iriftrace.shells import contour_shells
+from iriftrace.core.errors import InputError
+from iriftrace.figures.studies import timing_figure
+from iriftrace.shells.contour import contour_shells
 from iriftrace.studies import timing
-from iriftrace.studies.figure_timing import timing_figure
-from iriftrace.studies.mode import OURS, PAPERS
-from iriftrace.studies.pictures import loaded_shells
-from iriftrace.studies.polygons import polygons_study, thinned
-from iriftrace.studies.rays import rays_study
-from iriftrace.studies.timing import STAGES, run_timing
+from iriftrace.studies.cost import polygons_study, rays_study, thinned
+from iriftrace.studies.modes import OURS, PAPERS
+from iriftrace.studies.picture import loaded_shells
+from iriftrace.studies.timing import STAGES, Recording, run_timing
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from iriftrace.llvm import llvm_libraries
+from iriftrace.runtime.llvm import llvm_libraries
 
 OLD = [library.path for library in llvm_libraries() if not library.ok]
 

@@ -22,11 +22,10 @@ import pyvista as pv
 from hot_block import HotBlock
 
 import iriftrace
-from iriftrace.channels import CHANNELS
 from iriftrace.cli import main
+from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.scenes import folder_of
-from iriftrace.shell_io import load_shells
-from iriftrace.status import Status
+from iriftrace.shells.files import load_shells
 
 COMMANDS = (
     *("doctor", "shells", "scene", "render", "metrics", "demo"),
@@ -111,9 +110,9 @@ def test_help_is_quick_and_has_an_example(command: str, tmp_path: Path) -> None:
 
 
 def test_exit_codes_reach_the_shell(tmp_path: Path) -> None:
-    done = python("-m", "iriftrace.cli", "--version", cwd=tmp_path)
+    done = python("-m", "iriftrace", "--version", cwd=tmp_path)
     assert (done.returncode, done.stdout.strip()) == (0, iriftrace.__version__)
-    done = python("-m", "iriftrace.cli", "render", "gone.xml", cwd=tmp_path)
+    done = python("-m", "iriftrace", "render", "gone.xml", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stdout == ""
     assert re.fullmatch(r"error: There is no scene file gone\.xml;.*\n", done.stderr)

@@ -9,19 +9,13 @@ import numpy as np
 import pytest
 
 from iriftrace.cli import main
-from iriftrace.part import read_part
-from iriftrace.parts.bevel_gear import TOOTH, bevel_gear
-from iriftrace.scene import write_scene
+from iriftrace.part.part import read_part
+from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of, shells_of
-from iriftrace.scenes.components import (
-    COMPONENTS,
-    LAYERS,
-    TOOTH_NUMBER,
-    TOOTH_SCENE,
-    write_tooth,
-)
-from iriftrace.shell_io import load_shells
-from iriftrace.shell_report import DATA_BOUNDARY, PART_WALL
+from iriftrace.scenes.components import COMPONENTS, LAYERS, TOOTH_NUMBER, TOOTH_SCENE, write_tooth
+from iriftrace.shells.files import load_shells
+from iriftrace.shells.report import DATA_BOUNDARY, PART_WALL
 
 MOST_BYTES = 2_600_000
 

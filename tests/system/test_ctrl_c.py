@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from iriftrace.cli import main, program
-from iriftrace.cli.console import working
-from iriftrace.cli.pose_progress import pose_progress
+from iriftrace.cli.console import pose_progress, working
 from iriftrace.scenes import folder_of
 
 SAID = "interrupted; nothing half written was left behind\n"

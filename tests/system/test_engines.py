@@ -11,15 +11,15 @@ import pytest
 from conftest import Failing
 from hot_block import HotBlock
 
-from iriftrace import runtime
 from iriftrace.cli import main
-from iriftrace.continuous_field import FIELD_FILE
-from iriftrace.errors import IriftraceWarning
-from iriftrace.exr import read_exr
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene
-from iriftrace.sweep_store import read_sweep
-from iriftrace.swept_scene import load_swept_scene
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.image.aov_image import read_exr
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.load import load_scene
+from iriftrace.sweep.reload import load_swept_scene
+from iriftrace.sweep.store import read_sweep
+from iriftrace.trace.render import render_scene
 
 
 def test_scene_carries_the_field_and_render_switches_the_engine(

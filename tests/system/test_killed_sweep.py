@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 
 from iriftrace.scenes import folder_of
-from iriftrace.sweep_store import read_sweep
+from iriftrace.sweep.store import read_sweep
 
 KILLS = 20
 
@@ -24,7 +24,7 @@ def command(output: Path, *more: str, azimuths: int = 8) -> list[str]:
     orbit = ["--azimuth", f"0:90:{azimuths}", "--elevation", "-60:60:5"]
     scene = str(folder_of("cylinder") / "scene.xml")
     return [
-        *(sys.executable, "-m", "iriftrace.cli", "sweep", scene, "-o", str(output)),
+        *(sys.executable, "-m", "iriftrace", "sweep", scene, "-o", str(output)),
         *(*orbit, "-D", "scale=0.2", *more),
     ]
 

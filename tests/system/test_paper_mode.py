@@ -11,17 +11,16 @@ import pytest
 from conftest import Failing
 from hot_block import HotBlock
 
-from iriftrace.camera import Camera
+from iriftrace.camera.camera import Camera
 from iriftrace.cli import main
-from iriftrace.errors import InputError, IriftraceWarning
-from iriftrace.exr import read_exr
-from iriftrace.field import read_field
-from iriftrace.part import read_part
-from iriftrace.shell_edit import without_inner
-from iriftrace.shells import contour_shells
-from iriftrace.status import Status
-from iriftrace.studies.mode import Mode, some_shells_of
-from iriftrace.studies.pictures import View, picture_of_shells
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.read import read_field
+from iriftrace.image.aov_image import Status, read_exr
+from iriftrace.part.part import read_part
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.edit import without_inner
+from iriftrace.studies.modes import Mode, some_shells_of
+from iriftrace.studies.picture import View, picture_of_shells
 
 PAPERS = [
     *("--normals=facet", "--rule=outer", "--inside-hit=drop"),

@@ -13,10 +13,10 @@ import xarray as xr
 from hot_block import HotBlock
 from page import read_page
 
-from iriftrace.camera import look_at
+from iriftrace.camera.pose import look_at
+from iriftrace.camera.pose_files import read_poses
 from iriftrace.cli import main
-from iriftrace.pose_files import read_poses
-from iriftrace.sweep_store import read_sweep
+from iriftrace.sweep.store import read_sweep
 
 ANGLES = ["--azimuth", "0:90:3", "--elevation", "-60:60:3"]
 

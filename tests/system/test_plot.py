@@ -11,10 +11,11 @@ import xarray as xr
 from hot_block import HotBlock
 from sweep_tables import summary_of
 
-from iriftrace import doctor, sweep_pictures
 from iriftrace.cli import main
-from iriftrace.sweep_extremes import extreme_images
-from iriftrace.sweep_store import read_sweep
+from iriftrace.figures import sweep as sweep_pictures
+from iriftrace.planning.summary import extreme_images
+from iriftrace.runtime import doctor
+from iriftrace.sweep.store import read_sweep
 
 METRICS = ("displacement", "coverage", "axial", "lateral", "score")
 VECTOR = {*(f"map_{key}" for key in METRICS), "histograms", "histograms_normalised"}

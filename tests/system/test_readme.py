@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from iriftrace.channels import CHANNELS
 from iriftrace.cli.program import app
+from iriftrace.image.aov_image import CHANNELS
 
 CHECKOUT = Path(__file__).parents[2]
 PAGES = {
@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A user's folder, empty but for what the README's commands make."""
     folder = tmp_path_factory.mktemp("user")
     for command in commands("README.md"):
-        run(["-m", "iriftrace.cli", *command[1:]], folder)
+        run(["-m", "iriftrace", *command[1:]], folder)
     return folder
 
 
@@ -73,7 +73,7 @@ def test_commands_of_the_readme_run_as_they_stand(folder: Path) -> None:
 @pytest.mark.parametrize("page", sorted(COMMANDS.keys() - {"README.md"}))
 def test_commands_of_the_pages_run_as_they_stand(page: str, folder: Path) -> None:
     for command in commands(page):
-        run(["-m", "iriftrace.cli", *command[1:]], folder)
+        run(["-m", "iriftrace", *command[1:]], folder)
 
 
 def test_python_examples_run_as_they_stand(folder: Path) -> None:

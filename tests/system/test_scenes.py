@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from iriftrace.render import render_scene
 from iriftrace.scenes import folder_of, names
 from iriftrace.scenes.bundled import write_bundled
+from iriftrace.trace.render import render_scene
 
 COLUMNS = ("good", "missed", "out_of_focus", "refracted_missed", "index_mismatch")
 

@@ -15,11 +15,11 @@ from rich.console import Console
 
 from iriftrace.cli import main
 from iriftrace.cli.output import print_summary
-from iriftrace.render import render_scene
-from iriftrace.scene import load_scene
-from iriftrace.status import Status
-from iriftrace.studies import shell_check
-from iriftrace.studies.shell_check import ShellError, shell_error
+from iriftrace.image.aov_image import Status
+from iriftrace.scene.load import load_scene
+from iriftrace.trace import field_reference as shell_check
+from iriftrace.trace.field_reference import ShellError, shell_error
+from iriftrace.trace.render import render_scene
 
 KEY = "shells_against_field"
 

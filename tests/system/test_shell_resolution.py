@@ -10,18 +10,24 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from iriftrace.camera import Camera, look_at
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
-from iriftrace.errors import IriftraceWarning
-from iriftrace.part import read_part
-from iriftrace.pose_set import PoseSet
-from iriftrace.render import render_scene, trace_rays
-from iriftrace.scene import LoadedScene, load_scene, write_scene
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.part.part import read_part
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
-from iriftrace.shell_io import load_shells
-from iriftrace.shell_resolution import ShellResolution, shell_resolution, warn_of_coarse_shells
-from iriftrace.shell_stack import Shell, ShellStack
-from iriftrace.sweep import run_sweep
+from iriftrace.shells.files import load_shells
+from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.sweep.sweep import run_sweep
+from iriftrace.trace.render import render_scene, trace_rays
+from iriftrace.trace.shell_convergence import (
+    ShellResolution,
+    shell_resolution,
+    warn_of_coarse_shells,
+)
 
 pytestmark = pytest.mark.usefixtures("variant")
 

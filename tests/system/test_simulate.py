@@ -12,20 +12,17 @@ import pyvista as pv
 import trimesh
 from attrs import frozen
 
+from iriftrace.cfd.check.heat_balance import heat_balance, nusselt_horizontal_cylinder
+from iriftrace.cfd.openfoam.case import Case, Times
+from iriftrace.cfd.openfoam.domain import mesh_size
+from iriftrace.cfd.openfoam.mesh import make_mesh, wall_patch
+from iriftrace.cfd.openfoam.programs import find_openfoam, read_steps
+from iriftrace.cfd.openfoam.simulate import check_solver, prepare
+from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.cli import main
-from iriftrace.convection import nusselt_horizontal_cylinder
-from iriftrace.errors import SetupError
-from iriftrace.field import read_field
-from iriftrace.field_check import heat_balance
-from iriftrace.openfoam.case import Case
-from iriftrace.openfoam.installation import find_openfoam
-from iriftrace.openfoam.log import read_steps
-from iriftrace.openfoam.mesh import make_mesh, wall_patch
-from iriftrace.openfoam.resolution import mesh_size
-from iriftrace.openfoam.simulate import check_solver, prepare
-from iriftrace.openfoam.times import Times
-from iriftrace.openfoam.wall import WallTemperatures
-from iriftrace.part import read_part
+from iriftrace.core.errors import SetupError
+from iriftrace.field.read import read_field
+from iriftrace.part.part import read_part
 
 WALL, AMBIENT = 1373.15, 293.15
 DIAMETER, LENGTH = 27.0, 80.0

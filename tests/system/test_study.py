@@ -21,8 +21,7 @@ from hot_block import HotBlock
 from rich.console import Console
 
 from iriftrace.cli import main
-from iriftrace.cli.study_commands import study
-from iriftrace.cli.study_output import print_comparison
+from iriftrace.cli.study import print_comparison, study
 from iriftrace.studies.cases import read_study
 
 Failing = Callable[..., str]
@@ -204,7 +203,7 @@ def test_a_killed_study_goes_on(
     words += ["--reference=3", *SMALL]
     journal = tmp_path / "layers.nc.journal" / "poses.jsonl"
     program = subprocess.Popen(
-        [sys.executable, "-m", "iriftrace.cli", *words],
+        [sys.executable, "-m", "iriftrace", *words],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env={**os.environ},

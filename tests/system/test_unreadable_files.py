@@ -14,7 +14,7 @@ from conftest import Failing
 from hot_block import HotBlock
 
 from iriftrace.cli import main
-from iriftrace.scene_folder import FIELD_FILE
+from iriftrace.field.path_data import FIELD_FILE
 
 
 @pytest.fixture

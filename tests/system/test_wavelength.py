@@ -15,10 +15,10 @@ import xarray as xr
 from conftest import Failing
 from hot_block import HotBlock
 
-from iriftrace.air import Air
+from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
-from iriftrace.exr import AovImage, read_exr
-from iriftrace.scene import load_scene
+from iriftrace.image.aov_image import AovImage, read_exr
+from iriftrace.scene.load import load_scene
 
 BLUE, INFRARED = 450.0, 850.0
 RATIO = (

@@ -17,7 +17,7 @@ import xarray as xr
 from hot_block import HotBlock
 
 from iriftrace.cli import main
-from iriftrace.sweep_store import read_sweep
+from iriftrace.sweep.store import read_sweep
 
 Failing = Callable[..., str]
 
@@ -81,7 +81,7 @@ def test_lines(fails: Failing, hot: HotBlock, line: str, words: str) -> None:
 def test_scheduler_that_does_not_answer(
     fails: Failing, hot: HotBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("iriftrace.sweep_workers._SECONDS_TO_ANSWER", 0.5)
+    monkeypatch.setattr("iriftrace.sweep.workers._SECONDS_TO_ANSWER", 0.5)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"

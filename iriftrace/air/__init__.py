@@ -1,0 +1,1 @@
+"""Refractive index and thermophysical properties of air."""

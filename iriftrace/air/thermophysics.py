@@ -1,0 +1,114 @@
+"""What hot air does to heat and flow: density, heat capacity, viscosity, conductivity.
+
+A perfect gas at ambient pressure. Heat capacities are the polynomials of nitrogen and oxygen of
+Gordon and McBride (NASA SP-273, 1971, "JANAF" in OpenFOAM), mixed 0.79 to 0.21, for 200 to 5000 K;
+the viscosity is Sutherland's (1893) with the constants of the U.S. Standard Atmosphere (1976); the
+conductivity is Eucken's as modified for gases whose molecules rotate (Poling, Prausnitz and
+O'Connell, The Properties of Gases and Liquids, 2001, section 10-3), which OpenFOAM uses with it.
+What air does to light is in `iriftrace.air`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from iriftrace.core.arrays import FloatArray
+
+MOLAR_MASS = 28.85
+"""g/mol."""
+GAS_CONSTANT = 8.314462618
+"""J/(mol K), CODATA 2018; `iriftrace.air` has the one that its equations were made with."""
+SUTHERLAND_AS = 1.458e-06
+"""Pa s / K^(1/2)."""
+SUTHERLAND_TS = 110.4
+"""K."""
+
+COMMON_K = 1000.0
+"""Temperature at which the two polynomials of the heat capacity meet."""
+_NITROGEN = (
+    (2.926640, 1.4879768e-3, -5.684760e-7, 1.0097038e-10, -6.753351e-15, -922.7977, 5.980528),
+    (3.298677, 1.4082404e-3, -3.963222e-6, 5.641515e-9, -2.444854e-12, -1020.8999, 3.950372),
+)
+_OXYGEN = (
+    (
+        *(3.28253784, 1.48308754e-3, -7.57966669e-7, 2.09470555e-10, -2.16717794e-14),
+        *(-1088.45772, 5.45323129),
+    ),
+    (
+        *(3.78245636, -2.99673416e-3, 9.84730201e-6, -9.68129509e-9, 3.24372837e-12),
+        *(-1063.94356, 3.65767573),
+    ),
+)
+HEAT_CAPACITY_ABOVE, HEAT_CAPACITY_BELOW = (
+    tuple(float(f"{0.79 * n + 0.21 * o:.9g}") for n, o in zip(*pair, strict=True))
+    for pair in zip(_NITROGEN, _OXYGEN, strict=True)
+)
+"""Coefficients a1 to a7 of Gordon and McBride above and below `COMMON_K`."""
+
+
+def density(temperature_k: ArrayLike, pressure_pa: float) -> FloatArray:
+    """Density, kg/m3, of air at a temperature and a pressure."""
+    specific = GAS_CONSTANT / (MOLAR_MASS * 1e-3)
+    result: FloatArray = pressure_pa / (specific * np.asarray(temperature_k, dtype=np.float64))
+    return result
+
+
+def temperature_of_density(density_kg_m3: ArrayLike, pressure_pa: float) -> FloatArray:
+    """Temperature of air that has a density at a pressure, K."""
+    # The perfect gas is its own inverse.
+    return density(density_kg_m3, pressure_pa)
+
+
+def heat_capacity(temperature_k: ArrayLike) -> FloatArray:
+    """Heat capacity at constant pressure, J/(kg K); 200 to 5000 K."""
+    kelvin = np.asarray(temperature_k, dtype=np.float64)
+    low, high = (np.polyval(c[4::-1], kelvin) for c in (HEAT_CAPACITY_BELOW, HEAT_CAPACITY_ABOVE))
+    molar = np.where(kelvin < COMMON_K, low, high)
+    result: FloatArray = molar * GAS_CONSTANT / (MOLAR_MASS * 1e-3)
+    return result
+
+
+def enthalpy(temperature_k: ArrayLike) -> FloatArray:
+    """Enthalpy, J/kg, up to a constant: the integral of `heat_capacity`; 200 to 5000 K."""
+    kelvin = np.asarray(temperature_k, dtype=np.float64)
+    low, high = (
+        np.polyval([*(c[k] / (k + 1) for k in range(4, -1, -1)), c[5]], kelvin)
+        for c in (HEAT_CAPACITY_BELOW, HEAT_CAPACITY_ABOVE)
+    )
+    molar = np.where(kelvin < COMMON_K, low, high)
+    result: FloatArray = molar * GAS_CONSTANT / (MOLAR_MASS * 1e-3)
+    return result
+
+
+def heat_content(temperature_k: ArrayLike, ambient_k: float, pressure_pa: float) -> FloatArray:
+    """Heat that air holds more than ambient air, J/m3: density times difference in enthalpy."""
+    more = enthalpy(temperature_k) - enthalpy(ambient_k)
+    result: FloatArray = density(temperature_k, pressure_pa) * more
+    return result
+
+
+def heat_content_slope(temperature_k: ArrayLike, ambient_k: float) -> FloatArray:
+    """What `heat_content` changes by with the density at constant pressure, J/kg.
+
+    For a perfect gas d(rho (h - h_a))/d rho = h - h_a - c_p T, which is the constant -c_p T_a where
+    the heat capacity is constant: then the heat content is linear in the density.
+    """
+    kelvin = np.asarray(temperature_k, dtype=np.float64)
+    result: FloatArray = enthalpy(kelvin) - enthalpy(ambient_k) - heat_capacity(kelvin) * kelvin
+    return result
+
+
+def viscosity(temperature_k: ArrayLike) -> FloatArray:
+    """Dynamic viscosity, Pa s."""
+    kelvin = np.asarray(temperature_k, dtype=np.float64)
+    result: FloatArray = SUTHERLAND_AS * kelvin**1.5 / (kelvin + SUTHERLAND_TS)
+    return result
+
+
+def conductivity(temperature_k: ArrayLike) -> FloatArray:
+    """Thermal conductivity, W/(m K), by the modified Eucken relation."""
+    specific = GAS_CONSTANT / (MOLAR_MASS * 1e-3)
+    at_constant_volume = heat_capacity(temperature_k) - specific
+    result: FloatArray = viscosity(temperature_k) * (1.32 * at_constant_volume + 1.77 * specific)
+    return result

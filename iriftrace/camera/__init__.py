@@ -1,0 +1,1 @@
+"""Intrinsics, distortion, calibration, poses and orbits."""

@@ -1,0 +1,414 @@
+"""The camera a user describes: intrinsics, focus interval and pose, in plain NumPy.
+
+Frame of the camera: x right, y down, z forward (the computer-vision convention). Pixel ``i``
+covers ``[i, i + 1)``, so its centre lies at ``i + 0.5``; OpenCV's principal point is therefore 0.5
+smaller.
+
+With lens distortion the picture's places are turned into those of a pinhole camera and back by
+`iriftrace.distortion`; without it nothing of that is computed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from attrs import evolve, field, frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.camera.distortion import (
+    Distortion,
+    SeenField,
+    distorted,
+    fold_radius,
+    jacobian,
+    seen_field,
+    undistorted,
+)
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+# MERGE camera_check: Refuses what is no camera: lengths, focus interval, pose and projection that
+
+PROJECTIONS = ("pinhole", "orthographic")
+
+
+def check_camera(camera: Camera) -> None:
+    """Refuse a camera that cannot form a picture.
+
+    Raises
+    ------
+    InputError
+        If a length is not positive, the focus interval is empty, the pose is not a rigid motion, or
+        a distortion is given for another projection than the pinhole's.
+    """
+    if camera.projection not in PROJECTIONS:
+        raise InputError(f"Unknown projection '{camera.projection}'; use one of {PROJECTIONS}.")
+    if camera.projection == "pinhole" and not (
+        math.isfinite(camera.focal_length_mm) and camera.focal_length_mm > 0
+    ):
+        raise InputError(
+            f"Focal length is {camera.focal_length_mm} mm, so no picture forms; "
+            "give a positive length."
+        )
+    if not all(math.isfinite(s) and s > 0 for s in camera.sensor_mm):
+        raise InputError(
+            f"Sensor size is {camera.sensor_mm[0]} x {camera.sensor_mm[1]} mm, so no picture "
+            "forms; both must be positive."
+        )
+    if min(camera.resolution) < 1:
+        raise InputError(
+            f"Resolution is {camera.resolution[0]} x {camera.resolution[1]} pixels; "
+            "both must be at least 1."
+        )
+    near, far = camera.focus_mm
+    if not 0 <= near < far:
+        raise InputError(
+            f"Focus interval {near} to {far} mm is empty; the near distance must be at least 0 "
+            "and smaller than the far one."
+        )
+    rotation = camera.matrix[:3, :3] if camera.matrix.shape == (4, 4) else np.zeros((3, 3))
+    rigid = np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6)
+    if not (rigid and np.linalg.det(rotation) > 0 and np.isfinite(camera.matrix).all()):
+        raise InputError(
+            "The camera pose is not a rigid motion (4 x 4, rotation and translation only); "
+            "remove scale and mirroring."
+        )
+    if camera.distortion is not None:
+        if camera.projection != "pinhole":
+            raise InputError(
+                f"A lens distortion is given for an {camera.projection} camera, for which it is "
+                "not defined; leave it out."
+            )
+
+
+def _pair(value: Sequence[float]) -> tuple[float, float]:
+    first, second = value
+    return float(first), float(second)
+
+
+def _distortion(value: Distortion | None) -> Distortion | None:
+    # No distortion has one form only, so that it costs nothing and changes no bit.
+    return None if value is None or value.vanishes else value
+
+
+def _resolution(value: Sequence[int]) -> tuple[int, int]:
+    width, height = value
+    return int(width), int(height)
+
+
+def _pose(value: ArrayLike) -> FloatArray:
+    matrix = np.array(value, dtype=np.float64)
+    matrix.setflags(write=False)
+    return matrix
+
+
+@frozen(eq=False, kw_only=True)
+class Camera:
+    """Intrinsics, focus interval and pose of one camera.
+
+    Parameters
+    ----------
+    focal_length_mm : float, mm
+        Distance from the pinhole to the sensor. Not used by an orthographic camera.
+    sensor_mm : (2,) sequence, mm
+        Width and height of the sensor; of the field of view for an orthographic camera.
+    resolution : (2,) sequence of int
+        Pixels across and down. Pixels need not be square.
+    principal_point_px : (2,) sequence, px, optional
+        Where the optical axis meets the sensor; the sensor's centre by default.
+    focus_mm : (2,) sequence, mm
+        Nearest and farthest distance along the ray at which the picture is sharp.
+    matrix : (4, 4) array
+        Camera to world; x right, y down, z forward.
+    projection : str
+        ``"pinhole"`` or ``"orthographic"``.
+    distortion : Distortion, optional
+        Of the lens, for a pinhole camera; none by default. Only the ratio of focal length and pixel
+        pitch counts, so that a calibration in pixels is complete but for lengths in mm.
+
+    Raises
+    ------
+    InputError
+        If a length is not positive, the focus interval is empty, the pose is not a rigid motion or
+        the distortion folds the picture.
+    """
+
+    focal_length_mm: float = field(default=math.nan, converter=float)
+    sensor_mm: tuple[float, float] = field(converter=_pair)
+    resolution: tuple[int, int] = field(converter=_resolution)
+    principal_point_px: tuple[float, float] = field(default=None)
+    focus_mm: tuple[float, float] = field(default=(0.0, math.inf), converter=_pair)
+    matrix: FloatArray = field(factory=lambda: np.eye(4), converter=_pose)
+    projection: str = "pinhole"
+    distortion: Distortion | None = field(default=None, converter=_distortion)
+
+    def __attrs_post_init__(self) -> None:
+        if self.principal_point_px is None:
+            centre = (self.resolution[0] / 2, self.resolution[1] / 2)
+            object.__setattr__(self, "principal_point_px", centre)
+        else:
+            object.__setattr__(self, "principal_point_px", _pair(self.principal_point_px))
+        check_camera(self)
+        if self.distortion is not None:
+            _ = self.seen_field  # refuses a picture that the lens folds
+
+    @property
+    def lens(self) -> str:
+        """What rays are assumed to do in the camera, in words."""
+        if self.distortion is None:
+            return f"{self.projection}, no lens distortion"
+        return f"distorted: pinhole with Brown-Conrady lens distortion {self.distortion}"
+
+    @property
+    def origin(self) -> FloatArray:
+        """(3,) array, mm, world: the pinhole."""
+        return self.matrix[:3, 3]
+
+    @property
+    def forward(self) -> FloatArray:
+        """(3,) unit vector, world: the optical axis."""
+        return self.matrix[:3, 2]
+
+    @property
+    def pixel_pitch_mm(self) -> tuple[float, float]:
+        """Width and height of one pixel on the sensor, mm."""
+        return self.sensor_mm[0] / self.resolution[0], self.sensor_mm[1] / self.resolution[1]
+
+    @property
+    def focal_px(self) -> tuple[float, float]:
+        """Focal length in pixel widths and heights."""
+        width, height = self.pixel_pitch_mm
+        return self.focal_length_mm / width, self.focal_length_mm / height
+
+    @property
+    def steepest_px(self) -> float:
+        """Largest step in the picture for a small step of x/z or y/z of the camera frame, px."""
+        stretch = 1.0 if self.distortion is None else self.seen_field.stretch
+        return max(self.focal_px) * stretch
+
+    @property
+    def seen_field(self) -> SeenField:
+        """What the picture holds of the field of a lens that distorts.
+
+        Raises
+        ------
+        InputError
+            If a place in the picture sees nothing, because the distortion turns back before it.
+        """
+        assert self.distortion is not None
+        ends = self._normalised(np.array(((0, 0), self.resolution), dtype=np.float64))
+        upper_left, lower_right = (tuple(end) for end in ends.tolist())
+        field = seen_field(self.distortion, upper_left, lower_right)
+        if field is None:
+            width, height = self.resolution
+            raise InputError(
+                f"The lens distortion ({self.distortion}) turns back inside the picture of {width} "
+                f"x {height} pixels, so that some pixels have no line of sight or two; crop the "
+                "picture to what the calibration covered, or calibrate with fewer coefficients."
+            )
+        return field
+
+    def _normalised(self, pixels: FloatArray) -> FloatArray:
+        """(n, 2) image positions, px, as x/z and y/z of the distorted picture."""
+        on_sensor: FloatArray = (pixels - self.principal_point_px) * self.pixel_pitch_mm
+        return on_sensor / self.focal_length_mm
+
+    @property
+    def pixel_area_mm2(self) -> float:
+        """Area of one pixel on the sensor, mm^2 (on the object, for an orthographic camera)."""
+        return self.pixel_pitch_mm[0] * self.pixel_pitch_mm[1]
+
+    def at(self, matrix: ArrayLike) -> Camera:
+        """The same camera at another pose ((4, 4) array, camera to world)."""
+        return evolve(self, matrix=matrix)
+
+    def check_movable(self) -> None:
+        """Refuse a camera of parallel rays, which no plugin of ours renders in another pose.
+
+        Raises
+        ------
+        InputError
+        """
+        if self.projection == "orthographic":
+            raise InputError(
+                "The camera is orthographic: it can be rendered where its scene has it, but not "
+                "moved or given other pixels; use calibrated_camera or perspective."
+            )
+
+    def scaled(self, scale: float) -> Camera:
+        """The same camera with ``scale`` times the pixels across and down (rounded, at least 1)."""
+        if not (math.isfinite(scale) and scale > 0):
+            raise InputError(f"scale is {scale}, so no pixel is left; give a positive number.")
+        (width, height), (x, y) = self.resolution, self.principal_point_px
+        resolution = max(1, round(width * scale)), max(1, round(height * scale))
+        point = x * resolution[0] / width, y * resolution[1] / height
+        return evolve(self, resolution=resolution, principal_point_px=point)
+
+    def without_distortion(self) -> Camera:
+        """The pinhole camera at the same place whose picture just holds all that this one sees."""
+        if self.distortion is None:
+            return self
+        seen, f = self.seen_field, self.focal_length_mm
+        low, high = np.array(seen.lowest), np.array(seen.highest)
+        size = f * (high - low)
+        point = -f * low / size * self.resolution
+        return evolve(self, sensor_mm=size, principal_point_px=_pair(point), distortion=None)
+
+    def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
+        """The camera that sees a window of the picture, given by its first pixel and its size."""
+        pitch_x, pitch_y = self.pixel_pitch_mm
+        x, y = self.principal_point_px
+        return evolve(
+            self,
+            sensor_mm=(width * pitch_x, height * pitch_y),
+            resolution=(width, height),
+            principal_point_px=(x - left, y - top),
+        )
+
+    def rays(self, pixels: ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
+        """Rays through image positions.
+
+        Parameters
+        ----------
+        pixels : (n, 2) array, px, optional
+            Positions in the picture; by default every pixel's centre, row by row.
+
+        Returns
+        -------
+        origins, directions : (n, 3) arrays, mm and unit vectors, world
+        """
+        if pixels is None:
+            columns, rows = np.meshgrid(*(np.arange(n) + 0.5 for n in self.resolution))
+            position = np.stack((columns.ravel(), rows.ravel()), axis=1)
+        else:
+            position = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+        on_sensor = self._without_distortion(position)
+        rotation = self.matrix[:3, :3]
+        if self.projection == "orthographic":
+            origins = on_sensor @ rotation[:, :2].T + self.origin
+            return origins, np.broadcast_to(self.forward, origins.shape).copy()
+        depth = np.full((len(on_sensor), 1), self.focal_length_mm)
+        local = np.concatenate((on_sensor, depth), axis=1)
+        directions = (local / np.linalg.norm(local, axis=1, keepdims=True)) @ rotation.T
+        return np.broadcast_to(self.origin, directions.shape).copy(), directions
+
+    def _without_distortion(self, position: FloatArray) -> FloatArray:
+        """(n, 2) places on the sensor, mm from the axis, where a pinhole camera would see them."""
+        if self.distortion is None:
+            on_sensor: FloatArray = (position - self.principal_point_px) * self.pixel_pitch_mm
+            return on_sensor
+        found = undistorted(self._normalised(position), self.distortion)
+        lost = np.flatnonzero(np.isnan(found[:, 0]))
+        if len(lost):
+            x, y = position[lost[0]]
+            raise InputError(
+                f"Image position ({x:g}, {y:g}) px has no line of sight: the lens distortion turns "
+                "back before it; stay inside the picture."
+            )
+        return found * self.focal_length_mm
+
+    def to_camera(self, points: ArrayLike) -> FloatArray:
+        """(n, 3) points from the world's frame to the camera's, mm."""
+        offset = np.asarray(points, dtype=np.float64) - self.origin
+        # Not by BLAS, whose threads wait for cores that the tracer's own threads still hold.
+        rotated: FloatArray = np.einsum("ij,jk->ik", offset, self.matrix[:3, :3])
+        return rotated
+
+    def project(self, points: ArrayLike) -> FloatArray:
+        """Image positions of world points.
+
+        Parameters
+        ----------
+        points : (n, 3) array, mm, world
+
+        Returns
+        -------
+        (n, 2) array, px
+            NaN for points that are not in front of a pinhole camera, or so far beside the picture
+            that the distortion is not defined.
+        """
+        local = self.to_camera(points)
+        if self.projection == "orthographic":
+            on_sensor = local[:, :2]
+        elif self.distortion is not None:
+            on_sensor = self._seen(local, self.distortion) * self.focal_length_mm
+        else:
+            depth = np.where(local[:, 2:] > 0, local[:, 2:], np.nan)
+            on_sensor = local[:, :2] / depth * self.focal_length_mm
+        position: FloatArray = on_sensor / self.pixel_pitch_mm + self.principal_point_px
+        return position
+
+    @staticmethod
+    def _seen(local: FloatArray, distortion: Distortion) -> FloatArray:
+        """(n, 2) normalised places at which points (n, 3), camera frame, appear."""
+        depth = np.where(local[:, 2] > 0, local[:, 2], np.nan)
+        x, y = local[:, 0] / depth, local[:, 1] / depth
+        places = np.stack(distorted(x, y, distortion.coefficients), axis=1)
+        places[~(np.hypot(x, y) < fold_radius(distortion))] = np.nan
+        return places
+
+    def pixel_solid_angle(self) -> FloatArray:
+        """Solid angle of every pixel of a pinhole camera, (h, w) array, sr.
+
+        Exact: the solid angle of a rectangle seen from the pinhole is the alternating sum over its
+        corners of ``atan(x y / (f sqrt(x^2 + y^2 + f^2)))``. With lens distortion the value at the
+        pixel's centre, by the Jacobian; too large or small by about (pixel / f)^2.
+        """
+        if self.distortion is not None:
+            return self._distorted_solid_angle(self.distortion)
+        edges = [
+            (np.arange(n + 1) - c) * pitch
+            for n, c, pitch in zip(
+                self.resolution, self.principal_point_px, self.pixel_pitch_mm, strict=True
+            )
+        ]
+        x, y = np.meshgrid(*edges)
+        f = self.focal_length_mm
+        corner = np.arctan2(x * y, f * np.sqrt(x * x + y * y + f * f))
+        angle: FloatArray = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
+        return angle
+
+    def _distorted_solid_angle(self, distortion: Distortion) -> FloatArray:
+        columns, rows = np.meshgrid(*(np.arange(n) + 0.5 for n in self.resolution))
+        centres = np.stack((columns.ravel(), rows.ravel()), axis=1)
+        x, y = np.ascontiguousarray(undistorted(self._normalised(centres), distortion).T)
+        xx, xy, yy = jacobian(x, y, distortion.coefficients)
+        stretch = (xx * yy - xy * xy) * np.sqrt(x * x + y * y + 1.0) ** 3
+        angle: FloatArray = self.pixel_area_mm2 / self.focal_length_mm**2 / stretch
+        return angle.reshape(rows.shape)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; an unlimited far focus is None."""
+        near, far = self.focus_mm
+        pinhole = self.projection == "pinhole"
+        return {
+            "projection": self.projection,
+            "focal_length_mm": self.focal_length_mm if pinhole else None,
+            "sensor_mm": list(self.sensor_mm),
+            "resolution": list(self.resolution),
+            "principal_point_px": list(self.principal_point_px),
+            "focus_mm": [near, far if math.isfinite(far) else None],
+            "matrix": self.matrix.tolist(),
+            "distortion": None if self.distortion is None else self.distortion.as_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Camera:
+        """Inverse of :meth:`as_dict`."""
+        near, far = values["focus_mm"]
+        focal = values["focal_length_mm"]
+        # Files of earlier versions know no distortion.
+        distortion = values.get("distortion")
+        return cls(
+            projection=values["projection"],
+            focal_length_mm=math.nan if focal is None else focal,
+            sensor_mm=values["sensor_mm"],
+            resolution=values["resolution"],
+            principal_point_px=values["principal_point_px"],
+            focus_mm=(near, math.inf if far is None else far),
+            matrix=values["matrix"],
+            distortion=None if distortion is None else Distortion(**distortion),
+        )

@@ -1,0 +1,291 @@
+"""Poses around a part: an ellipsoid, points on it, and cameras that look from them at a target.
+
+The pose sets themselves live in `iriftrace.pose_set` and can be imported from here.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import field, frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.camera.pose_set import PoseSet, aimed, fixed
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+
+if TYPE_CHECKING:
+    from iriftrace.part.part import Part
+
+
+ANGLES = ("parameter", "geocentric")
+
+GOLDEN_ANGLE_DEG = 180.0 * (3.0 - 5.0**0.5)
+
+_MOST_VALUES = 100_000
+
+
+def parse_range(text: str) -> FloatArray:
+    """Values of an angle, a distance or another option of a sweep.
+
+    Parameters
+    ----------
+    text : str
+        ``"start:stop:count"``, both ends included, or one number.
+
+    Returns
+    -------
+    (count,) array
+        Evenly spaced; a range from -x to x is symmetric to the last bit.
+
+    Raises
+    ------
+    InputError
+        Neither form, not finite, or a count that does not fit the ends.
+    """
+    pieces = text.split(":")
+    try:
+        ends = [float(piece) for piece in pieces[:2]]
+        count = int(pieces[2]) if len(pieces) == 3 else 1
+    except ValueError:
+        ends, count = [], 0
+    if len(pieces) not in (1, 3) or not ends or not np.isfinite(ends).all():
+        raise InputError(
+            f"{text!r} is not a range; write one number or start:stop:count with both ends "
+            "included, such as -90:90:19."
+        )
+    start, stop = ends[0], ends[-1]
+    if not 1 <= count <= _MOST_VALUES or (count == 1) != (start == stop):
+        raise InputError(
+            f"The range {text!r} has a count that does not fit its ends; give 2 to {_MOST_VALUES} "
+            "values between two different ends, or one number."
+        )
+    steps = np.arange(count)
+    values: FloatArray = (start * (count - 1 - steps) + stop * steps) / max(count - 1, 1)
+    values[0], values[-1] = start, stop
+    return values
+
+
+@frozen(eq=False)
+class Orbit:
+    """Ellipsoid on which cameras stand; its axes are those of the world.
+
+    Parameters
+    ----------
+    centre : (3,) array, mm, world
+    semi_axes_mm : (3,) array, mm
+    angles : str
+        What azimuth and elevation mean. ``"parameter"``: the point is
+        (a cos e cos A, b cos e sin A, c sin e) from the centre. ``"geocentric"``: they are the
+        direction of the point seen from the centre.
+
+    Raises
+    ------
+    InputError
+        If a semi-axis is not positive, a value is not finite or the angles are of unknown kind.
+    """
+
+    centre: FloatArray = field(converter=fixed)
+    semi_axes_mm: FloatArray = field(converter=fixed)
+    angles: str = "parameter"
+
+    def __attrs_post_init__(self) -> None:
+        if self.angles not in ANGLES:
+            raise InputError(f"Unknown angles {self.angles!r}; use one of {', '.join(ANGLES)}.")
+        if self.centre.shape != (3,) or not np.isfinite(self.centre).all():
+            raise InputError(
+                f"The orbit's centre {self.centre.tolist()} is no point; give three finite numbers."
+            )
+        axes = self.semi_axes_mm
+        if axes.shape != (3,) or not (np.isfinite(axes) & (axes > 0)).all():
+            raise InputError(
+                f"The orbit's semi-axes {axes.tolist()} mm span no ellipsoid; give three positive "
+                "lengths."
+            )
+
+    def points(self, azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> FloatArray:
+        """(n, 3) array, mm, world: the points of n azimuths and n elevations, degree."""
+        (cos_a, sin_a), (cos_e, sin_e) = _cos_sin(azimuth_deg), _cos_sin(elevation_deg)
+        unit = np.stack((cos_e * cos_a, cos_e * sin_a, sin_e + 0.0 * cos_a), axis=-1)
+        if self.angles == "parameter":
+            return np.asarray(self.centre + self.semi_axes_mm * unit)
+        reach = 1.0 / np.linalg.norm(unit / self.semi_axes_mm, axis=-1, keepdims=True)
+        return np.asarray(self.centre + reach * unit)
+
+
+def _cos_sin(degrees: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Cosine and sine, such that mirrored angles give mirrored values to the last bit."""
+    # fmod and the quarter turns are exact, so only the rest below 45 degrees is rounded.
+    angle = np.fmod(np.asarray(degrees, dtype=np.float64), 360.0)
+    quarter = np.rint(angle / 90.0)
+    rest = np.radians(angle - 90.0 * quarter)
+    turns = quarter.astype(np.int64) % 4
+    cosine, sine = np.cos(rest), np.sin(rest)
+    return (
+        np.choose(turns, (cosine, -sine, -cosine, sine)),
+        np.choose(turns, (sine, cosine, -sine, -cosine)),
+    )
+
+
+def orbit_poses(
+    orbit: Orbit,
+    azimuth_deg: ArrayLike,
+    elevation_deg: ArrayLike,
+    target: ArrayLike | None = None,
+) -> PoseSet:
+    """Cameras at every combination of azimuth and elevation.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    azimuth_deg : (n,) array, degree
+    elevation_deg : (m,) array, degree
+        Between -90 and 90. At either end there is one pose only, with azimuth 0.
+    target : (3,) array, mm, world, optional
+        Where the optical axes meet; the orbit's centre by default.
+
+    Returns
+    -------
+    PoseSet
+        Elevation by elevation, at each all azimuths. See `aimed` for the roll.
+
+    Raises
+    ------
+    InputError
+        If an angle is not finite or beyond a pole, there are too many poses, or a camera stands on
+        the target.
+
+    Warns
+    -----
+    IriftraceWarning
+        If azimuths repeat each other, as 0 and 360 do.
+    """
+    azimuths = np.atleast_1d(np.asarray(azimuth_deg, dtype=np.float64)).ravel()
+    elevations = np.atleast_1d(np.asarray(elevation_deg, dtype=np.float64)).ravel()
+    if not (np.isfinite(azimuths).all() and np.isfinite(elevations).all()):
+        raise InputError("An azimuth or elevation is not finite; give degrees.")
+    if len(elevations) and np.abs(elevations).max() > 90.0:
+        steepest = elevations[int(np.argmax(np.abs(elevations)))]
+        raise InputError(
+            f"Elevation {steepest:g} degrees lies beyond the pole, where the azimuth turns round; "
+            "give -90 to 90 and the opposite azimuth."
+        )
+    if len(azimuths) * len(elevations) > _MOST_VALUES:
+        raise InputError(
+            f"{len(azimuths)} azimuths at {len(elevations)} elevations are more than "
+            f"{_MOST_VALUES} poses, which no sweep gets through; give fewer."
+        )
+    if len(np.unique(np.remainder(azimuths, 360.0))) < len(azimuths):
+        warnings.warn(
+            "Some azimuths are equal but for full turns, so their poses are traced and ranked "
+            "more than once; end the range before it closes, such as 0:350:36.",
+            IriftraceWarning,
+            stacklevel=2,
+        )
+    pairs = [
+        (azimuth, elevation)
+        for elevation in elevations.tolist()
+        for azimuth in ([0.0] if abs(elevation) == 90.0 else azimuths.tolist())
+    ]
+    azimuth, elevation = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
+    return _posed(orbit, azimuth, elevation, target)
+
+
+def fibonacci_poses(orbit: Orbit, count: int, target: ArrayLike | None = None) -> PoseSet:
+    """Cameras spread evenly in all directions: a spherical Fibonacci lattice.
+
+    The lattice is that of Swinbank and Purser (2006) with midpoints: sin e = 1 - (2 i + 1) / count,
+    A = i times the golden angle. It is even in the orbit's angles; on a longish ellipsoid
+    geocentric angles spread the directions evenly, parameters do so after stretching to a sphere.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    count : int
+    target : (3,) array, mm, world, optional
+        The orbit's centre by default.
+
+    Returns
+    -------
+    PoseSet
+        From the upper pole to the lower, azimuths from 0 to 360.
+
+    Raises
+    ------
+    InputError
+        If there are no or too many poses, or a camera stands on the target.
+    """
+    if not 1 <= count <= _MOST_VALUES:
+        raise InputError(f"{count} poses make no sweep; give 1 to {_MOST_VALUES}.")
+    number = np.arange(count)
+    elevation = np.degrees(np.arcsin(1.0 - (2.0 * number + 1.0) / count))
+    azimuth = np.remainder(number * GOLDEN_ANGLE_DEG, 360.0)
+    return _posed(orbit, azimuth, elevation, target)
+
+
+def _posed(
+    orbit: Orbit, azimuth: FloatArray, elevation: FloatArray, target: ArrayLike | None
+) -> PoseSet:
+    aim = orbit.centre if target is None else np.asarray(target, dtype=np.float64).reshape(3)
+    return PoseSet(aimed(orbit.points(azimuth, elevation), aim), azimuth, elevation)
+
+
+def semi_axes(part: Part, stand_off_mm: float) -> FloatArray:
+    """Half extents of the part plus a stand-off.
+
+    Parameters
+    ----------
+    part : Part
+    stand_off_mm : float, mm
+        Free distance on each axis between part and camera.
+
+    Returns
+    -------
+    (3,) array, mm
+
+    Raises
+    ------
+    InputError
+        If the stand-off is not positive.
+    """
+    if not (np.isfinite(stand_off_mm) and stand_off_mm > 0):
+        raise InputError(
+            f"A stand-off of {stand_off_mm:g} mm puts cameras into the part; give a positive "
+            "length."
+        )
+    return np.asarray(0.5 * np.ptp(part.bounds, axis=0) + stand_off_mm)
+
+
+def paper_semi_axes(part: Part, largest_mm: float) -> FloatArray:
+    """Semi-axes in the ratio of the part's dimensions, the rule of Kern et al. (2025).
+
+    Parameters
+    ----------
+    part : Part
+    largest_mm : float, mm
+        The largest semi-axis, along the part's largest dimension.
+
+    Returns
+    -------
+    (3,) array, mm
+
+    Raises
+    ------
+    InputError
+        If the part is flat or the ellipsoid would lie within it.
+    """
+    extents = np.ptp(part.bounds, axis=0)
+    longest = float(extents.max())
+    if not extents.min() > 0:
+        raise InputError(
+            f"The part is flat (dimensions {extents.tolist()} mm), so its ratios give no "
+            "ellipsoid; give the semi-axes or a stand-off."
+        )
+    if not (np.isfinite(largest_mm) and largest_mm > 0.5 * longest):
+        raise InputError(
+            f"A largest semi-axis of {largest_mm:g} mm puts cameras into the part, which extends "
+            f"{0.5 * longest:g} mm from its centre; give more."
+        )
+    return np.asarray(extents / longest * largest_mm)

@@ -1,0 +1,1 @@
+"""Temperature fields made and checked here: OpenFOAM, formulas, quality."""

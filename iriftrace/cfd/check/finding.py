@@ -1,0 +1,182 @@
+"""What was looked at in a field and how it is judged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyvista as pv
+from attrs import asdict, frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.files import whole_file
+from iriftrace.field.index_field import IndexField
+from iriftrace.part.part import Part
+from iriftrace.shells.levels import index_levels
+
+Verdict = Literal["good", "doubtful", "bad", "-"]
+
+SCHEMA = "iriftrace.field-check/1"
+
+
+@frozen(eq=False)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    name : str
+    value : str
+        The number with its unit.
+    verdict : str
+        ``"good"``, ``"doubtful"``, ``"bad"``, or ``"-"`` where there is nothing to judge.
+    remark : str
+        What it was compared with, and what follows.
+    numbers : dict
+        The same as plain JSON values.
+    """
+
+    name: str
+    value: str
+    verdict: Verdict
+    remark: str
+    numbers: dict[str, Any]
+
+
+@frozen(eq=False)
+class FieldCheck:
+    """What was found out about a field and its part."""
+
+    field: dict[str, Any]
+    part: dict[str, Any]
+    findings: tuple[Finding, ...]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all."""
+        found = {finding.verdict for finding in self.findings}
+        return next((v for v in ("bad", "doubtful", "good") if v in found), "-")
+
+    def save(self, path: str | Path) -> Path:
+        """Write everything as JSON."""
+        content = {"schema": SCHEMA, "verdict": self.verdict, **asdict(self)}
+        with whole_file(path) as temporary:
+            text = json.dumps(_plain(content), indent=2, allow_nan=False)
+            temporary.write_text(text + "\n", encoding="utf-8")
+        return Path(path)
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN and no NumPy numbers."""
+    if isinstance(value, dict):
+        return {key: _plain(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
+
+
+# MERGE field_check.edge: Where the data end: in the room's air, or in hot air that is missing bey
+
+SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
+
+_STEPS = 600
+_FACES = 300
+
+
+def edge_finding(field: IndexField) -> Finding:
+    """Whether the data end in the room's air or cut the plume off."""
+    hottest = hottest_at_sides(field)
+    ambient = field.air.temperature_k
+    limit = float(field.air.temperature(_outermost_shell(field)))
+    opened = {side: kelvin for side, kelvin in hottest.items() if kelvin > limit}
+    text = ", ".join(f"{side} up to {kelvin - ambient:.0f} K" for side, kelvin in opened.items())
+    return Finding(
+        "edge of the data",
+        f"open at {', '.join(opened)}" if opened else "in the room's air",
+        "doubtful" if opened else "good",
+        f"above ambient: {text}; the plume beyond is not modelled, and rays through it are counted "
+        "as open_boundary"
+        if opened
+        else f"nowhere hotter than {limit - ambient:.1f} K above ambient",
+        {"hottest_k": hottest, "limit_k": limit},
+    )
+
+
+def view_finding(field: IndexField, part: Part, origin: FloatArray) -> Finding:
+    """How much of what a camera at `origin`, (3,) array, mm, sees lies behind hot open ends."""
+    share = share_through_open_sides(field, part, origin)
+    place = ", ".join(f"{x:g}" for x in origin)
+    if not np.isfinite(share):
+        return Finding("camera's view", "n/a", "bad", f"({place}) mm sees no face", {})
+    verdict: Verdict = "good" if share <= 0.01 else "doubtful" if share <= 0.2 else "bad"
+    return Finding(
+        "camera's view",
+        f"{share:.1%} open",
+        verdict,
+        f"of the lines from ({place}) mm to the part enter the data where the air is hot",
+        {"share": share, "camera_mm": origin.tolist()},
+    )
+
+
+def hottest_at_sides(field: IndexField) -> dict[str, float]:
+    """Highest temperature, K, where the data end, by the side of their box that is nearest.
+
+    Data that were cropped cell by cell end in steps, so hardly any point may lie in the box's own
+    side. NaN for a side where nothing ends.
+    """
+    grid = pv.UnstructuredGrid()
+    grid.copy_structure(field.grid)
+    grid.point_data["number"] = np.arange(grid.n_points)
+    outer = np.zeros(grid.n_points, dtype=bool)
+    surface = grid.extract_surface(algorithm="geometry")
+    outer[np.asarray(surface.point_data["number"], dtype=np.int64)] = True
+    if field.wall.n_points:
+        outer[np.asarray(field.wall.point_data["number"], dtype=np.int64)] = False
+    points = np.asarray(grid.points, dtype=np.float64)[outer]
+    temperature = field.temperature_k[outer]
+    gaps = np.hstack((points - points.min(axis=0), points.max(axis=0) - points))
+    nearest = gaps[:, (0, 3, 1, 4, 2, 5)].argmin(axis=1)
+    return {
+        side: float(temperature[nearest == place].max()) if (nearest == place).any() else np.nan
+        for place, side in enumerate(SIDES)
+    }
+
+
+def share_through_open_sides(field: IndexField, part: Part, origin: FloatArray) -> float:
+    """Share of the lines from a camera to the faces it may see that enter the data in hot air.
+
+    Hot is air inside the outermost of 13 shells, where rays are counted as ``open_boundary``.
+
+    Parameters
+    ----------
+    field, part
+    origin : (3,) array, mm, world
+        Where the camera stands.
+    """
+    sight = origin - part.face_centres
+    towards = np.flatnonzero(np.einsum("ij,ij->i", sight, part.face_normals) > 0.0)
+    if not len(towards):
+        return float("nan")
+    weight = part.face_areas[towards] / part.face_areas[towards].sum()
+    random = np.random.default_rng(1)
+    chosen = towards[random.choice(len(towards), _FACES, p=weight)]
+    start = part.face_centres[chosen]
+    along = np.linspace(0.0, 1.0, _STEPS)
+    points = start[:, None] + (origin - start)[:, None] * along[:, None]
+    index = field.sample(points.reshape(-1, 3)).reshape(_FACES, _STEPS)
+    inside = np.isfinite(index)
+    crosses = inside.any(axis=1)
+    last = _STEPS - 1 - inside[:, ::-1].argmax(axis=1)
+    at_exit = index[np.arange(_FACES), last]
+    hot = crosses & (at_exit < _outermost_shell(field))
+    return float(hot.mean())
+
+
+def _outermost_shell(field: IndexField) -> float:
+    """Refractivity n - 1 of the outermost of the usual shells: beyond it is the room's air."""
+    surfaces, _ = index_levels(field.ambient_refractivity, field.hottest_refractivity)
+    return float(surfaces[0])

@@ -1,0 +1,343 @@
+"""The wall is judged: its temperature, its heat, and the cells on it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+
+from iriftrace.air import thermophysics as gas
+from iriftrace.cfd.check.finding import Finding, Verdict
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.field.gradient import ROUNDS, cell_corners, consistent_gradient, point_gradient
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.geometry.query import WallDistance
+from iriftrace.geometry.triangles import face_crosses, unit_vectors
+from iriftrace.part.part import Part
+
+# MERGE field_check.wall_state: What happens at a field's wall: temperature, heat flux, and how fi
+
+_POTENTIAL_STEPS = 2000
+_LEAST_EXCESS_K = 1.0
+
+
+@frozen(eq=False)
+class WallState:
+    """The inner boundary of a field, m triangles on n points.
+
+    Attributes
+    ----------
+    temperature_k : (n,) array
+    centres : (m, 3) array, mm
+    nearest_face : (m,) array
+        The part's face that is nearest to each centre.
+    normals : (m, 3) array
+        Of the triangles, out of the part.
+    areas : (m,) array, mm2
+    flux : (m,) array, W/m2
+        Conducted from the wall into the air, positive for a hot wall.
+    flux_of_cells : (m,) array, W/m2
+        The same from the mean gradient of the cells at the wall, which is that of a place above
+        it: too small by some per cent, and the difference tells how well the cells resolve it.
+    layer_mm : (n,) array
+        Conduction thickness of the boundary layer: (T_wall - T_ambient) over the gradient; NaN
+        where the wall is not hotter than the room.
+    cell_mm : (n,) array
+        Height of the first cell above the wall.
+    """
+
+    temperature_k: FloatArray
+    centres: FloatArray
+    nearest_face: IntArray
+    normals: FloatArray
+    areas: FloatArray
+    flux: FloatArray
+    flux_of_cells: FloatArray
+    layer_mm: FloatArray
+    cell_mm: FloatArray
+
+    @property
+    def area_mm2(self) -> float:
+        """Of the whole wall."""
+        return float(self.areas.sum())
+
+    @property
+    def heat_w(self) -> float:
+        """Conducted from the whole wall, W."""
+        return float(np.sum(self.flux * self.areas)) * 1e-6
+
+    @property
+    def mean_flux(self) -> float:
+        """W/m2."""
+        return float(np.average(self.flux, weights=self.areas))
+
+    @property
+    def cells_across(self) -> FloatArray:
+        """Cells across the conduction thickness, (n,) array; NaN as `layer_mm`."""
+        return self.layer_mm / self.cell_mm
+
+
+def wall_state(field: IndexField, part: Part) -> WallState:
+    """Look at the inner boundary of a field.
+
+    The flux is the gradient of the integral of the conductivity over the temperature, which is
+    nearly linear in the distance where the air rests, so cells of finite height do little harm.
+    Its length is corrected so that it fits the values along the cells' edges
+    (`consistent_gradient`). The conductivity is that of `iriftrace.air_properties`.
+
+    Raises
+    ------
+    InputError
+        The field has no inner boundary, its wall is not hotter than the room, or the part is not
+        closed.
+    """
+    wall = field.wall
+    if not wall.n_points:
+        raise InputError(
+            f"{field.source.path} has no inner boundary where the part sits, so nothing can be "
+            "said of its wall; export the air without the solid."
+        )
+    number = np.asarray(wall.point_data["number"], dtype=np.int64)
+    faces = np.asarray(wall.regular_faces, dtype=np.int64)
+    points = np.asarray(wall.points, dtype=np.float64)
+    surface = WallDistance(part)
+    centres = points[faces].mean(axis=1)
+    nearest_face = surface.faces(centres)
+    crosses = face_crosses(points, faces)
+    normals = unit_vectors(crosses)
+    # The triangles' own direction, turned to the side that the part's normal shows.
+    outward = part.face_normals[nearest_face]
+    normals *= np.where(np.einsum("ij,ij->i", normals, outward) < 0.0, -1.0, 1.0)[:, None]
+
+    temperature = field.temperature_k
+    potential = conduction_potential(temperature)
+    of_cells = point_gradient(field.grid, potential)
+    slope = _fitting_gradient(field.grid, number, potential, of_cells)[number]
+
+    def conducted(gradient: FloatArray) -> FloatArray:
+        flux: FloatArray = -1e3 * np.einsum("ij,ij->i", gradient[faces].mean(axis=1), normals)
+        return flux
+
+    at_wall = temperature[number]
+    conductivity = np.asarray(gas.conductivity(at_wall), dtype=np.float64)
+    fall = np.linalg.norm(slope, axis=1) / conductivity
+    excess = at_wall - field.air.temperature_k
+    if excess.max() < _LEAST_EXCESS_K:
+        raise InputError(
+            f"The wall in {field.source.path} has at most {at_wall.max():.1f} K in a room of "
+            f"{field.air.temperature_k:.1f} K, so there is no hot air to be checked; is the "
+            "ambient temperature right (--ambient)?"
+        )
+    hot = excess > 0.05 * float(excess.max())
+    layer = np.full(len(number), np.nan)
+    layer[hot] = excess[hot] / np.maximum(fall[hot], 1e-12)
+    return WallState(
+        temperature_k=at_wall,
+        centres=centres,
+        nearest_face=nearest_face,
+        normals=normals,
+        areas=0.5 * np.linalg.norm(crosses, axis=1),
+        flux=conducted(slope),
+        flux_of_cells=conducted(of_cells[number]),
+        layer_mm=layer,
+        cell_mm=_first_cells(field.grid, number, surface.normals(points)),
+    )
+
+
+def _fitting_gradient(
+    grid: pv.UnstructuredGrid, wall: IntArray, values: FloatArray, gradient: FloatArray
+) -> FloatArray:
+    """The gradient (n, 3) with lengths at the wall that fit the values along the edges.
+
+    Only of the cells around the wall, as far as a correction there asks its neighbours.
+    """
+    near = np.zeros(grid.n_points, dtype=bool)
+    near[wall] = True
+    for _ in range(ROUNDS + 1):
+        chosen = {}
+        for kind, (cells, corners) in cell_corners(grid).items():
+            touching = near[corners].any(axis=1)
+            chosen[kind] = cells[touching]
+            near[corners[touching]] = True
+    around = grid.extract_cells(np.concatenate(list(chosen.values())))
+    number = np.asarray(around.point_data["vtkOriginalPointIds"], dtype=np.int64)
+    fitting = gradient.copy()
+    fitting[number] = consistent_gradient(
+        np.asarray(around.points),
+        tetrahedra_of(around).corners,
+        values[number],
+        gradient[number],
+    )
+    return fitting
+
+
+def conduction_potential(temperature: FloatArray) -> FloatArray:
+    """Integral of the conductivity over the temperature, W/m."""
+    knots = np.linspace(float(temperature.min()), float(temperature.max()), _POTENTIAL_STEPS)
+    conductivity = np.asarray(gas.conductivity(knots), dtype=np.float64)
+    steps = 0.5 * (conductivity[1:] + conductivity[:-1]) * np.diff(knots)
+    integral = np.concatenate(([0.0], np.cumsum(steps)))
+    return np.interp(temperature, knots, integral)
+
+
+def _first_cells(grid: pv.UnstructuredGrid, wall: IntArray, normals: FloatArray) -> FloatArray:
+    """Height (n,), mm, of the cells on each point of the wall, across it."""
+    points = np.asarray(grid.points, dtype=np.float64)
+    place = np.full(len(points), -1)
+    place[wall] = np.arange(len(wall))
+    height = np.full(len(wall), np.inf)
+    for _, corners in cell_corners(grid).values():
+        on_wall = place[corners] >= 0
+        touching = on_wall.any(axis=1)
+        cells = corners[touching]
+        for one in range(cells.shape[1]):
+            at = place[cells[:, one]]
+            some = at >= 0
+            arms = points[cells[some]] - points[cells[some, one]][:, None]
+            across = np.einsum("ijk,ik->ij", arms, normals[at[some]])
+            # The farthest corner across the wall: the height of this cell.
+            reach = across.max(axis=1)
+            np.minimum.at(height, at[some], np.where(reach > 1e-6, reach, np.inf))
+    height[~np.isfinite(height)] = np.nan
+    return height
+
+
+WALL_TOLERANCE_K = 0.5
+
+
+def temperature_finding(wall: WallState, wanted_k: float | None) -> Finding:
+    """Whether the wall has one temperature, the wanted one where it is given, K."""
+    middle = float(np.median(wall.temperature_k))
+    target = middle if wanted_k is None else wanted_k
+    off = np.abs(wall.temperature_k - target)
+    share = float(np.mean(off <= WALL_TOLERANCE_K))
+    verdict: Verdict = "good" if share >= 0.99 else "doubtful" if share >= 0.9 else "bad"
+    compared = "its own median" if wanted_k is None else f"the set {wanted_k:.2f} K"
+    return Finding(
+        "wall temperature",
+        f"{middle:.2f} K",
+        verdict,
+        f"{share:.1%} of the wall's points within {WALL_TOLERANCE_K} K of {compared}; worst "
+        f"{off.max():.3g} K (points at sharp edges may belong to two walls)",
+        {"median_k": middle, "target_k": target, "share_within": share, "worst_k": off.max()},
+    )
+
+
+def layer_finding(wall: WallState) -> Finding:
+    """How many cells resolve the boundary layer."""
+    cells = wall.cells_across
+    median, low = (float(v) for v in np.nanpercentile(cells, (50, 5)))
+    layer = float(np.nanmedian(wall.layer_mm))
+    first = float(np.nanmedian(wall.cell_mm))
+    verdict: Verdict = "good" if median >= 5.0 else "doubtful" if median >= 3.0 else "bad"
+    return Finding(
+        "boundary layer",
+        f"{median:.1f} cells",
+        verdict,
+        f"across its conduction thickness of {layer:.2f} mm, first cell {first:.2f} mm; 5th "
+        f"percentile {low:.1f}; 5 keep the wall's gradient within some per cent",
+        {"cells_median": median, "cells_p5": low, "layer_mm": layer, "first_cell_mm": first},
+    )
+
+
+def heat_finding(wall: WallState, part: Part) -> Finding:
+    """Heat that the wall conducts into the air, and the regions with the largest flux."""
+    region = part.region_of_face[wall.nearest_face]
+    regions = {
+        name: float(np.average(wall.flux[region == i], weights=wall.areas[region == i]))
+        for i, name in enumerate(part.region_names)
+        if wall.areas[region == i].sum() > 0.0
+    }
+    most = sorted(regions.items(), key=lambda item: -item[1])[:3]
+    return Finding(
+        "heat from the wall",
+        f"{wall.heat_w:.4g} W",
+        "-" if wall.heat_w > 0.0 else "bad",
+        f"conducted through {wall.area_mm2:.5g} mm2, mean {wall.mean_flux:.4g} W/m2; "
+        + ", ".join(f"{name} {flux:.4g}" for name, flux in most),
+        {"heat_w": wall.heat_w, "flux_w_m2": wall.mean_flux, "regions_w_m2": regions},
+    )
+
+
+# MERGE field_check.gradient: The gradient of the index against the index itself, along straight l
+
+_LINES = 400
+_STEPS = 600
+_FARTHEST_IN_LAYERS = 3.0
+_STEEPEST_DEG = 45.0
+
+
+@frozen(eq=False)
+class GradientErrors:
+    """Relative errors of the integral of grad(n) . d along lines, against the change of n."""
+
+    errors: FloatArray
+
+    @property
+    def median(self) -> float:
+        """Median; NaN without a line."""
+        return float(np.median(self.errors)) if len(self.errors) else float("nan")
+
+    @property
+    def p95(self) -> float:
+        """95th percentile; NaN without a line."""
+        return float(np.percentile(self.errors, 95)) if len(self.errors) else float("nan")
+
+
+def gradient_errors(field: IndexField, wall: WallState) -> GradientErrors:
+    """Integrate the gradient along lines that start at the wall, up to 45 degrees from its normal.
+
+    Lines that leave the data, or along which the index changes by less than a tenth of its whole
+    range, are not counted.
+    """
+    random = np.random.default_rng(1)
+    chosen = random.choice(len(wall.areas), _LINES, p=wall.areas / wall.areas.sum())
+    layer = float(np.nanmedian(wall.layer_mm))
+    normal = wall.normals[chosen]
+    sideways = random.normal(size=(_LINES, 3))
+    sideways -= np.einsum("ij,ij->i", sideways, normal)[:, None] * normal
+    sideways /= np.linalg.norm(sideways, axis=1)[:, None]
+    tilt = np.radians(random.uniform(0.0, _STEEPEST_DEG, _LINES))[:, None]
+    direction = np.cos(tilt) * normal + np.sin(tilt) * sideways
+    # Off the wall by a little, because coarse cells cut the part's own edges.
+    start = wall.centres[chosen] + 0.02 * layer * normal
+    path = _FARTHEST_IN_LAYERS * layer * direction
+    along = (np.arange(_STEPS) + 0.5) / _STEPS
+    points = start[:, None] + path[:, None] * along[:, None]
+    carrier = field.grid.copy()
+    carrier.point_data["gradient"] = field.gradient
+    found = pv.PolyData(points.reshape(-1, 3)).sample(carrier)
+    gradient = np.asarray(found.point_data["gradient"]).reshape(_LINES, _STEPS, 3)
+    inside = np.asarray(found.point_data["vtkValidPointMask"]).reshape(_LINES, _STEPS).all(axis=1)
+    integral = np.einsum("rsk,rk->r", gradient, path) / _STEPS
+    change = field.sample(start + path) - field.sample(start)
+    span = field.ambient_refractivity - field.hottest_refractivity
+    with np.errstate(invalid="ignore"):
+        counted = inside & np.isfinite(change) & (np.abs(change) > 0.1 * span)
+    return GradientErrors(np.abs(integral[counted] / change[counted] - 1.0))
+
+
+def gradient_finding(field: IndexField, wall: WallState) -> Finding:
+    """Whether the gradient, along lines, adds up to the change of the index."""
+    errors = gradient_errors(field, wall)
+    if len(errors.errors) < 20:
+        return Finding(
+            "gradient",
+            "n/a",
+            "bad",
+            f"only {len(errors.errors)} lines from the wall stay in the data; is there air around "
+            "the part?",
+            {"lines": len(errors.errors)},
+        )
+    fine = errors.median <= 0.02 and errors.p95 <= 0.1
+    verdict: Verdict = "good" if fine else "doubtful" if errors.median <= 0.05 else "bad"
+    return Finding(
+        "gradient",
+        f"{errors.median:.1%} off",
+        verdict,
+        f"median of |integral of grad n along a line / change of n - 1| over {len(errors.errors)} "
+        f"lines; 95th percentile {errors.p95:.1%}; at most 2 % and 10 %",
+        {"median": errors.median, "p95": errors.p95, "lines": len(errors.errors)},
+    )

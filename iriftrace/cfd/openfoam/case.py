@@ -1,0 +1,279 @@
+"""What is simulated, as one value, and the folder in which it is written down."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import field, frozen
+
+from iriftrace.cfd.openfoam.domain import Domain, MeshSize, domain_around
+from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points
+from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.part.part import Part
+
+# MERGE openfoam.times: How long a simulation runs, over what time it is averaged, and when it wri
+
+_END, _AVERAGING_SHARE = 2.0, 0.25
+# The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
+_REFERENCE_HEAT, _REFERENCE_LENGTH = 3.68, 170.0
+_STAGES_WRITTEN = 4
+_MOST_SNAPSHOTS = 1000
+
+
+@frozen
+class Times:
+    """Times of a simulation in s.
+
+    Attributes
+    ----------
+    end
+        Last time.
+    averaging
+        The density is averaged over the last so many seconds.
+    snapshots
+        Number of states that are kept from that interval besides; 0 for none.
+    """
+
+    end: float
+    averaging: float
+    snapshots: int = 0
+
+    def __attrs_post_init__(self) -> None:
+        """Refuse what is no course of time."""
+        if not 0.0 < self.end < np.inf:
+            raise InputError(
+                f"an end time of {self.end:g} s is no simulation; give a positive one."
+            )
+        if not 0.0 < self.averaging <= self.end:
+            raise InputError(
+                f"the field cannot be averaged over {self.averaging:g} s of {self.end:g} s; give a "
+                "positive time that is not longer than the end time."
+            )
+        if not 0 <= self.snapshots <= _MOST_SNAPSHOTS:
+            raise InputError(
+                f"{self.snapshots} snapshots cannot be kept, each being a whole state on disk; "
+                f"give a number from 0 to {_MOST_SNAPSHOTS}."
+            )
+
+    @property
+    def settled(self) -> float:
+        """When averaging begins."""
+        return self.end - self.averaging
+
+    @property
+    def settling_interval(self) -> float:
+        """Seconds between two states on disk before averaging, from which a run can go on."""
+        return self.settled / _STAGES_WRITTEN
+
+    @property
+    def averaging_interval(self) -> float:
+        """Seconds between two states on disk while averaging."""
+        return self.averaging / (self.snapshots or _STAGES_WRITTEN)
+
+
+def natural_times(
+    longest_mm: float,
+    hottest_k: float,
+    ambient_k: float,
+    *,
+    end: float | None = None,
+    averaging: float | None = None,
+    snapshots: int = 0,
+) -> Times:
+    """Times for a part, where the user does not say otherwise.
+
+    Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so larger and cooler parts need
+    longer; the paper's cylinder at 1100 degC needs 2 s.
+
+    Parameters
+    ----------
+    longest_mm
+        Longest extent of the part.
+    hottest_k, ambient_k
+        Temperatures of wall and air.
+    end, averaging, snapshots
+        As for `Times`.
+
+    Raises
+    ------
+    InputError
+        The air is not cooler than the wall, or as for `Times`.
+    """
+    if not 0.0 < ambient_k < hottest_k:
+        raise InputError(
+            f"no air rises at a wall of {hottest_k:g} K in air of {ambient_k:g} K; check number "
+            "and unit of both."
+        )
+    if end is None:
+        heat = (hottest_k - ambient_k) / ambient_k
+        length = max(1.0, longest_mm / _REFERENCE_LENGTH)
+        end = round(_END * max(1.0, float(np.sqrt(length * _REFERENCE_HEAT / heat))), 2)
+    return Times(end, end * _AVERAGING_SHARE if averaging is None else averaging, snapshots)
+
+
+RECORD = "case.json"
+"""In the case's folder: what was asked for, so that a later call goes on with the same."""
+
+AMBIENT_RANGE = (200.0, 400.0)  # K
+PRESSURE_RANGE = (60e3, 120e3)  # Pa
+_MOST_PROCESSES = 1024
+
+
+@frozen(eq=False)
+class Case:
+    """A part in air; temperatures in K, lengths in mm, world.
+
+    Attributes
+    ----------
+    part : Part
+        Closed, mm, world; gravity along -z.
+    wall : WallTemperatures
+    ambient_k, pressure_pa : float
+        Air far away.
+    size : MeshSize
+    times : Times
+    mirrors : str
+        Axes at whose centre plane the field is mirrored: "", "x", "y" or "xy".
+    margin : float
+        Factor on the air around the part.
+    processes : int
+        Processes for the solver.
+    """
+
+    part: Part
+    wall: WallTemperatures
+    size: MeshSize
+    times: Times
+    ambient_k: float = 293.15
+    pressure_pa: float = 101325.0
+    mirrors: str = ""
+    margin: float = 1.0
+    processes: int = 1
+    domain: Domain = field(init=False)
+
+    def __attrs_post_init__(self) -> None:
+        """Refuse what cannot be simulated, before anything is written."""
+        if not self.part.closed:
+            raise InputError(
+                f"{self.part.path} is not closed, so no mesh can keep the air out of it; close the "
+                "holes of its surface first."
+            )
+        _check_range(self.ambient_k, AMBIENT_RANGE, "an ambient temperature", "K")
+        _check_range(self.pressure_pa, PRESSURE_RANGE, "an air pressure", "Pa")
+        _check_range(self.margin, (0.25, 4.0), "a margin", "times the usual air around the part")
+        if not 1 <= self.processes <= _MOST_PROCESSES:
+            raise InputError(
+                f"the solver cannot run as {self.processes} processes; give a number from 1 to "
+                f"{_MOST_PROCESSES}."
+            )
+        self.wall.check(self.part, self.ambient_k)
+        check_mirrors(self.part, self.mirrors)
+        if self.mirrors and self.wall.regions:
+            _check_mirrored_wall(self)
+        domain = domain_around(self.part, self.size, self.mirrors, self.margin)
+        object.__setattr__(self, "domain", domain)
+
+    def record(self) -> dict[str, Any]:
+        """What the flow and the mesh depend on."""
+        return {
+            "part_sha256": self.part.sha256,
+            "part_bounds_mm": np.round(self.part.bounds, 6).tolist(),
+            "wall_k": self.wall.default,
+            "regions_k": self.wall.regions,
+            "transition_mm": self.wall.transition,
+            "ambient_k": self.ambient_k,
+            "pressure_pa": self.pressure_pa,
+            "background_mm": self.size.background,
+            "mirrors": self.mirrors,
+            "margin": self.margin,
+        }
+
+
+def stored_record(folder: Path) -> dict[str, Any] | None:
+    """What an earlier call wrote down in a folder; None where there is no case of ours.
+
+    Raises
+    ------
+    InputError
+        The folder holds other files, which are not overwritten.
+    """
+    file = folder / RECORD
+    if file.is_file():
+        return read_record(file)
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError(
+            f"the folder {folder} holds files that are no case of iriftrace, which would be "
+            "overwritten; name an empty or a new one."
+        )
+    return None
+
+
+def read_record(file: Path) -> dict[str, Any]:
+    """What a file of ours in a case's folder says.
+
+    Raises
+    ------
+    InputError
+        It is damaged.
+    """
+    try:
+        stored = json.loads(file.read_text())
+    except ValueError as error:
+        stored = error
+    if not isinstance(stored, dict):
+        raise InputError(
+            f"{file}, in which is written what was done so far, is damaged ({stored}); delete the "
+            "folder, or name another one."
+        )
+    return stored
+
+
+def check_same(case: Case, stored: dict[str, Any], folder: Path) -> None:
+    """Refuse to go on with another case than the one in the folder; times may differ.
+
+    Raises
+    ------
+    InputError
+    """
+    wanted = json.loads(json.dumps(case.record()))
+    different = [name for name, value in wanted.items() if stored.get(name) != value]
+    if different:
+        raise InputError(
+            f"the folder {folder} holds a case that differs in {', '.join(different)}; name "
+            "another folder, or give the same options to go on with it."
+        )
+
+
+def keep_record(case: Case, folder: Path) -> None:
+    """Write down what the case is."""
+    with whole_file(folder / RECORD) as temporary:
+        temporary.write_text(json.dumps(case.record(), indent=1) + "\n")
+
+
+def _check_range(value: float, limits: tuple[float, float], what: str, unit: str) -> None:
+    low, high = limits
+    if not low <= value <= high:
+        raise InputError(
+            f"{what} of {value:g} {unit} cannot be simulated here; give one from {low:g} to "
+            f"{high:g}."
+        )
+
+
+def _check_mirrored_wall(case: Case) -> None:
+    """A mirrored half has mirrored temperatures."""
+    part = case.part
+    here = wall_temperature(case.wall, part, part.face_centres)
+    for name in case.mirrors:
+        axis = "xy".index(name)
+        other = mirrored_points(part.face_centres, axis, part.centre[axis])
+        share = part.face_areas[np.abs(wall_temperature(case.wall, part, other) - here) > 1.0].sum()
+        if share > 0.01 * part.area:
+            raise InputError(
+                f"the wall's temperatures are not symmetric about {name} = "
+                f"{part.centre[axis]:g} mm, so the field is not; leave {name} out of --symmetry."
+            )

@@ -1,0 +1,187 @@
+"""Writes the files of a case: mesh, air, boundaries, numerics, times."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from numpy.typing import NDArray
+
+from iriftrace.air import thermophysics as gas
+from iriftrace.cfd.openfoam.case import Case, Times
+from iriftrace.cfd.openfoam.domain import WALL_LEVEL
+from iriftrace.cfd.openfoam.part_surface import write_surface
+
+# MERGE openfoam.air: The air's numbers as ``thermophysicalProperties`` reads them.
+
+
+def entries() -> dict[str, Any]:
+    """Perfect gas, heat capacity by "janaf" and viscosity by "sutherland"."""
+    return {
+        "molar_mass": gas.MOLAR_MASS,
+        "cp_common_k": f"{gas.COMMON_K:g}",
+        "cp_high": gas.HEAT_CAPACITY_ABOVE,
+        "cp_low": gas.HEAT_CAPACITY_BELOW,
+        "sutherland_as": gas.SUTHERLAND_AS,
+        "sutherland_ts": gas.SUTHERLAND_TS,
+    }
+
+
+# s; the wall's heat starts on still air. The step grows by a fifth each time until the flow limits
+# it, so that a run that goes on loses little time either.
+_FIRST_STEP, _NEXT_STEP = 1e-5, 1e-4
+
+MESH_FILES = (
+    "system/blockMeshDict",
+    "system/surfaceFeatureExtractDict",
+    "system/snappyHexMeshDict",
+)
+AIR_FILES = (
+    *(f"constant/{name}" for name in ("thermophysicalProperties", "g", "turbulenceProperties")),
+    *("constant/hRef", "constant/radiationProperties", "system/fvSchemes"),
+)
+CONTROL_FILES = ("system/controlDict", "system/fvSolution")
+START_FILES = ("0/T", "0/U", "0/p", "0/p_rgh")
+
+AVERAGED = ("rho", "U", "rhoU")
+"""What the solver averages over time; the results are called with "Mean" behind."""
+
+CORRECTORS, KEEPING_HEAT = ({"outer": 1, "inner": 2}, {"outer": 3, "inner": 1})
+"""Times that all equations, and the pressure's within, are solved in a time step.
+
+With one outer corrector the enthalpy is solved with the density of the last flux, and heat is made
+where the flow changes from step to step: a starting plume takes up half more than the wall gives
+(cylinder, background cells of 40 mm, 0.3 s), with three 3 % more. In what stands still it makes no
+difference, and three take more than twice the time.
+"""
+
+DENSITY_RATE = "ddtRho"
+"""What the density of a state changes by, kg/(m3 s)."""
+
+_METRES = 1e-3
+
+
+def write_case(case: Case, folder: Path) -> None:
+    """Write everything that the mesher and the solver need, except the wall's own temperatures.
+
+    Those belong to faces of the mesh where there are several; see `write_start`.
+    """
+    for name in ("0", "constant/triSurface", "system"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    write_surface(case.part, folder / "constant/triSurface/part.stl")
+    entries = mesh_entries(case) | air_entries(case)
+    for name in (*MESH_FILES, *AIR_FILES):
+        write_file(folder, name, entries)
+    write_start(case, folder, uniform(case.wall.default))
+    write_control(case, folder, averaging=False)
+
+
+def write_start(case: Case, folder: Path, wall: str) -> None:
+    """Write the fields at time 0; `wall` is the temperature of the wall as OpenFOAM reads it."""
+    for name in START_FILES:
+        write_file(folder, name, {**air_entries(case), "wall": wall})
+
+
+def write_control(
+    case: Case, folder: Path, *, averaging: bool, start: float = 0.0, steady: bool = False
+) -> None:
+    """Write how the part of the run before averaging is solved, or that with it, from `start`.
+
+    What is averaged keeps its heat (`KEEPING_HEAT`) unless the flow is `steady` by then.
+    """
+    times: Times = case.times
+    entries = {
+        "end_time": times.end if averaging else times.settled,
+        "write_interval": times.averaging_interval if averaging else times.settling_interval,
+        # One more than needed: the last may be half written when the run is killed.
+        "times_kept": max(times.snapshots, 1) + 1 if averaging else 2,
+        "start_time": f"{start:.9g}",
+        "first_step": _NEXT_STEP if start else _FIRST_STEP,
+        "averaging": averaging,
+        "averaged": AVERAGED,
+        "density_rate": DENSITY_RATE,
+        "probes": [_metres(point) for point in case.domain.probes],
+        **(KEEPING_HEAT if averaging and not steady else CORRECTORS),
+    }
+    if not averaging and times.settled == 0.0:
+        entries |= {"end_time": times.end, "write_interval": times.averaging_interval}
+    for name in CONTROL_FILES:
+        write_file(folder, name, entries)
+
+
+def write_decomposition(folder: Path, processes: int) -> None:
+    """Write into how many pieces along x, y and z the mesh is cut for that many processes."""
+    slices, left = [1, 1, 1], processes
+    while left > 1:
+        factor = next(n for n in range(2, left + 1) if left % n == 0)
+        slices[slices.index(min(slices))] *= factor
+        left //= factor
+    entries = {"processes": processes, "slices": slices}
+    write_file(folder, "system/decomposeParDict", entries)
+
+
+def write_file(folder: Path, name: str, entries: dict[str, Any]) -> None:
+    """Fill one of the templates into the case."""
+    source = resources.files("iriftrace.cfd.openfoam").joinpath("templates", f"{name}.jinja")
+    environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string(source.read_text(encoding="utf-8"))
+    (folder / name).write_text(template.render(entries) + "\n", encoding="utf-8")
+
+
+def mesh_entries(case: Case) -> dict[str, Any]:
+    """What the mesher's files say; lengths in m except in ``blockMeshDict``."""
+    domain = case.domain
+    (x0, y0, z0), (x1, y1, z1) = domain.lower, domain.upper
+    plan = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
+    return {
+        "corners": [(x, y, z) for z in (z0, z1) for x, y in plan],
+        "cells": domain.cells,
+        "patches": [
+            {"name": name, "type": "symmetryPlane" if name[0] in domain.planes else "patch"}
+            | {"faces": faces}
+            for name, faces in (
+                ("xmin", "(0 4 7 3)"),
+                ("ymin", "(0 1 5 4)"),
+                ("sides", "(1 2 6 5) (3 7 6 2)"),
+                ("bottom", "(0 3 2 1)"),
+                ("top", "(4 5 6 7)"),
+            )
+        ],
+        "boxes": [
+            {"lower": _metres(b.lower), "upper": _metres(b.upper), "level": b.level}
+            for b in domain.boxes
+        ],
+        "distances": [(f"{d * _METRES:.9g}", level) for d, level in domain.distances],
+        "wall_level": WALL_LEVEL,
+        "point_in_air": _metres(domain.point_in_air),
+    }
+
+
+def air_entries(case: Case) -> dict[str, Any]:
+    """What the files of air and boundaries say."""
+    planes = "".join(f"{name}min {{ type symmetryPlane; }} " for name in case.domain.planes)
+    return {
+        **entries(),
+        "ambient_k": case.ambient_k,
+        "pressure_pa": case.pressure_pa,
+        "symmetry_planes": planes.strip(),
+        "outlet_level": f"{case.domain.upper[2] * _METRES:.9g}",
+    }
+
+
+def uniform(kelvin: float) -> str:
+    """One temperature for the whole wall."""
+    return f"uniform {kelvin:.9g}"
+
+
+def nonuniform(kelvins: NDArray[np.float64]) -> str:
+    """A temperature for each face of the wall."""
+    numbers = "\n".join(f"{kelvin:.9g}" for kelvin in kelvins)
+    return f"nonuniform List<scalar>\n{len(kelvins)}\n(\n{numbers}\n)"
+
+
+def _metres(point: tuple[float, float, float]) -> list[str]:
+    return [f"{value * _METRES:.9g}" for value in point]

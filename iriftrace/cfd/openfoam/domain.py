@@ -1,0 +1,298 @@
+"""The box of air around the part, and where its mesh is fine."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.part.part import Part
+
+# MERGE openfoam.footprint: The part's plan, seen from above: the plume rises from it.
+
+Rectangle = tuple[float, float, float, float]
+
+
+def plan_rectangles(part: Part, raster: float) -> list[Rectangle]:
+    """Cover the part's plan with rectangles.
+
+    Parameters
+    ----------
+    part
+        mm, world.
+    raster
+        Edge of the squares of which the rectangles consist, mm.
+
+    Returns
+    -------
+    list of (left, front, right, back)
+        mm, world; they overlap nowhere and cover every point of the plan.
+    """
+    low, high = part.bounds
+    origin = low[:2]
+    counts = np.maximum(np.ceil((high[:2] - origin) / raster).astype(int), 1)
+    step = (high[:2] - origin) / counts
+    squares = _covered(part, origin, step, counts)
+    found = []
+    while squares.any():
+        i, j = np.unravel_index(int(np.argmax(squares)), squares.shape)
+        # A column as long as it goes, then widened as long as all of it is covered.
+        end = j + int(np.argmin(np.append(squares[i, j:], False)))
+        last = i + 1
+        while last < len(squares) and squares[last, j:end].all():
+            last += 1
+        squares[i:last, j:end] = False
+        left, front = origin + step * (i, j)
+        right, back = origin + step * (last, end)
+        found.append((float(left), float(front), float(right), float(back)))
+    return found
+
+
+def _covered(
+    part: Part, origin: NDArray[np.float64], step: NDArray[np.float64], counts: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """(nx, ny) squares that a triangle of the part touches with one of its sample points."""
+    corners = part.vertices[part.faces][:, :, :2]
+    edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    squares = np.zeros(counts, dtype=bool)
+    # Samples closer than a third of a square; triangles of a similar size together.
+    pieces = np.maximum(np.ceil(3.0 * edges / step.min()).astype(int), 1)
+    for number in np.unique(pieces):
+        i, j = np.mgrid[: number + 1, : number + 1].reshape(2, -1)
+        i, j = i[i + j <= number], j[i + j <= number]
+        weights = np.stack((number - i - j, i, j), axis=1) / number
+        points = np.einsum("kc,fcd->fkd", weights, corners[pieces == number]).reshape(-1, 2)
+        cells = np.clip(((points - origin) / step).astype(int), 0, counts - 1)
+        squares[cells[:, 0], cells[:, 1]] = True
+    return squares
+
+
+# MERGE openfoam.resolution: How fine the mesh is: resolutions A to D of the paper's Table 1, for
+
+Resolution = Literal["coarse", "normal", "fine", "extra-fine"]
+RESOLUTIONS: tuple[str, ...] = get_args(Resolution)
+
+WALL_LEVEL = 4
+"""The background's cells are halved so many times at the wall, which makes a sixteenth."""
+
+# Edges of the background's cells, mm, for the paper's cylinder, which is 27 mm high.
+_BACKGROUND = {"coarse": 22.0, "normal": 17.0, "fine": 13.0, "extra-fine": 10.0}
+_REFERENCE_HEIGHT = 27.0
+_LETTERS = dict(zip(RESOLUTIONS, "ABCD", strict=True))
+
+# Cells at the wall that the smallest extent of the part must hold, or its form would be lost.
+_CELLS_ACROSS = 4
+
+
+@frozen
+class MeshSize:
+    """Edge lengths of cells, mm, and what they are called in results."""
+
+    name: str
+    background: float
+
+    @property
+    def wall(self) -> float:
+        """Edge of the cells at the wall."""
+        return float(self.background / 2**WALL_LEVEL)
+
+
+def mesh_size(
+    resolution: str, extents: NDArray[np.float64], background_mm: float | None = None
+) -> MeshSize:
+    """Cells for a part.
+
+    A boundary layer of natural convection grows with the fourth root of the height of the part
+    (Nu ~ Ra^(1/4) for laminar flow), and so do the cells; a thin part gets finer ones.
+
+    Parameters
+    ----------
+    resolution
+        One of `RESOLUTIONS`.
+    extents
+        (3,) array, mm, along x, y and z.
+    background_mm
+        Edge of the background's cells in place of that of the resolution.
+
+    Raises
+    ------
+    InputError
+        The resolution is not known, or the cells are coarser than the part.
+    """
+    if resolution not in RESOLUTIONS:
+        raise InputError(
+            f'there is no resolution "{resolution}"; the resolutions are {", ".join(RESOLUTIONS)}.'
+        )
+    thinnest = float(min(extents))
+    coarsest = thinnest / _CELLS_ACROSS * 2**WALL_LEVEL
+    if background_mm is None:
+        growth = (float(extents[2]) / _REFERENCE_HEIGHT) ** 0.25
+        background = min(_BACKGROUND[resolution] * growth, coarsest)
+        return MeshSize(f"{resolution} ({_LETTERS[resolution]})", background)
+    if not 0.0 < background_mm <= coarsest:
+        raise InputError(
+            f"background cells of {background_mm:g} mm are no mesh for a part that is "
+            f"{thinnest:g} mm thin: cells at the wall are a sixteenth and would lose its form; "
+            f"give at most {coarsest:.3g} mm."
+        )
+    return MeshSize(f"background cells of {background_mm:g} mm", background_mm)
+
+
+_SIDES, _ABOVE, _BELOW = 140.0, 300.0, 110.0
+"""Air around a part of the size of the paper's cylinder, mm."""
+_REFERENCE_LENGTH = 170.0
+
+_KEPT_SIDES, _KEPT_ABOVE = 60.0, 150.0
+"""Part of it that the field's file keeps: the lines of sight pass there."""
+
+# A hundred times the cells that the finest resolution needs; all of them exist before any is cut.
+_MOST_CELLS = 1e7
+
+# Heights above the part's top at which the plume's temperature is watched, mm.
+_PROBES = (20.0, 60.0, 100.0, 150.0, 200.0)
+
+
+@frozen
+class Box:
+    """Cells in it are halved at least `level` times; `lower` and `upper` in mm, world."""
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    level: int
+
+
+@frozen
+class Domain:
+    """The box of air that is computed; lengths in mm, world.
+
+    Attributes
+    ----------
+    lower, upper
+        Corners of the box.
+    cells
+        Cells of the background along x, y and z.
+    planes
+        Where the field is mirrored, ``{"x": 0.0}``; the box ends there.
+    boxes
+        Where the mesh is finer.
+    distances
+        Distance from the wall and level up to there, the nearest first.
+    probes
+        Points in the plume.
+    point_in_air
+        A point outside the part on no face of the background.
+    kept_lower, kept_upper
+        What the field's file keeps.
+    """
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    cells: tuple[int, int, int]
+    planes: dict[str, float]
+    boxes: tuple[Box, ...]
+    distances: tuple[tuple[float, int], ...]
+    probes: tuple[tuple[float, float, float], ...]
+    point_in_air: tuple[float, float, float]
+    kept_lower: tuple[float, float, float]
+    kept_upper: tuple[float, float, float]
+
+
+def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float = 1.0) -> Domain:
+    """Lay out the air around a part.
+
+    Parameters
+    ----------
+    part
+        mm, world; gravity along -z.
+    size
+        Of the cells.
+    mirrors
+        Axes along which only the upper half is computed: "", "x", "y" or "xy".
+    margin
+        Factor on the air around the part.
+
+    Raises
+    ------
+    InputError
+        There would be too many cells.
+    """
+    low, high = part.bounds
+    centre, half = part.centre, 0.5 * (high - low)
+    scale = margin * max(1.0, 2.0 * float(half.max()) / _REFERENCE_LENGTH)
+    sides = half[:2] + _SIDES * scale
+    reach_up, reach_down = half[2] + _ABOVE * scale, half[2] + _BELOW * scale
+    # Whole cells on both sides of the centre, so that a mirrored half has the same mesh.
+    up = np.array([_whole(v, size.background) for v in (*sides, reach_up)])
+    down = np.array([_whole(v, size.background) for v in (*sides, reach_down)])
+    for axis, name in enumerate("xy"):
+        if name in mirrors:
+            down[axis] = 0.0
+    _check_count((up + down) / size.background, size)
+    lower, upper = centre - down, centre + up
+    h, wall = size.background, size.wall
+    # Whole cells as well, so that the field ends in planes.
+    kept_down = np.array([_whole(v + _KEPT_SIDES * scale, h) for v in half])
+    kept_up = kept_down.copy()
+    kept_up[2] = _whole(half[2] + _KEPT_ABOVE * scale, h)
+    # On no face of the background, and in no finer cell either.
+    inside = upper - h * np.array([0.37, 0.37, 0.41])
+    beside = 0.4 * wall
+    return Domain(
+        lower=_triple(lower),
+        upper=_triple(upper),
+        cells=_cells((up + down) / h),
+        planes={name: float(centre["xy".index(name)]) for name in mirrors},
+        boxes=_boxes(part, size, scale, float(upper[2])),
+        distances=((max(5.0, 4 * wall), WALL_LEVEL), (max(14.0, 10 * wall), WALL_LEVEL - 1)),
+        probes=tuple(
+            _triple(np.array([centre[0] + beside, centre[1] + beside, high[2] + z * scale]))
+            for z in _PROBES
+        ),
+        point_in_air=_triple(inside),
+        kept_lower=_triple(centre - kept_down),
+        kept_upper=_triple(centre + kept_up),
+    )
+
+
+def _check_count(cells: FloatArray, size: MeshSize) -> None:
+    if cells.prod() > _MOST_CELLS:
+        raise InputError(
+            f"the air would have {cells.prod():.2g} background cells of {size.background:g} mm, "
+            f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones "
+            "(--background-cell, --resolution)."
+        )
+
+
+def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, ...]:
+    """Near the part, far around it and in its plume, each finer than the last."""
+    low, high = part.bounds
+    plume_top = high[2] + (_KEPT_ABOVE + 22.0) * scale
+    near = np.array([24.0, 24.0, 24.0]) * scale
+    far = np.array([75.0, 75.0, 65.0]) * scale
+    boxes = [
+        Box(_triple(low - far), (*(high + far)[:2].tolist(), top), WALL_LEVEL - 3),
+        Box(_triple(low - near), (*(high + near)[:2].tolist(), float(plume_top)), WALL_LEVEL - 2),
+    ]
+    for left, front, right, back in plan_rectangles(part, size.background / 2):
+        bottom = float(part.centre[2])
+        column = (right, back, float(plume_top))
+        boxes.append(Box((left, front, bottom), column, WALL_LEVEL - 1))
+    return tuple(boxes)
+
+
+def _whole(length: float, cell: float) -> float:
+    return float(np.ceil(length / cell - 1e-9) * cell)
+
+
+def _triple(values: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 6) for value in values)
+    return x, y, z
+
+
+def _cells(values: FloatArray) -> tuple[int, int, int]:
+    x, y, z = (round(float(value)) for value in values)
+    return x, y, z

@@ -1,0 +1,91 @@
+"""Makes the mesh of a case: blocks, features of the part, refinement and snapping to it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
+
+from iriftrace.cfd.openfoam.case import Case, read_record
+from iriftrace.cfd.openfoam.case_files import nonuniform, uniform, write_start
+from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError, cell_count, run_program
+from iriftrace.cfd.openfoam.wall import wall_temperature
+from iriftrace.core.files import whole_file
+
+_DONE = "mesh.json"
+
+_STEPS = (
+    ("blocks", "blockMesh", ()),
+    ("edges of the part", "surfaceFeatureExtract", ()),
+    ("cells around the part", "snappyHexMesh", ("-overwrite",)),
+    ("check", "checkMesh", ()),
+)
+
+
+def make_mesh(
+    case: Case, folder: Path, installation: Installation, say: Callable[[str], None]
+) -> int:
+    """Make the mesh unless it is there, and the fields at time 0 on it.
+
+    Parameters
+    ----------
+    case, folder
+        The case and where its files are.
+    installation
+        OpenFOAM.
+    say
+        Is told what is being done.
+
+    Returns
+    -------
+    int
+        Number of cells.
+
+    Raises
+    ------
+    OpenFoamError
+        The mesher failed, or lost the part.
+    """
+    done = folder / _DONE
+    if done.is_file():
+        return int(read_record(done)["cells"])
+    shutil.rmtree(folder / "constant/polyMesh", ignore_errors=True)
+    for what, program, arguments in _STEPS:
+        say(f"Mesh: {what}")
+        log = run_program(installation, folder, program, *arguments)
+    cells = cell_count(log.read_text(errors="replace"))
+    wall = wall_patch(folder)
+    if cells is None or not wall.n_cells:
+        raise OpenFoamError(
+            f"the mesh in {folder} has no faces on the part: the mesher lost it; is the part "
+            "closed and not thinner than the cells?"
+        )
+    centres = np.asarray(wall.cell_centers().points, dtype=np.float64) * 1000.0
+    kelvins = wall_temperature(case.wall, case.part, centres)
+    same = len(case.wall.of_regions(case.part)) == 1
+    write_start(case, folder, uniform(float(kelvins[0])) if same else nonuniform(kelvins))
+    with whole_file(done) as temporary:
+        temporary.write_text(json.dumps({"cells": cells, "wall_faces": wall.n_cells}) + "\n")
+    return cells
+
+
+def wall_patch(folder: Path) -> Any:
+    """The wall of a meshed case as pyvista.PolyData: faces in the order of the mesh, in m."""
+    reader = vtkOpenFOAMReader()
+    reader.SetFileName(str(folder / "case.foam"))
+    reader.SetSkipZeroTime(False)
+    reader.UpdateInformation()
+    reader.DisableAllPatchArrays()
+    reader.SetPatchArrayStatus("patch/part", 1)
+    reader.Update()
+    data: Any = pv.wrap(reader.GetOutput())
+    boundary = data["boundary"] if "boundary" in data.keys() else None
+    if boundary is None or "part" not in boundary.keys():
+        return pv.PolyData()
+    return boundary["part"]

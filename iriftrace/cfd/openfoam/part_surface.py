@@ -1,0 +1,133 @@
+"""The part's surface for VTK: distances of points from it, and the file that the mesher reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.field.gradient import MIRRORED_CORNERS
+from iriftrace.geometry.query import NearestFace
+from iriftrace.part.part import Part
+
+_METRES = 1e-3
+
+
+def distance_from(
+    points: FloatArray, part: Part, chosen: NDArray[np.bool_] | None = None
+) -> FloatArray:
+    """Distance of points from the nearest of the part's triangles.
+
+    Parameters
+    ----------
+    points
+        (n, 3) array, mm, world.
+    part
+        mm, world.
+    chosen
+        (m,) mask of the triangles that count; all by default.
+
+    Returns
+    -------
+    (n,) array
+        mm.
+    """
+    faces = part.faces if chosen is None else part.faces[chosen]
+    return NearestFace(part.vertices, faces).distance(points)
+
+
+def write_surface(part: Part, path: Path) -> None:
+    """Write the part as binary STL in metres."""
+    faces: Any = part.faces
+    with whole_file(path) as temporary:
+        pv.PolyData.from_regular_faces(part.vertices * _METRES, faces).save(temporary)
+
+
+# MERGE openfoam.symmetry: Whether a part is its own mirror image, and how a field of a half becom
+
+_TOLERANCE = 5e-3
+"""Share of the part's size by which the mirrored surface may lie beside it."""
+_SAMPLES = 2000
+
+
+def symmetric_axes(part: Part) -> str:
+    """Axes (of "xy") along which the part is its own mirror image about its centre."""
+    return "".join(name for name in "xy" if _deviation(part, name) <= _TOLERANCE)
+
+
+def check_mirrors(part: Part, mirrors: str) -> None:
+    """Refuse mirror planes that the part does not have.
+
+    Raises
+    ------
+    InputError
+    """
+    if mirrors not in ("", "x", "y", "xy"):
+        raise InputError(f'there is no symmetry "{mirrors}"; it is x, y, xy or none.')
+    for name in mirrors:
+        if _deviation(part, name) > _TOLERANCE:
+            raise InputError(
+                f"{part.path} is not symmetric about {name} = {part.centre['xy'.index(name)]:g} "
+                f"mm, so half of the air is not enough; leave {name} out of --symmetry."
+            )
+
+
+def _deviation(part: Part, name: str) -> float:
+    """Largest distance of mirrored points of the surface from it, in sizes of the part."""
+    axis = "xy".index(name)
+    points = np.concatenate((part.vertices[np.unique(part.faces)], part.face_centres))
+    if len(points) > _SAMPLES:
+        points = points[np.random.default_rng(0).choice(len(points), _SAMPLES, replace=False)]
+    size = float(np.ptp(part.bounds, axis=0).max())
+    image = mirrored_points(points, axis, part.centre[axis])
+    return float(distance_from(image, part).max()) / size
+
+
+def mirrored_points(points: FloatArray, axis: int, position: float) -> FloatArray:
+    """Mirror images of points, (n, 3) array, mm, at the plane across an axis at a position, mm."""
+    image = points.copy()
+    image[:, axis] = 2.0 * position - image[:, axis]
+    return image
+
+
+def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.UnstructuredGrid:
+    """A half and its mirror image as one grid, joined at the points in the plane.
+
+    Parameters
+    ----------
+    grid
+        Tetrahedra, hexahedra, wedges and pyramids beside the plane, mm; point data are numbers,
+        or vectors, whose component across the plane changes its sign and is 0 in it.
+    axis
+        0 for x, 1 for y.
+    position
+        Of the plane, mm.
+    """
+    points = np.array(grid.points, dtype=np.float64)
+    # What the mesher left a rounding error beside the plane lies in it.
+    in_plane = np.abs(points[:, axis] - position) < 1e-3
+    points[in_plane, axis] = position
+    beside = np.flatnonzero(~in_plane)
+    twin = np.arange(len(points))
+    twin[beside] = len(points) + np.arange(len(beside))
+    image = mirrored_points(points[beside], axis, position)
+    cells: dict[int, IntArray] = {}
+    for kind, corners in grid.cells_dict.items():
+        turned = twin[np.asarray(corners, dtype=np.int64)][:, list(MIRRORED_CORNERS[int(kind)])]
+        cells[int(kind)] = np.concatenate((corners, turned))
+    whole = pv.UnstructuredGrid(cells, np.concatenate((points, image)))
+    for name in grid.point_data:
+        values = np.array(grid.point_data[name])
+        reflected = values[beside]
+        if values.ndim == 2:
+            # Points in the plane have means of the cells on one side, which still move a little.
+            values[in_plane, axis] = 0.0
+            reflected[:, axis] *= -1.0
+        whole.point_data[name] = np.concatenate((values, reflected))
+    return whole

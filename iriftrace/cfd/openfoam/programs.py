@@ -1,0 +1,374 @@
+"""Where this machine's OpenFOAM is, and how its programs are started."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from attrs import field, frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import SetupError
+from iriftrace.core.files import sha256_of
+
+SOLVER = "buoyantPimpleFoam"
+TOOLS = ("blockMesh", "surfaceFeatureExtract", "snappyHexMesh", "checkMesh")
+"""The programs that are needed besides the solver."""
+
+INSTALL = "make openfoam (in a clone of the repository), or: sudo apt-get install openfoam"
+
+MEND = "iriftrace field doctor --mend, which takes a minute and leaves the package as it is"
+
+# Where the packages of openfoam.com put their versions.
+_BASHRCS = ("/usr/lib/openfoam/openfoam*/etc/bashrc", "/opt/openfoam*/etc/bashrc")
+_DISTRIBUTION = Path("/usr/share/openfoam")
+
+
+@frozen
+class Installation:
+    """An OpenFOAM that can be run.
+
+    Attributes
+    ----------
+    folder : str
+        OpenFOAM's own folder, ``WM_PROJECT_DIR``.
+    installed : str
+        The program ``buoyantPimpleFoam`` of the package.
+    solver : str
+        The one that is used: that, or the one built in its place.
+    environment : dict
+        Environment variables for all programs.
+    """
+
+    folder: str
+    installed: str
+    solver: str
+    environment: dict[str, str] = field(repr=False)
+
+    @property
+    def mended(self) -> bool:
+        """Whether the solver was built in place of the package's."""
+        return self.solver != self.installed
+
+    def program(self, name: str) -> str:
+        """Path of a program.
+
+        Raises
+        ------
+        SetupError
+            It is missing.
+        """
+        path = self.solver if name == SOLVER else _which(name, self.environment)
+        if path is None:
+            raise SetupError(
+                f"OpenFOAM's program {name} is missing, so the case cannot be run; {INSTALL}."
+            )
+        return path
+
+
+def find_openfoam() -> Installation:
+    """Find OpenFOAM: on the search path, or where the packages of openfoam.com put it.
+
+    A solver that `iriftrace.cfd.openfoam.solver_check` has built in place of the installed
+    one is preferred.
+
+    Raises
+    ------
+    SetupError
+        There is none, or a program of it is missing.
+    """
+    environment = _environment()
+    missing = [name for name in (*TOOLS, SOLVER) if _which(name, environment) is None]
+    if len(missing) > len(TOOLS):
+        raise SetupError(f"there is no OpenFOAM on this machine, which computes fields; {INSTALL}.")
+    if missing:
+        raise SetupError(
+            f"OpenFOAM lacks {', '.join(missing)}; the versions of openfoam.com from v1912 on have "
+            f"all of them: {INSTALL}."
+        )
+    installed = str(_which(SOLVER, environment))
+    mended = mended_solver(installed)
+    return Installation(
+        folder=environment.get("WM_PROJECT_DIR", ""),
+        installed=installed,
+        solver=str(mended) if mended.is_file() else installed,
+        environment=environment,
+    )
+
+
+def mended_solver(installed: str) -> Path:
+    """Where the solver built in place of an installed one lies, in the user's own data folder.
+
+    The folder is named after the installed program's content: after an upgrade the new one counts.
+    """
+    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(data) / "iriftrace" / "openfoam" / identity(installed)[:16] / SOLVER
+
+
+def identity(program: str) -> str:
+    """SHA-256 of a program."""
+    return sha256_of(Path(program))
+
+
+def _which(name: str, environment: dict[str, str]) -> str | None:
+    return shutil.which(name, path=environment.get("PATH", os.defpath))
+
+
+def _environment() -> dict[str, str]:
+    environment = dict(os.environ)
+    if _which("blockMesh", environment) is None:
+        found = [path for pattern in _BASHRCS for path in Path("/").glob(pattern[1:])]
+        if found:
+            environment = _sourced(max(found))
+    if "WM_PROJECT_DIR" not in environment and _DISTRIBUTION.is_dir():
+        environment["WM_PROJECT_DIR"] = str(_DISTRIBUTION)
+    # OpenFOAM stops at the first invalid operation instead of computing on with it.
+    environment["FOAM_SIGFPE"] = "true"
+    environment.setdefault("OMP_NUM_THREADS", "1")
+    # Open MPI refuses root, as which containers run.
+    environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT", "1")
+    environment.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+    return environment
+
+
+def _sourced(bashrc: Path) -> dict[str, str]:
+    """The environment that OpenFOAM's own start file makes."""
+    done = subprocess.run(
+        ["bash", "-c", 'source "$0" >/dev/null 2>&1; env -0', str(bashrc)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    pairs = (entry.partition("=") for entry in done.stdout.split("\0") if "=" in entry)
+    return {name: value for name, _, value in pairs}
+
+
+# MERGE openfoam.log: What a running solver says: its log, the heat from the wall, temperatures in
+
+_TIME = re.compile(r"^Time = (\S+)", re.M)
+_COURANT = re.compile(r"^Courant Number mean: \S+ max: (\S+)", re.M)
+_FATAL = re.compile(r"FOAM FATAL (?:IO )?ERROR.*?\n(?P<text>.*?)(?:\n\s*\n|\Z)", re.S)
+_FLOATING_POINT = re.compile(r"sigFpe|Floating point exception", re.I)
+_CELLS = re.compile(r"^\s*cells:\s+(\d+)", re.M)
+_TAIL = 20_000
+
+
+@frozen
+class Steps:
+    """How far a solver has come.
+
+    Attributes
+    ----------
+    times
+        (n,) times of the steps in the text, s.
+    courant
+        (m,) largest Courant number of each step.
+    """
+
+    times: FloatArray
+    courant: FloatArray
+
+    @property
+    def last(self) -> float | None:
+        """Time of the last step, s."""
+        return float(self.times[-1]) if len(self.times) else None
+
+
+def read_steps(text: str) -> Steps:
+    """Steps in a solver's log or in a piece of it."""
+    return Steps(
+        times=_numbers(_TIME.findall(text)),
+        courant=_numbers(_COURANT.findall(text)),
+    )
+
+
+def tail(path: Path) -> str:
+    """The last lines of a log that another process is writing; "" before it is there."""
+    if not path.is_file():
+        return ""
+    with path.open("rb") as file:
+        file.seek(0, 2)
+        file.seek(max(0, file.tell() - _TAIL))
+        return file.read().decode(errors="replace")
+
+
+def failure(text: str) -> str:
+    """Why a program of OpenFOAM stopped, in one line; "" where the log names no reason."""
+    if found := _FATAL.search(text):
+        return " ".join(found["text"].split())
+    if _FLOATING_POINT.search(text):
+        return "an invalid number came up (floating point exception)"
+    return ""
+
+
+def cell_count(text: str) -> int | None:
+    """Number of cells in the log of ``checkMesh``."""
+    found = _CELLS.search(text)
+    return int(found[1]) if found else None
+
+
+def read_heat(case: Path) -> FloatArray:
+    """Heat that the wall gives to the air.
+
+    Parameters
+    ----------
+    case
+        Folder of the case.
+
+    Returns
+    -------
+    (n, 2) array
+        Time in s and heat flow in W, of the half or quarter that is computed.
+    """
+    return _series(case / "postProcessing/heat", "surfaceFieldValue", (0, -1))
+
+
+def read_plume(case: Path) -> FloatArray:
+    """Temperatures at points in the plume.
+
+    Returns
+    -------
+    (n, 1 + points) array
+        Time in s and temperatures in K.
+    """
+    return _series(case / "postProcessing/plume", "T", None)
+
+
+def _series(folder: Path, name: str, columns: tuple[int, ...] | None) -> FloatArray:
+    """Rows of a table that every start of the solver writes into a folder of its own."""
+    rows: dict[float, list[float]] = {}
+    for file in sorted(folder.glob(f"*/{name}*"), key=lambda f: float(f.parent.name)):
+        for line in file.read_text(errors="replace").splitlines():
+            values = _row(line)
+            if values:
+                # A run that went on has computed some of the last steps again.
+                rows[values[0]] = values if columns is None else [values[i] for i in columns]
+    width = min((len(row) for row in rows.values()), default=1)
+    return np.array([rows[time][:width] for time in sorted(rows)]).reshape(len(rows), width)
+
+
+def _row(line: str) -> list[float]:
+    """Numbers of one line of a table; none of a comment or of a line that is being written."""
+    if line.startswith("#"):
+        return []
+    values = []
+    for word in line.split():
+        try:
+            values.append(float(word))
+        except ValueError:
+            if not word.isalnum():
+                return []
+    return values if len(values) > 1 else []
+
+
+def _numbers(words: list[str]) -> FloatArray:
+    values = []
+    for word in words:
+        try:
+            values.append(float(word))
+        except ValueError:
+            values.append(np.nan)
+    return np.array(values, dtype=np.float64)
+
+
+# MERGE openfoam.commands: Starts OpenFOAM's programs in a case's folder, with one log each.
+
+_POLL = 0.5  # s
+
+
+class OpenFoamError(SetupError):
+    """A program of OpenFOAM stopped; its log says more."""
+
+
+def run_program(
+    installation: Installation,
+    folder: Path,
+    name: str,
+    *arguments: str,
+    processes: int = 1,
+    watch: Callable[[], None] | None = None,
+) -> Path:
+    """Run one program in a case and wait for it.
+
+    Parameters
+    ----------
+    installation
+        OpenFOAM.
+    folder
+        Of the case.
+    name
+        Of the program.
+    arguments
+        Passed to it.
+    processes
+        With more than one it runs under ``mpirun``.
+    watch
+        Called twice a second while it runs.
+
+    Returns
+    -------
+    Path
+        Its log.
+
+    Raises
+    ------
+    OpenFoamError
+        It failed.
+    """
+    command = [installation.program(name), *arguments]
+    if processes > 1:
+        mpirun = installation.program("mpirun")
+        command = [mpirun, "--oversubscribe", "-np", str(processes), *command, "-parallel"]
+    if guard := shutil.which("setpriv"):
+        # A solver that outlived this process would write into the case that the next call runs.
+        command = [guard, "--pdeathsig", "TERM", *command]
+    log = folder / f"log.{name}"
+    with log.open("wb") as file:
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            env=installation.environment,
+            # A group of its own, so that its children end with it.
+            start_new_session=True,
+        )
+        try:
+            _wait(process, watch)
+        except BaseException:
+            _end(process)
+            raise
+    if process.returncode:
+        text = tail(log)
+        lines = text.strip().splitlines() or ["it wrote nothing"]
+        reason = failure(text) or lines[-1].strip()
+        raise OpenFoamError(f"OpenFOAM's {name} failed: {reason} See {log}.")
+    return log
+
+
+def _wait(process: subprocess.Popen[bytes], watch: Callable[[], None] | None) -> None:
+    while True:
+        try:
+            process.wait(_POLL)
+        except subprocess.TimeoutExpired:
+            if watch is not None:
+                watch()
+        else:
+            return
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGTERM)
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()

@@ -1,0 +1,258 @@
+"""Reads a solved case and writes the field around the whole part, in mm, with its origin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from iriftrace.air.thermophysics import heat_content, heat_content_slope, temperature_of_density
+from iriftrace.cfd.openfoam.case import Case
+from iriftrace.cfd.openfoam.case_files import DENSITY_RATE
+from iriftrace.cfd.openfoam.mesh import wall_patch
+from iriftrace.cfd.openfoam.part_surface import mirrored_grid
+from iriftrace.cfd.openfoam.programs import SOLVER, read_heat
+from iriftrace.cfd.openfoam.run import Steadiness
+from iriftrace.cfd.openfoam.wall import wall_temperature
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import SetupError
+from iriftrace.core.files import whole_file
+from iriftrace.field.flow import (
+    ENTHALPY_FLUX,
+    HEAT_STORAGE,
+    MOMENTUM_MEAN,
+    VELOCITY,
+    carried_heat,
+    state_heat,
+)
+from iriftrace.field.origin import WALL_HEAT, state_origin
+from iriftrace.field.readers import openfoam as openfoam_case
+
+# MERGE openfoam.heat_carried: The heat that the computed air carries and stores, from what the so
+
+
+def mean_arrays(case: Case, grid: Any, before: Any, seconds: float) -> dict[str, FloatArray]:
+    """Velocity and heat of a time average.
+
+    The stored heat is exact: what it is more at the end of the averaging than at its beginning. The
+    flux is that of `air_flow.carried_heat`.
+
+    Parameters
+    ----------
+    case
+        Its ambient air.
+    grid
+        Last state at its points, with ``rhoMean``; ``UMean`` and ``rhoUMean``.
+    before
+        State at the beginning of the averaging.
+    seconds
+        Between the two.
+
+    Returns
+    -------
+    dict
+        ``U`` (n, 3) m/s, `ENTHALPY_FLUX` and `HEAT_STORAGE`, without those that the solver did not
+        write: it knows no such average, or ran before they were asked for.
+    """
+    data = grid.point_data
+    if "UMean" not in data:
+        return {}
+    velocity = np.asarray(data["UMean"], dtype=np.float64)
+    arrays = {VELOCITY: velocity}
+    if MOMENTUM_MEAN in data:
+        density, momentum = (
+            np.asarray(data[name], dtype=np.float64) for name in ("rhoMean", MOMENTUM_MEAN)
+        )
+        arrays[ENTHALPY_FLUX] = carried_heat(
+            density, velocity, momentum, case.ambient_k, case.pressure_pa
+        )
+    arrays[HEAT_STORAGE] = (_content(case, grid) - _content(case, before)) / seconds
+    return arrays
+
+
+def state_arrays(case: Case, grid: Any) -> dict[str, FloatArray]:
+    """Velocity and heat of a single state, which stores f'(rho) d rho / dt, f as above."""
+    data = grid.point_data
+    arrays = {
+        VELOCITY: np.asarray(data[VELOCITY], dtype=np.float64),
+        ENTHALPY_FLUX: state_heat(grid, case.ambient_k, case.pressure_pa),
+    }
+    if DENSITY_RATE in data:
+        slope = heat_content_slope(data["T"], case.ambient_k)
+        arrays[HEAT_STORAGE] = slope * np.asarray(data[DENSITY_RATE], dtype=np.float64)
+    return arrays
+
+
+def _content(case: Case, grid: Any) -> FloatArray:
+    return heat_content(grid.point_data["T"], case.ambient_k, case.pressure_pa)
+
+
+_MM = 1000.0
+
+
+def write_mean(
+    case: Case, folder: Path, file: Path, averaged: float, steadiness: Steadiness | None
+) -> pv.UnstructuredGrid:
+    """Write the field whose temperature has the time average of the density.
+
+    The refractive index follows the density, so this, and not the mean temperature, is what a
+    long exposure sees.
+
+    Parameters
+    ----------
+    case, folder
+        The case and its folder.
+    file
+        The .vtu to write.
+    averaged
+        Seconds over which the density was averaged.
+    steadiness
+        Over that time.
+
+    Returns
+    -------
+    pyvista.UnstructuredGrid
+        What was written: mm, world, point data ``T`` in K and those of
+        `heat_carried.mean_arrays`, field data `field_origin.WALL_HEAT`.
+    """
+    grid, moment = _read(folder, -1)
+    if "rhoMean" not in grid.point_data:
+        raise SetupError(f"the case {folder} has no mean density at t = {moment:g} s.")
+    density = np.asarray(grid.point_data["rhoMean"], dtype=np.float64)
+    kelvin = temperature_of_density(density, case.pressure_pa)
+    state = "" if steadiness is None else f", {steadiness.text}"
+    how = f"density averaged over {averaged:.3g} s up to t = {moment:.3g} s{state}"
+    before = _at(folder, moment - averaged)
+    carried = {} if before is None else mean_arrays(case, grid, before, averaged)
+    whole = _whole(case, folder, grid, {"T": kelvin, **carried})
+    if steadiness is not None:
+        whole.field_data[WALL_HEAT] = [steadiness.heat_w]
+    _write(case, whole, file, how)
+    return whole
+
+
+def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Path]:
+    """Write the last states one by one and a .pvd that lists them with their times.
+
+    Parameters
+    ----------
+    case, folder
+        The case and its folder.
+    file
+        The .pvd; the states are ``NAME_01.vtu`` and so on beside it.
+    count
+        How many.
+
+    Returns
+    -------
+    list of Path
+        The states' files.
+    """
+    entries, files = [], []
+    heat = read_heat(folder)
+    for number in range(1, count + 1):
+        grid, moment = _read(folder, number - 1 - count)
+        kelvin = np.asarray(grid.point_data["T"], dtype=np.float64)
+        target = file.with_name(f"{file.stem}_{number:0{len(str(count))}d}.vtu")
+        whole = _whole(case, folder, grid, {"T": kelvin, **state_arrays(case, grid)})
+        if len(heat):
+            watts = np.interp(moment, heat[:, 0], heat[:, 1])
+            whole.field_data[WALL_HEAT] = [float(watts) * 2 ** len(case.mirrors)]
+        _write(case, whole, target, f"snapshot at t = {moment:.4g} s")
+        files.append(target)
+        entries.append(f'    <DataSet timestep="{moment:.9g}" part="0" file="{target.name}"/>')
+    with whole_file(file) as temporary:
+        temporary.write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+            + "\n".join(entries)
+            + "\n  </Collection>\n</VTKFile>\n"
+        )
+    return files
+
+
+def _read(folder: Path, member: int) -> tuple[Any, float]:
+    """One state of the case at its points, in m, and its time."""
+    states = openfoam_case.states(folder)
+    number = range(len(states))[member]
+    return openfoam_case.read(folder, number, flow=True).data, float(states[number][1] or 0.0)
+
+
+def _at(folder: Path, moment: float) -> Any | None:
+    """The state at a time, s, at its points, in m; None where none was kept."""
+    for number, (_, time) in enumerate(openfoam_case.states(folder)):
+        if time is not None and np.isclose(time, moment, rtol=1e-6, atol=1e-9):
+            return openfoam_case.read(folder, number).data
+    return None
+
+
+def _with_wall(
+    case: Case, folder: Path, piece: pv.UnstructuredGrid, kelvin: FloatArray
+) -> FloatArray:
+    """Temperatures at the points, with those asked for on the wall.
+
+    The reader gives points on the wall the mean of the faces around them, which widens a transition
+    by a cell.
+    """
+    if len(case.wall.of_regions(case.part)) == 1:
+        return kelvin
+    wall = np.asarray(wall_patch(folder).points, dtype=np.float64) * _MM
+    numbers = cKDTree(np.asarray(piece.points)).query(wall)[1]
+    placed = kelvin.copy()
+    placed[numbers] = wall_temperature(case.wall, case.part, wall)
+    return placed
+
+
+def _whole(
+    case: Case, folder: Path, grid: Any, arrays: dict[str, FloatArray]
+) -> pv.UnstructuredGrid:
+    """What is kept of the computed piece, in mm, with its mirror images and arrays at its points.
+
+    Temperature is the array ``T``.
+    """
+    domain = case.domain
+    piece = pv.UnstructuredGrid()
+    piece.copy_structure(grid)
+    piece.points = np.asarray(grid.points, dtype=np.float64) * _MM
+    for name, values in arrays.items():
+        piece.point_data[name] = values
+    piece.point_data["T"] = _with_wall(case, folder, piece, arrays["T"])
+    centres = np.asarray(piece.cell_centers().points)
+    kept = ((centres > domain.kept_lower) & (centres < domain.kept_upper)).all(axis=1)
+    numbers: Any = np.flatnonzero(kept)
+    piece = piece.extract_cells(numbers)
+    for name, position in domain.planes.items():
+        piece = mirrored_grid(piece, "xy".index(name), position)
+    return piece
+
+
+def _shortened(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Numbers with their last twelve of 24 binary digits rounded away, 1e-4 of them.
+
+    A heat balance needs no more, and compressed they take up half the room.
+    """
+    bits = np.ascontiguousarray(values).view(np.uint32)
+    rounded: NDArray[np.float32] = ((bits + 0x800) & 0xFFFFF000).view(np.float32)
+    return rounded
+
+
+def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
+    mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
+    parts = [f"OpenFOAM {SOLVER}", case.size.name, how]
+    if mirrored:
+        parts.append(f"mirrored at {' and '.join(mirrored)}")
+    output = pv.UnstructuredGrid(
+        grid.cells, grid.celltypes, np.asarray(grid.points, dtype=np.float32)
+    )
+    for name in grid.point_data:
+        if not name.startswith("vtk"):
+            values = np.asarray(grid.point_data[name], dtype=np.float32)
+            output.point_data[name] = values if name == "T" else _shortened(values)
+    for name in grid.field_data:
+        output.field_data[name] = grid.field_data[name]
+    state_origin(output, ", ".join(parts))
+    with whole_file(file) as temporary:
+        output.save(temporary)

@@ -1,0 +1,260 @@
+"""Runs the solver of a meshed case to its end, and goes on with a run that was interrupted."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.cfd.openfoam.case import Case, read_record
+from iriftrace.cfd.openfoam.case_files import (
+    AVERAGED,
+    START_FILES,
+    write_control,
+    write_decomposition,
+)
+from iriftrace.cfd.openfoam.programs import (
+    SOLVER,
+    Installation,
+    OpenFoamError,
+    read_heat,
+    read_plume,
+    read_steps,
+    run_program,
+    tail,
+)
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.field.readers.openfoam import processor_folders, time_folders
+
+# MERGE openfoam.steadiness: Whether the flow stands still: heat from the wall and temperatures in
+
+STEADY_HEAT, STEADY_PLUME = 0.02, 0.01
+"""Steady is what varies less: heat flow by its share, the plume by this share of the heating."""
+
+
+@frozen
+class Steadiness:
+    """Heat flow and plume over some time.
+
+    Attributes
+    ----------
+    heat_w
+        Mean heat flow from the whole part to the air, W.
+    heat_variation
+        Largest minus smallest heat flow, as a share of the mean.
+    plume_swing_k
+        Largest minus smallest temperature at the restless one of the points in the plume, K.
+    steady
+        Whether both are small.
+    """
+
+    heat_w: float
+    heat_variation: float
+    plume_swing_k: float
+    steady: bool
+
+    @property
+    def text(self) -> str:
+        """In words, for results and for the field's origin."""
+        state = "steady" if self.steady else "NOT STEADY"
+        return (
+            f"{state} (heat flow varies by {self.heat_variation:.1%}, plume by "
+            f"{self.plume_swing_k:.0f} K)"
+        )
+
+
+def judge_steadiness(case: Case, folder: Path, window: tuple[float, float]) -> Steadiness | None:
+    """Look at the heat flow and at the plume between two times; None while too little is there."""
+    heat = _within(read_heat(folder), window)
+    plume = _within(read_plume(folder), window)
+    if len(heat) < 3 or len(plume) < 3:
+        return None
+    watts = heat[:, 1] * 2 ** len(case.mirrors)
+    mean = float(watts.mean())
+    variation = float(np.ptp(watts)) / abs(mean) if mean else np.inf
+    swing = float(np.ptp(plume[:, 1:], axis=0).max())
+    heating = case.wall.hottest - case.ambient_k
+    return Steadiness(
+        heat_w=mean,
+        heat_variation=variation,
+        plume_swing_k=swing,
+        steady=variation <= STEADY_HEAT and swing <= STEADY_PLUME * heating,
+    )
+
+
+def _within(rows: FloatArray, window: tuple[float, float]) -> FloatArray:
+    if not len(rows):
+        return rows
+    chosen: FloatArray = rows[(rows[:, 0] >= window[0]) & (rows[:, 0] <= window[1] * (1 + 1e-9))]
+    return chosen
+
+
+_AVERAGED = "averaging.json"
+# OpenFOAM ends every complete file with it.
+_END_MARK = b"// ****"
+
+
+@frozen
+class State:
+    """How far the run has come, for a display.
+
+    Attributes
+    ----------
+    time, end
+        Physical time and its end, s.
+    left
+        Seconds of the clock that are left; None while that is not known.
+    steadiness
+        Of heat and plume lately; None at the beginning.
+    """
+
+    time: float
+    end: float
+    left: float | None
+    steadiness: Steadiness | None
+
+
+def solve(
+    case: Case,
+    folder: Path,
+    installation: Installation,
+    watch: Callable[[State], None],
+) -> float:
+    """Run until the flow has settled, then go on to the end and average the density.
+
+    Returns
+    -------
+    float
+        Seconds over which the density was averaged.
+
+    Raises
+    ------
+    OpenFoamError
+        The solver stopped.
+    InputError
+        The case was begun with another number of processes.
+    """
+    times = case.times
+    pieces = _prepared(case, folder, installation)
+    started = last_time(pieces)
+    if started < times.settled * (1.0 - 1e-9):
+        write_control(case, folder, averaging=False, start=started)
+        _run_solver(case, folder, installation, watch, times.settled)
+        started = last_time(pieces)
+    since = _averaging_since(folder, pieces, started, case)
+    if started < times.end * (1.0 - 1e-9):
+        lately = judge_steadiness(case, folder, (started - times.averaging, started))
+        steady = lately is not None and lately.steady
+        write_control(case, folder, averaging=True, start=started, steady=steady)
+        _run_solver(case, folder, installation, watch, times.end)
+    return times.end - since
+
+
+def last_time(pieces: list[Path]) -> float:
+    """Last time that all pieces of a case have whole on disk; 0 at the beginning."""
+    whole = [{t for t, f in time_folders(piece).items() if _whole(f)} for piece in pieces]
+    return max(set.intersection(*whole), default=0.0)
+
+
+def pieces_of(folder: Path) -> list[Path]:
+    """The folders of the processors, or the case's own where it was not taken apart."""
+    return processor_folders(folder) or [folder]
+
+
+def _prepared(case: Case, folder: Path, installation: Installation) -> list[Path]:
+    pieces = pieces_of(folder)
+    apart = pieces != [folder]
+    if case.processes > 1 and not apart:
+        if last_time(pieces) > 0.0:
+            raise InputError(
+                f"the run in {folder} was begun with one process; go on with --processes 1."
+            )
+        write_decomposition(folder, case.processes)
+        run_program(installation, folder, "decomposePar", "-force")
+        return pieces_of(folder)
+    if apart and len(pieces) != case.processes:
+        raise InputError(
+            f"the run in {folder} was begun with {len(pieces)} processes; go on with --processes "
+            f"{len(pieces)}."
+        )
+    return pieces
+
+
+def _run_solver(
+    case: Case,
+    folder: Path,
+    installation: Installation,
+    watch: Callable[[State], None],
+    end: float,
+) -> None:
+    log = folder / f"log.{SOLVER}"
+    begun, first = time.monotonic(), last_time(pieces_of(folder))
+
+    def look() -> None:
+        now = read_steps(tail(log)).last
+        if now is None:
+            return
+        clock = time.monotonic() - begun
+        # The first steps are tiny and would promise years.
+        known = now - first > 0.02 * case.times.end
+        left = clock / (now - first) * (case.times.end - now) if known else None
+        window = (now - case.times.averaging, now)
+        watch(State(now, case.times.end, left, judge_steadiness(case, folder, window)))
+
+    run_program(installation, folder, SOLVER, processes=case.processes, watch=look)
+    if last_time(pieces_of(folder)) < end * (1.0 - 1e-6):
+        raise OpenFoamError(
+            f"the solver in {folder} ended before {end:g} s without an error; run the same "
+            "command again to go on."
+        )
+
+
+def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Case) -> float:
+    """When averaging began; a mean that was begun for another interval is dropped."""
+    file = folder / _AVERAGED
+    wanted = {"end": case.times.end, "averaging": case.times.averaging}
+    if file.is_file():
+        stored = read_record(file)
+        if {key: stored[key] for key in wanted} == wanted and started >= stored["since"]:
+            if case.times.snapshots not in (0, stored["snapshots"]):
+                raise InputError(
+                    f"the run in {folder} keeps {stored['snapshots']} snapshots, not "
+                    f"{case.times.snapshots}; give that number, or a later end time."
+                )
+            return float(stored["since"])
+    if started >= case.times.end * (1.0 - 1e-9):
+        raise InputError(
+            f"the run in {folder} has already come to {started:g} s, so it cannot be averaged "
+            f"over the last {case.times.averaging:g} s before {case.times.end:g} s; give a later "
+            "end time."
+        )
+    for piece in pieces:
+        for entry in time_folders(piece).values():
+            shutil.rmtree(entry / "uniform/functionObjects", ignore_errors=True)
+            for name in AVERAGED:
+                (entry / f"{name}Mean").unlink(missing_ok=True)
+    with whole_file(file) as temporary:
+        temporary.write_text(
+            json.dumps({**wanted, "snapshots": case.times.snapshots, "since": started})
+        )
+    return started
+
+
+def _whole(folder: Path) -> bool:
+    """Whether a time's fields are all there and none breaks off."""
+    names = [Path(name).name for name in START_FILES]
+    needed = [folder / name for name in (*names, "phi", "uniform/time")]
+    return all(file.is_file() and _ends_well(file) for file in needed)
+
+
+def _ends_well(file: Path) -> bool:
+    with file.open("rb") as stream:
+        stream.seek(max(0, file.stat().st_size - 200))
+        return _END_MARK in stream.read()

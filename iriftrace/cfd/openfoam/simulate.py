@@ -1,0 +1,152 @@
+"""From a case to its field: write, mesh, solve, read; each step only if it is not done already."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from attrs import field, frozen
+
+from iriftrace.cfd.openfoam.case import Case, check_same, keep_record, stored_record
+from iriftrace.cfd.openfoam.case_files import write_case
+from iriftrace.cfd.openfoam.mesh import make_mesh
+from iriftrace.cfd.openfoam.programs import MEND, Installation
+from iriftrace.cfd.openfoam.result import write_mean, write_snapshots
+from iriftrace.cfd.openfoam.run import State, Steadiness, judge_steadiness, solve
+from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, try_solver
+from iriftrace.cfd.openfoam.wall import wall_temperature
+from iriftrace.core.errors import SetupError
+from iriftrace.field.wall import inner_wall
+
+
+@frozen
+class Simulation:
+    """What came out.
+
+    Attributes
+    ----------
+    field
+        The file with the mean field.
+    snapshots
+        Files of single states, of which ``<field>_snapshots.pvd`` is the list.
+    cells
+        Of the mesh.
+    averaged
+        Seconds over which the density was averaged.
+    steadiness
+        Over that time; None where it could not be told.
+    wall_error_k
+        Largest difference between the field at the wall and the temperature asked for, K.
+    seconds
+        Clock time of mesh and solver in this call.
+    """
+
+    field: Path
+    snapshots: tuple[Path, ...]
+    cells: int
+    averaged: float
+    steadiness: Steadiness | None
+    wall_error_k: float
+    seconds: float
+
+
+@frozen
+class Display:
+    """What a caller wants to be told while it runs."""
+
+    say: Callable[[str], None] = field(default=lambda text: None)
+    watch: Callable[[State], None] = field(default=lambda state: None)
+
+
+def prepare(case: Case, folder: Path) -> bool:
+    """Write the case, or make sure that the folder holds the same one; whether it was there.
+
+    Raises
+    ------
+    InputError
+        The folder holds something else.
+    """
+    stored = stored_record(folder)
+    if stored is not None:
+        check_same(case, stored, folder)
+        return True
+    folder.mkdir(parents=True, exist_ok=True)
+    write_case(case, folder)
+    # Last, so that a folder that was half written is not taken for a case.
+    keep_record(case, folder)
+    return False
+
+
+def simulate(
+    case: Case, folder: Path, file: Path, installation: Installation, display: Display
+) -> Simulation:
+    """Run a prepared case and write its field.
+
+    Parameters
+    ----------
+    case, folder
+        See `prepare`.
+    file
+        The .vtu to write.
+    installation
+        OpenFOAM.
+    display
+        Is told how far it is.
+
+    Raises
+    ------
+    SetupError
+        The solver does not compute right here, or stopped.
+    """
+    check_solver(installation)
+    begun = time.monotonic()
+    cells = make_mesh(case, folder, installation, display.say)
+    display.say(f"Solver: {cells:,} cells")
+    averaged = solve(case, folder, installation, display.watch)
+    seconds = time.monotonic() - begun
+    display.say("Writing the field")
+    end = case.times.end
+    steadiness = judge_steadiness(case, folder, (end - averaged, end))
+    grid = write_mean(case, folder, file, averaged, steadiness)
+    files: list[Path] = []
+    if case.times.snapshots:
+        listed = file.with_name(f"{file.stem}_snapshots.pvd")
+        files = write_snapshots(case, folder, listed, case.times.snapshots)
+    return Simulation(
+        field=file,
+        snapshots=tuple(files),
+        cells=cells,
+        averaged=averaged,
+        steadiness=steadiness,
+        wall_error_k=_wall_error(case, grid),
+        seconds=seconds,
+    )
+
+
+def check_solver(installation: Installation) -> None:
+    """Refuse a solver that computes wrong.
+
+    Raises
+    ------
+    SetupError
+    """
+    verdict = try_solver(installation)
+    if verdict != TRIAL_PASSED:
+        raise SetupError(
+            f"{installation.solver} computes wrong ({verdict}), as Debian 12's miscompiled package "
+            f"does; to mend it: {MEND}."
+        )
+
+
+def _wall_error(case: Case, grid: pv.UnstructuredGrid) -> float:
+    """Largest difference at the wall, where a transition of less than a cell does not count."""
+    wall = inner_wall(grid)
+    if not wall.n_points:
+        return float("nan")
+    points = np.asarray(wall.points, dtype=np.float64)
+    asked = wall_temperature(case.wall, case.part, points)
+    found = np.asarray(wall.point_data["T"], dtype=np.float64)
+    return float(np.abs(found - asked).max())

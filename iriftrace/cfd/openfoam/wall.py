@@ -1,0 +1,116 @@
+"""The temperature of the wall: one for all or one for each region, with or without transition."""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import field, frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.cfd.openfoam.part_surface import distance_from
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.part.part import Part
+
+HOTTEST = 3000.0
+"""K; above it air is no longer the mixture whose properties are used."""
+
+# tanh reaches 0.8, which is 90 % of the way, at this argument.
+_NINETY_PERCENT = float(np.arctanh(0.8))
+
+
+@frozen
+class WallTemperatures:
+    """What the user asks of the wall; temperatures in K.
+
+    Attributes
+    ----------
+    default : float
+        Of regions that are not named.
+    regions : dict
+        Of named regions.
+    transition : float
+        Width in mm over which one temperature goes over into another (10 % to 90 %); 0 is sharp.
+    """
+
+    default: float
+    regions: dict[str, float] = field(factory=dict)
+    transition: float = 0.0
+
+    def check(self, part: Part, ambient_k: float) -> None:
+        """Refuse what the part does not have and what no wall has.
+
+        Raises
+        ------
+        InputError
+        """
+        unknown = [name for name in self.regions if name not in part.region_names]
+        if unknown:
+            raise InputError(
+                f'{part.path} has no region "{unknown[0]}"; its regions are '
+                f"{', '.join(part.region_names)}."
+            )
+        for kelvin in (self.default, *self.regions.values()):
+            if not ambient_k < kelvin <= HOTTEST:
+                raise InputError(
+                    f"a wall of {kelvin:g} K in air of {ambient_k:g} K cannot be simulated here: "
+                    f"the wall must be hotter than the air and at most {HOTTEST:g} K; check "
+                    "number and unit."
+                )
+        if not 0.0 <= self.transition < np.inf:
+            raise InputError(f"a transition of {self.transition:g} mm is no width; give 0 or more.")
+        if self.transition and len(self.of_regions(part)) < 2:
+            raise InputError(
+                "a transition needs two temperatures to lie between; give one region another "
+                "temperature (--region-temperature), or leave the transition out."
+            )
+
+    def of_regions(self, part: Part) -> dict[float, list[int]]:
+        """Numbers of the regions that share a temperature."""
+        shared: dict[float, list[int]] = {}
+        for number, name in enumerate(part.region_names):
+            shared.setdefault(self.regions.get(name, self.default), []).append(number)
+        return shared
+
+    @property
+    def hottest(self) -> float:
+        """Highest temperature, K."""
+        return max(self.default, *self.regions.values()) if self.regions else self.default
+
+
+def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> FloatArray:
+    """Temperature of the wall at points on it.
+
+    With a transition of width w and two temperatures T1, T2 whose regions are d1 and d2 away,
+    T = T1 + (T2 - T1) (1 + tanh((d1 - d2) / (0.455 w))) / 2; in general the mean of all
+    temperatures with the weights exp(-2 d / (0.455 w)).
+
+    Parameters
+    ----------
+    wall, part
+        Checked against each other before.
+    points
+        (n, 3) array, mm, world.
+
+    Returns
+    -------
+    (n,) array
+        K.
+    """
+    places = np.asarray(points, dtype=np.float64)
+    shared = wall.of_regions(part)
+    kelvins = np.array(list(shared))
+    if len(kelvins) == 1:
+        return np.full(len(places), kelvins[0])
+    distances = np.stack(
+        [
+            distance_from(places, part, np.isin(part.region_of_face, numbers))
+            for numbers in shared.values()
+        ]
+    )
+    if wall.transition == 0.0:
+        nearest: FloatArray = kelvins[distances.argmin(axis=0)]
+        return nearest
+    length = wall.transition / 2.0 / _NINETY_PERCENT
+    weights = np.exp(-2.0 * (distances - distances.min(axis=0)) / length)
+    mean: FloatArray = (kelvins @ weights) / weights.sum(axis=0)
+    return mean

@@ -1,0 +1,1 @@
+"""Hot air around a part from formulas: a boundary layer and a plume."""

@@ -1,0 +1,88 @@
+"""A synthetic field: the model's temperature at the points of a mesh, and its file."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+
+from iriftrace.air.refractivity import Air
+from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
+from iriftrace.cfd.synthetic.model import SyntheticAir
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.origin import state_origin
+
+GRADIENT = "grad_T"
+"""Name of the array with the model's analytic gradient, K/mm."""
+
+
+def synthetic_grid(
+    air: SyntheticAir, size: AirMesh | None = None, *, gradient: bool = False
+) -> pv.UnstructuredGrid:
+    """The mesh with the point array ``T`` in K, and with its origin.
+
+    Parameters
+    ----------
+    air : SyntheticAir
+    size : AirMesh, optional
+        By default `usual_mesh`.
+    gradient : bool
+        Whether to add the analytic gradient as point array ``grad_T``, K/mm.
+    """
+    cut = air_mesh(air, usual_mesh(air) if size is None else size)
+    temperature, slope = air.at(np.asarray(cut.grid.points, dtype=np.float64))
+    # Points on the wall are on it to rounding only; what was set is what shall be there.
+    temperature[cut.on_wall] = air.wall_k
+    cut.grid.point_data["T"] = temperature
+    if gradient:
+        cut.grid.point_data[GRADIENT] = slope
+    state_origin(cut.grid, air.origin)
+    return cut.grid
+
+
+def synthetic_field(
+    air: SyntheticAir, size: AirMesh | None = None, *, light: Air | None = None
+) -> IndexField:
+    """The synthetic field without a file.
+
+    Parameters
+    ----------
+    air : SyntheticAir
+    size : AirMesh, optional
+    light : Air, optional
+        The ambient air and the wavelength; by default `Air` at the model's ambient temperature.
+    """
+    grid = synthetic_grid(air, size)
+    ambient = Air(temperature_k=air.ambient_k) if light is None else light
+    temperature = np.asarray(grid.point_data["T"], dtype=np.float64)
+    digest = hashlib.sha256(np.asarray(grid.points).tobytes() + temperature.tobytes()).hexdigest()
+    source = FieldSource(
+        "synthetic field without a file", digest, "T", "temperature", "mm", air.origin
+    )
+    return IndexField(grid, ambient.refractivity(temperature), ambient, source)
+
+
+def write_synthetic_field(
+    path: str | Path,
+    air: SyntheticAir,
+    size: AirMesh | None = None,
+    *,
+    gradient: bool = False,
+) -> pv.UnstructuredGrid:
+    """Write the synthetic field as .vtu, mm and K, which says that it is synthetic.
+
+    Raises
+    ------
+    InputError
+        The file does not end in .vtu, or cannot be written.
+    """
+    if Path(path).suffix.lower() != ".vtu":
+        raise InputError(f"{path} does not end in .vtu, which the field is written as; rename it.")
+    grid = synthetic_grid(air, size, gradient=gradient)
+    with whole_file(path) as temporary:
+        grid.save(temporary)
+    return grid

@@ -1,0 +1,426 @@
+"""A mesh of the air around a part: fine at the wall and in the plume, coarse far away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import permutations
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.cfd.synthetic.model import SyntheticAir
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.field.gradient import (
+    MIRRORED_CORNERS,
+    PYRAMID,
+    TETRAHEDRON,
+    TETRAHEDRON_EDGES,
+    WEDGE,
+)
+
+# MERGE synthetic.bisection: Conforming tetrahedra of any grading by bisection of cubes.
+
+SizeAt = Callable[[FloatArray], FloatArray]
+"""From points (n, 3), mm, to the wanted size of cells there (n,), mm."""
+
+
+@frozen(eq=False)
+class Tetrahedra:
+    """A mesh of n points, (n, 3) array, mm, and m tetrahedra, (m, 4) array."""
+
+    points: FloatArray
+    corners: IntArray
+
+
+def graded_tetrahedra(
+    low: FloatArray, high: FloatArray, coarsest_mm: float, size_at: SizeAt, most: int
+) -> Tetrahedra:
+    """Fill a box with tetrahedra of a wanted size.
+
+    Parameters
+    ----------
+    low, high : (3,) arrays, mm
+        The box; it is enlarged to whole cubes.
+    coarsest_mm : float
+        Edge of the cubes at the beginning.
+    size_at : callable
+        A tetrahedron is cut in two while it is larger than the smallest value at its corners.
+    most : int
+        Number of tetrahedra that is refused.
+
+    Raises
+    ------
+    InputError
+        More tetrahedra than `most` would be needed.
+    """
+    too_many = InputError(
+        f"The air would need more than {most:,} tetrahedra; give a larger cell size at the wall, "
+        "or a smaller region."
+    )
+    if len(_KUHN) * float(_counts(low, high, coarsest_mm).prod()) > most:
+        raise too_many
+    points, corners = _cubes(low, high, coarsest_mm)
+    tag = np.full(len(corners), 3)
+    wanted = size_at(points)
+    middles = _Middles()
+    while True:
+        large = _size(points, corners) > wanted[corners].min(axis=1)
+        chosen = large | middles.on_edges(corners)
+        if not chosen.any():
+            return Tetrahedra(points, corners)
+        if len(corners) + chosen.sum() > most:
+            raise too_many
+        start = corners[chosen, 0]
+        end = np.take_along_axis(corners[chosen], tag[chosen, None], axis=1)[:, 0]
+        middle, new = middles.add(start, end, len(points))
+        added = 0.5 * (points[new[:, 0]] + points[new[:, 1]])
+        points = np.concatenate((points, added))
+        wanted = np.concatenate((wanted, size_at(added)))
+        first, second = _halves(corners[chosen], tag[chosen], middle)
+        younger = np.where(tag[chosen] > 1, tag[chosen] - 1, 3)
+        corners = np.concatenate((corners[~chosen], first, second))
+        tag = np.concatenate((tag[~chosen], younger, younger))
+
+
+class _Middles:
+    """Points in the middle of edges, found again by the numbers of the edge's ends."""
+
+    def __init__(self) -> None:
+        self._keys = np.empty(0, dtype=np.int64)
+        self._points = np.empty(0, dtype=np.int64)
+
+    def on_edges(self, corners: IntArray) -> NDArray[np.bool_]:
+        """Whether any edge of each tetrahedron has been cut."""
+        found = np.zeros(len(corners), dtype=bool)
+        if len(self._keys):
+            for a, b in TETRAHEDRON_EDGES:
+                found |= self._place(_key(corners[:, a], corners[:, b]))[1]
+        return found
+
+    def add(self, start: IntArray, end: IntArray, count: int) -> tuple[IntArray, IntArray]:
+        """Middle of each edge, and the (k, 2) ends of the new ones, numbered from `count` on."""
+        keys = _key(start, end)
+        unique, back = np.unique(keys, return_inverse=True)
+        place, known = self._place(unique)
+        number = np.empty(len(unique), dtype=np.int64)
+        number[known] = self._points[place[known]]
+        number[~known] = count + np.arange(np.count_nonzero(~known))
+        fresh = unique[~known]
+        merged = np.concatenate((self._keys, fresh))
+        order = np.argsort(merged, kind="stable")
+        self._keys = merged[order]
+        self._points = np.concatenate((self._points, number[~known]))[order]
+        return number[back], np.stack(np.divmod(fresh, _MOST_POINTS), axis=1)
+
+    def _place(self, keys: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
+        if not len(self._keys):
+            return np.zeros(len(keys), dtype=np.int64), np.zeros(len(keys), dtype=bool)
+        place = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
+        return place, self._keys[place] == keys
+
+
+_MOST_POINTS = 1 << 31
+# Orders of the axes along which the six tetrahedra of a cube go from corner to corner.
+_KUHN = tuple(permutations(range(3)))
+
+
+def _key(a: IntArray, b: IntArray) -> IntArray:
+    key: IntArray = np.minimum(a, b) * _MOST_POINTS + np.maximum(a, b)
+    return key
+
+
+def _halves(corners: IntArray, tag: IntArray, middle: IntArray) -> tuple[IntArray, IntArray]:
+    """Both children of tetrahedra x0..x3 with tag d, cut between x0 and xd (Maubach's rule)."""
+    first, second = corners.copy(), corners.copy()
+    for d in (1, 2, 3):
+        some = tag == d
+        first[some, d] = middle[some]
+        second[some, :d] = corners[some, 1 : d + 1]
+        second[some, d] = middle[some]
+    return first, second
+
+
+def _size(points: FloatArray, corners: IntArray) -> FloatArray:
+    """Edge of the cube whose diagonal is the longest edge of a tetrahedron, mm."""
+    square = np.zeros(len(corners))
+    for a, b in TETRAHEDRON_EDGES:
+        edge = points[corners[:, a]] - points[corners[:, b]]
+        np.maximum(square, np.einsum("ij,ij->i", edge, edge), out=square)
+    return np.sqrt(square / 3.0)
+
+
+def _counts(low: FloatArray, high: FloatArray, edge: float) -> FloatArray:
+    """Cubes along each axis, (3,) array; as float, for numbers that no integer holds."""
+    counts: FloatArray = np.maximum(np.ceil((high - low) / edge - 1e-9), 1.0)
+    return counts
+
+
+def _cubes(low: FloatArray, high: FloatArray, edge: float) -> tuple[FloatArray, IntArray]:
+    """Cubes that cover a box, each cut into six tetrahedra along one diagonal (Kuhn)."""
+    count = _counts(low, high, edge).astype(np.int64)
+    start = 0.5 * (low + high) - 0.5 * edge * count
+    axes = [start[k] + edge * np.arange(count[k] + 1) for k in range(3)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    stride = np.array(((count[1] + 1) * (count[2] + 1), count[2] + 1, 1))
+    cells = np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1).reshape(-1, 3)
+    corner = cells @ stride
+    paths = [np.cumsum([0, *stride[list(order)]]) for order in _KUHN]
+    return points, np.concatenate([corner[:, None] + path for path in paths])
+
+
+# MERGE synthetic.wall_cut: Tetrahedra cut off where a solid begins; what is left outside ends on
+
+Inside = Callable[[FloatArray], BoolArray]
+Nearest = Callable[[FloatArray], FloatArray]
+
+# A corner nearer to the wall than this share of its shortest edge is moved onto it, which keeps
+# slivers out (Labelle and Shewchuk, "Isosurface stuffing", 2007).
+_SNAP = 0.25
+
+# Halvings of an edge until its end on the wall is known to 1e-9 of its length.
+_HALVINGS = 30
+
+
+@frozen(eq=False)
+class CutMesh:
+    """Cells outside a solid.
+
+    Attributes
+    ----------
+    grid : pyvista.UnstructuredGrid
+        Tetrahedra, wedges and pyramids, mm.
+    on_wall : (n,) array of bool
+        Points on the solid's surface.
+    """
+
+    grid: pv.UnstructuredGrid
+    on_wall: BoolArray
+
+
+def cut_at_wall(mesh: Tetrahedra, inside: Inside, nearest: Nearest) -> CutMesh:
+    """Keep of a mesh what lies outside a solid.
+
+    Parameters
+    ----------
+    mesh : Tetrahedra
+    inside : callable
+        From points (n, 3), mm, to whether they lie in the solid.
+    nearest : callable
+        From points (n, 3), mm, to the nearest points of the solid's surface (n, 3), mm.
+    """
+    points, corners = mesh.points.copy(), mesh.corners
+    side = np.where(inside(points), -1, 1)
+    _snap(points, corners, side, nearest)
+    kept = (side[corners] > 0).any(axis=1)
+    corners = corners[kept]
+    sign = side[corners]
+    crossing = (sign < 0).any(axis=1)
+    ends, cut_at = _cuts(points, corners[crossing], sign[crossing], inside)
+    everywhere = np.concatenate((points, cut_at))
+    on_wall = np.concatenate((side == 0, np.ones(len(cut_at), dtype=bool)))
+    cells = _pieces(corners[crossing], sign[crossing], ends, len(points))
+    cells[TETRAHEDRON] = np.concatenate((corners[~crossing], cells[TETRAHEDRON]))
+    return _assembled(everywhere, cells, on_wall)
+
+
+def _snap(points: FloatArray, corners: IntArray, side: IntArray, nearest: Nearest) -> None:
+    """Move the corners that are next to the wall onto it; their side becomes 0."""
+    sign = side[corners]
+    crossed = corners[(sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)]
+    if not len(crossed):
+        return
+    shortest = np.full(len(points), np.inf)
+    for a, b in TETRAHEDRON_EDGES:
+        length = np.linalg.norm(points[crossed[:, a]] - points[crossed[:, b]], axis=1)
+        for end in (a, b):
+            np.minimum.at(shortest, crossed[:, end], length)
+    candidates = np.unique(crossed)
+    foot = nearest(points[candidates])
+    gap = np.linalg.norm(foot - points[candidates], axis=1)
+    near = gap < _SNAP * shortest[candidates]
+    points[candidates[near]] = foot[near]
+    side[candidates[near]] = 0
+
+
+def _cuts(
+    points: FloatArray, corners: IntArray, sign: IntArray, inside: Inside
+) -> tuple[IntArray, FloatArray]:
+    """Edges that pass the wall as sorted (k, 2) ends, outside first, and where they pass it."""
+    found = [np.empty((0, 2), dtype=np.int64)]
+    for a in range(4):
+        for b in range(4):
+            some = (sign[:, a] > 0) & (sign[:, b] < 0)
+            found.append(corners[some][:, (a, b)])
+    ends = np.unique(np.concatenate(found), axis=0)
+    out, into = points[ends[:, 0]], points[ends[:, 1]]
+    low, high = np.zeros(len(ends)), np.ones(len(ends))
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        within = inside(out + middle[:, None] * (into - out))
+        high = np.where(within, middle, high)
+        low = np.where(within, low, middle)
+    return ends, out + (0.5 * (low + high))[:, None] * (into - out)
+
+
+def _pieces(corners: IntArray, sign: IntArray, ends: IntArray, first: int) -> dict[int, IntArray]:
+    """The outer pieces of tetrahedra, by cell type; cut points are numbered from `first` on."""
+    # Corners in the order outside, wall, inside; an odd permutation is mended afterwards.
+    order = np.argsort(-sign, axis=1, kind="stable")
+    v = np.take_along_axis(corners, order, axis=1)
+    n_out, n_wall = (sign > 0).sum(axis=1), (sign == 0).sum(axis=1)
+    key = ends[:, 0] * (1 << 31) + ends[:, 1]
+
+    def cut(some: BoolArray, a: int, b: int) -> IntArray:
+        place: IntArray = np.searchsorted(key, v[some, a] * (1 << 31) + v[some, b])
+        return first + place
+
+    def case(outside: int, wall: int) -> BoolArray:
+        chosen: BoolArray = (n_out == outside) & (n_wall == wall)
+        return chosen
+
+    def pieces(some: BoolArray, *points: int | tuple[int, int]) -> IntArray:
+        """Cells with corners (their place in the order) and cuts (between two places)."""
+        columns = [cut(some, *p) if isinstance(p, tuple) else v[some, p] for p in points]
+        return np.stack(columns, axis=1)
+
+    tetrahedra = [
+        pieces(case(1, 0), 0, (0, 1), (0, 2), (0, 3)),
+        pieces(case(1, 1), 0, 1, (0, 2), (0, 3)),
+        pieces(case(1, 2), 0, 1, 2, (0, 3)),
+    ]
+    wedges = [
+        pieces(case(2, 0), 0, (0, 2), (0, 3), 1, (1, 2), (1, 3)),
+        pieces(case(3, 0), 0, 1, 2, (0, 3), (1, 3), (2, 3)),
+    ]
+    return {
+        TETRAHEDRON: np.concatenate(tetrahedra),
+        WEDGE: np.concatenate(wedges),
+        PYRAMID: pieces(case(2, 1), 0, 1, (1, 3), (0, 3), 2),
+    }
+
+
+# Three edges from a corner that a cell of VTK's handedness has right-handed.
+_EDGES_OF = {TETRAHEDRON: (1, 2, 3), WEDGE: (1, 2, 3), PYRAMID: (1, 3, 4)}
+
+
+def _assembled(points: FloatArray, cells: dict[int, IntArray], on_wall: BoolArray) -> CutMesh:
+    used = np.unique(np.concatenate([c.ravel() for c in cells.values()]))
+    number = np.full(len(points), -1)
+    number[used] = np.arange(len(used))
+    lists, kinds = [], []
+    for kind, cell in cells.items():
+        if not len(cell):
+            continue
+        edges = [points[cell[:, k]] - points[cell[:, 0]] for k in _EDGES_OF[kind]]
+        left = np.einsum("ij,ij->i", np.cross(edges[0], edges[1]), edges[2]) < 0.0
+        cell = np.where(left[:, None], cell[:, MIRRORED_CORNERS[kind]], cell)
+        lists.append(np.insert(number[cell], 0, cell.shape[1], axis=1).ravel())
+        kinds.append(np.full(len(cell), kind, dtype=np.uint8))
+    grid = pv.UnstructuredGrid(np.concatenate(lists), np.concatenate(kinds), points[used])
+    return CutMesh(grid, on_wall[used])
+
+
+MOST_CELLS = 4_000_000
+
+_CELLS_ACROSS_LAYER = 5.0
+_GROWTH = 0.2
+_CELLS_ACROSS_PLUME = 1.5
+_SIDES_IN_LAYERS = 2.5
+_HEIGHT_IN_SIZES = 2.0
+_COARSEST_IN_WALL_CELLS = 16
+
+
+@frozen
+class AirMesh:
+    """What is meshed around a part and how finely.
+
+    Attributes
+    ----------
+    cell_mm : float
+        Edge of the cubes at the wall, from whose division the cells come.
+    sides_mm : float
+        Air beside and below the part.
+    height_mm : float
+        Air above the part.
+    """
+
+    cell_mm: float
+    sides_mm: float
+    height_mm: float
+
+    def __attrs_post_init__(self) -> None:
+        """Refuse sizes that leave no air or no cells."""
+        for name, value in (
+            ("cell size", self.cell_mm),
+            ("air beside the part", self.sides_mm),
+            ("air above the part", self.height_mm),
+        ):
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"The {name} is {value:g} mm; give a positive length.")
+
+
+def usual_mesh(air: SyntheticAir) -> AirMesh:
+    """Five cells across the boundary layer; air to where it has the room's temperature."""
+    low, high = air.part.bounds
+    height = _HEIGHT_IN_SIZES * float(high[2] - low[2]) + 4.0 * air.boundary_layer_mm
+    sides = _SIDES_IN_LAYERS * air.boundary_layer_mm
+    if air.plume is not None:
+        # Where the bell has fallen to e^-9.
+        top = 0.5 * (high[2] - low[2]) + height
+        sides = max(sides, 3.0 * float(air.plume.half_width(np.array(top))))
+    return AirMesh(air.boundary_layer_mm / _CELLS_ACROSS_LAYER, sides, height)
+
+
+def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
+    """Cells around a part that end on its surface.
+
+    Parameters
+    ----------
+    air : SyntheticAir
+        The part, and where its air needs small cells.
+    size : AirMesh
+
+    Raises
+    ------
+    InputError
+        More than `MOST_CELLS` cells would be needed, or they are larger than the boundary layer or
+        pass over the part.
+    """
+    if size.cell_mm > air.boundary_layer_mm:
+        raise InputError(
+            f"Cells of {size.cell_mm:g} mm at the wall would miss the boundary layer, which is "
+            f"{air.boundary_layer_mm:.3g} mm thick; give smaller ones (--cell-size), a fifth of it "
+            "by default."
+        )
+    low, high = (np.array(bound, dtype=np.float64) for bound in air.part.bounds)
+    low -= size.sides_mm
+    high += size.sides_mm
+    high[2] = air.part.bounds[1, 2] + size.height_mm
+    coarsest = _COARSEST_IN_WALL_CELLS * size.cell_mm
+
+    def size_at(points: FloatArray) -> FloatArray:
+        distance = air.distance.nearest(points)[0]
+        wanted = size.cell_mm + _GROWTH * np.maximum(distance - size.cell_mm, 0.0)
+        if air.plume is not None:
+            width = air.plume.half_width(points[:, 2] - air.plume.base[2])
+            share = air.plume.excess(points)[0]
+            fine = np.maximum(width / _CELLS_ACROSS_PLUME, size.cell_mm)
+            # Where the plume has next to nothing left, there is nothing to resolve.
+            wanted = np.where(share > 0.02, np.minimum(wanted, fine), wanted)
+        return wanted
+
+    mesh = graded_tetrahedra(low, high, coarsest, size_at, MOST_CELLS)
+
+    def nearest(points: FloatArray) -> FloatArray:
+        return air.distance.foot(points)
+
+    cut = cut_at_wall(mesh, air.distance.inside, nearest)
+    if not cut.on_wall.any():
+        raise InputError(
+            f"Cells of {size.cell_mm:.3g} mm at the wall see nothing of {air.part.path}, which is "
+            f"{np.ptp(air.part.bounds, axis=0).min():.3g} mm thin; give smaller ones (--cell-size)."
+        )
+    return cut

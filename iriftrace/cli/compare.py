@@ -1,0 +1,154 @@
+"""The command ``iriftrace compare``: measured shifts against those of a rendering."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+from rich.markup import escape
+from rich.table import Table
+
+from iriftrace.cli.console import out, working
+from iriftrace.cli.options import Statuses, check_input, check_output, statuses
+from iriftrace.cli.trace_options import check_light
+from iriftrace.core.errors import InputError
+
+
+def compare(
+    image: Path,
+    measured: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    positions: Literal["cold", "hot"] = "cold",
+    include: Statuses = None,
+    wavelength: str | None = None,
+    figures: bool = True,
+) -> None:
+    """Compare measured pixel shifts between a cold and a hot picture with a rendering.
+
+    Shifts are positions in the hot picture minus positions in the cold one, u to the right and v
+    down. The residual, measured minus simulated, is split into what a small rigid motion of the
+    camera between the two pictures explains, and the rest.
+
+    Example: ``iriftrace compare out.exr markers.csv``
+
+    Parameters
+    ----------
+    image
+        The AOV EXR that ``iriftrace render`` wrote, at the camera's own resolution.
+    measured
+        A map of two channels (.exr, or .npy with the shape height, width, 2), or markers (.csv with
+        the columns u, v, du, dv; pixel centres are whole numbers, as OpenCV counts).
+    output
+        The JSON file; by default beside the EXR and named after both, such as
+        out_against_markers.json. The picture goes beside it.
+    positions
+        The picture in which the places were measured; most programs take the first, cold one.
+    include
+        Further status codes whose rays count, such as 5.
+    wavelength
+        Wavelength that the rendering must be of, "450 nm"; one of other light is refused.
+    figures
+        Draw measured and simulated shifts and residuals.
+    """
+    from iriftrace.core.files import sha256_of
+    from iriftrace.image.aov_image import read_exr
+    from iriftrace.image.comparison import compare_shift, comparison_report, write_comparison
+    from iriftrace.image.measured_shift import read_measured_shift
+
+    check_input(image, measured)
+    if not image.is_file():
+        raise InputError(f"There is no file {image}; give the AOV EXR that a render wrote.")
+    target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
+    check_output(target, ".json", "comparison.json", make=False)
+    if target.resolve() == measured.resolve():
+        raise InputError(f"The output {target} would replace the measured shift; name another one.")
+    used = statuses(include)
+    rendering = read_exr(image)
+    check_light(wavelength, rendering.header, image)
+    missing = [key for key in ("camera", "assumptions") if key not in rendering.header]
+    if missing:
+        raise InputError(
+            f"{image} has no {', '.join(missing)} in its header, which the comparison needs; "
+            "render the scene again."
+        )
+    shifts = read_measured_shift(measured)
+    with working("Comparing"):
+        comparison = compare_shift(rendering, shifts, positions=positions, include=used)
+    file = {"path": str(image.resolve()), "sha256": sha256_of(image)}
+    report = comparison_report(comparison, rendering, file, shifts, positions)
+    written = [target]
+    if figures:
+        from iriftrace.figures.comparison import comparison_figure
+
+        picture = target.with_suffix(".png")
+        with working("Drawing"):
+            title = f"{measured.name} and {image.name}, {report['points']['compared']:,} places"
+            comparison_figure(comparison, shifts.resolution, title, picture)
+        written.append(picture)
+    write_comparison(target, report)
+    _print_report(report, image.name, rendering.resolution)
+    out.print("Files: " + ", ".join(map(str, written)), markup=False, soft_wrap=True)
+
+
+def _print_report(report: dict[str, Any], name: str, resolution: tuple[int, int]) -> None:
+    table = Table(title="Measured shift against simulated", title_justify="left", show_header=False)
+    table.add_column(style="bold")
+    table.add_column()
+    width, height = resolution
+    table.add_row("rendering", f"{escape(name)}, {width} x {height} px")
+    points = report["points"]
+    table.add_row(
+        "places",
+        f"{points['measured']:,} measured, {points['compared']:,} compared, "
+        f"{points['without_simulation']:,} not on good pixels of the part",
+    )
+    for name in ("measured", "simulated", "residual"):
+        values = report[f"{name}_px"]
+        table.add_row(
+            name, ", ".join(f"{key} {values[key]:.4g} px" for key in ("rms", "median", "p95"))
+        )
+    across, down = report["residual_px"]["bias"]
+    table.add_row("bias", f"{across:.4g} px across, {down:.4g} px down")
+    table.add_row("correlation", _number(report["correlation"]))
+    motion = report["camera_motion"]
+    if "reason" in motion:
+        table.add_row("camera motion", f"not known: {motion['reason']}")
+    else:
+        for what, key, unit in (
+            ("translation", "translation", "um"),
+            ("rotation", "rotation", "urad"),
+        ):
+            values, deviations = motion[f"{key}_{unit}"], motion[f"{key}_std_{unit}"]
+            table.add_row(
+                f"camera {what}",
+                ", ".join(
+                    f"{axis} {_with_deviation(value, deviation, unit)}"
+                    for axis, value, deviation in zip("xyz", values, deviations, strict=True)
+                ),
+            )
+        table.add_row(
+            "which explains",
+            f"{motion['explained']:.1%} of the residual's mean square: rms "
+            f"{motion['rms_before_px']:.4g} px before, {motion['rms_after_px']:.4g} px after, "
+            f"correlation {_number(motion['correlation_after'])} "
+            f"({motion['points']:,} places, {motion['outliers']:,} outliers left out)",
+        )
+    out.print(table)
+
+
+def _with_deviation(value: float, deviation: float, unit: str) -> str:
+    text = f"{_digits(value, 4)} +- {_digits(deviation, 2)} {unit}"
+    return text if abs(value) >= deviation else f"{text} (not significant)"
+
+
+def _digits(value: float, digits: int) -> str:
+    """So many significant digits, without an exponent."""
+    from numpy import format_float_positional
+
+    return format_float_positional(value, precision=digits, fractional=False, trim="-")
+
+
+def _number(value: float | None) -> str:
+    return "n/a, one of them is constant" if value is None else f"{value:.4f}"

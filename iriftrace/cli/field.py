@@ -1,0 +1,252 @@
+"""The commands ``iriftrace field ...``: making, judging and looking into temperature fields."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from attrs import evolve
+from cyclopts import App, Parameter
+
+from iriftrace.cli.console import out, working
+from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.options import (
+    check_field as check_field_file,
+)
+from iriftrace.cli.options import (
+    check_input,
+    check_output,
+    finite_numbers,
+    optional_quantity,
+    quantity,
+)
+from iriftrace.cli.program import add_command
+from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+    from iriftrace.cfd.check.finding import FieldCheck
+    from iriftrace.cfd.synthetic.mesh import AirMesh
+    from iriftrace.cfd.synthetic.model import SyntheticAir
+
+
+field = App(
+    name="field",
+    help="Make a temperature field for a part, or check one.",
+    help_format="rst",
+)
+
+for _by_name in (
+    (
+        "simulate",
+        "simulate",
+        "Simulate the hot air around a part with OpenFOAM and write the field.",
+        'part.stl -o case --wall-temperature "1100 degC" --resolution coarse',
+    ),
+    (
+        "simulate",
+        "doctor",
+        "Find OpenFOAM on this machine and test whether its solvers compute right.",
+        "",
+    ),
+    (
+        "field",
+        "synthetic",
+        "Write a synthetic boundary layer and plume around a part, for tests and quick looks.",
+        "part.ply -o field.vtu",
+    ),
+    (
+        "field",
+        "check",
+        "Check a field against its part: wall, boundary layer, heat balance, gradients.",
+        "field.vtu part.ply",
+    ),
+):
+    add_command(field, "iriftrace field", *_by_name)
+
+
+# MERGE cli.field_check_commands: The command ``iriftrace field check``: is a field good enough fo
+
+_COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
+
+
+def check(
+    field: Path,
+    part: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    wall_temperature: str | None = None,
+    diameter: str | None = None,
+    origin: str | None = None,
+    air: AirOptions = AirOptions(),
+    field_options: FieldOptions = FieldOptions(),
+    part_options: PartOptions = PartOptions(),
+) -> None:
+    """Check a field against its part: wall, boundary layer, heat, edge of the data, gradients.
+
+    The heat that leaves with the air is balanced against the heat from the wall where the file has
+    velocities, as those of `iriftrace field simulate` and OpenFOAM's cases do.
+
+    Prints a verdict on each. The exit status is 0 also when they are bad; it is 2 when field and
+    part do not belong together.
+
+    Example: ``iriftrace field check field.vtu part.ply --wall-temperature "1100 degC"``
+
+    Parameters
+    ----------
+    field
+        Volume mesh with temperature, density or index, a COMSOL text export, or an OpenFOAM case.
+    part
+        The part's mesh.
+    output
+        Write everything to this .json file too.
+    wall_temperature
+        Temperature that the wall should have.
+    diameter
+        Diameter of a horizontal cylinder with whose heat flux the wall's is compared; found by
+        itself for a part that is one.
+    origin
+        Where a camera stands, "x,y,z" in mm; adds how much of its view enters hot air at the edge
+        of the data.
+    """
+    check_field_file(field)
+    check_input(part)
+    if output is not None:
+        check_output(output, ".json", "check.json", make=False)
+    if field_options.isosurfaces:
+        raise InputError("Iso-surfaces have no air between them to be checked; give the volume.")
+    camera = None if origin is None else finite_numbers(origin, 3, "--origin")
+    wall_k = optional_quantity(wall_temperature, "kelvin", "--wall-temperature")
+    diameter_mm = optional_quantity(diameter, "mm", "--diameter")
+    if diameter_mm is not None and not diameter_mm > 0.0:
+        raise InputError(f"--diameter is {diameter}, but a cylinder's diameter is positive.")
+    measured = part_options.read(part)
+    with working("Reading the field"):
+        volume = field_options.read(field, air.air(), measured, flow=True)
+    with working("Checking the field"):
+        from iriftrace.cfd.check.check import check_field
+
+        result = check_field(
+            volume,
+            measured,
+            wall_temperature_k=wall_k,
+            diameter_mm=diameter_mm,
+            camera=camera,
+            steady=field_options.steady,
+        )
+    _print(result, field)
+    if output is not None:
+        result.save(output)
+        out.print(f"Numbers in {output}", markup=False, soft_wrap=True)
+
+
+def _print(result: FieldCheck, field: Path) -> None:
+    from rich.table import Table
+
+    table = Table(title=f"{field.name}: {result.verdict}")
+    for heading in ("checked", "found", "verdict", "compared with"):
+        table.add_column(heading)
+    for finding in result.findings:
+        colour = _COLOURS[finding.verdict]
+        table.add_row(
+            finding.name, finding.value, f"[{colour}]{finding.verdict}[/]", finding.remark
+        )
+    out.print(table)
+    if result.field["origin"]:
+        out.print(f"Field: {result.field['origin']}.", markup=False, soft_wrap=True)
+
+
+# MERGE cli.synthetic_commands: The command ``iriftrace field synthetic``: hot air from formulas a
+
+
+def synthetic(
+    part: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    wall_temperature: str = "1100 degC",
+    ambient: str = "20 degC",
+    boundary_layer: str | None = None,
+    plume: float = 0.8,
+    cell_size: str | None = None,
+    sides: str | None = None,
+    height: str | None = None,
+    gradient: bool = False,
+    part_options: PartOptions = PartOptions(),
+) -> None:
+    """Write a synthetic boundary layer and plume around a part: formulas, not a simulation.
+
+    For tests, teaching and quick looks: shapes and orders of magnitude are right, numbers are not,
+    and every result made from the file says that it is synthetic. The boundary layer falls with
+    (1 - d/thickness)^2 from the wall's temperature to ambient, d being the distance to the part;
+    the plume is that of a laminar line source (see iriftrace.synthetic). The mesh ends on the part
+    and is fine there.
+
+    Example: ``iriftrace field synthetic part.ply -o field.vtu --wall-temperature "900 degC"``
+
+    Parameters
+    ----------
+    part
+        The part's mesh (.ply .stl .obj .glb ...), closed.
+    output
+        The field's file, .vtu: mm, array T in K.
+    wall_temperature
+        Temperature of the part.
+    ambient
+        Temperature of the room.
+    boundary_layer
+        Thickness of the boundary layer; by default that of laminar convection at the part's size.
+    plume
+        Excess temperature of the plume above the part's top, as a share of the wall's; 0 for none.
+    cell_size
+        Size of the cells at the wall; by default a fifth of the boundary layer.
+    sides
+        Air beside and below the part; by default as far as it is warm.
+    height
+        Air above the part, beyond which the plume is cut off.
+    gradient
+        Add the analytic gradient as array grad_T, K/mm.
+    """
+    from iriftrace.cfd.synthetic.field import write_synthetic_field
+    from iriftrace.cfd.synthetic.mesh import usual_mesh
+    from iriftrace.cfd.synthetic.model import synthetic_air
+
+    check_input(part)
+    check_output(output, ".vtu", "field.vtu", make=False)
+    wall_k = quantity(wall_temperature, "kelvin", "--wall-temperature")
+    ambient_k = quantity(ambient, "kelvin", "--ambient")
+    air = synthetic_air(
+        part_options.read(part),
+        wall_k=wall_k,
+        ambient_k=ambient_k,
+        boundary_layer_mm=optional_quantity(boundary_layer, "mm", "--boundary-layer"),
+        plume=plume,
+    )
+    size = usual_mesh(air)
+    wanted = {
+        "cell_mm": optional_quantity(cell_size, "mm", "--cell-size"),
+        "sides_mm": optional_quantity(sides, "mm", "--sides"),
+        "height_mm": optional_quantity(height, "mm", "--height"),
+    }
+    size = evolve(size, **{key: value for key, value in wanted.items() if value is not None})
+    with working("Meshing the air"):
+        grid = write_synthetic_field(output, air, size, gradient=gradient)
+    _print_field(air, size, grid)
+    out.print(
+        f"Field in {output}; now run:  iriftrace scene {output} {part} -o scene/scene.xml "
+        f'--ambient "{ambient}"',
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _print_field(air: SyntheticAir, size: AirMesh, grid: pv.UnstructuredGrid) -> None:
+    temperature = np.asarray(grid.point_data["T"])
+    out.print(air.origin, markup=False, soft_wrap=True)
+    out.print(
+        f"  {grid.n_points:,} points, {grid.n_cells:,} cells, {size.cell_mm:.3g} mm at the wall; "
+        f"air {size.sides_mm:.3g} mm beside and below the part and {size.height_mm:.3g} mm above",
+        soft_wrap=True,
+    )
+    out.print(f"  T from {temperature.min():.6g} K to {temperature.max():.6g} K")

@@ -1,0 +1,388 @@
+"""The command ``iriftrace plan``: where to put the camera, by a sweep."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from attrs import frozen
+from cyclopts import Group, Parameter
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from iriftrace.camera.pose import pose_text
+from iriftrace.cli.console import notes, out
+from iriftrace.cli.options import Whole, check_input, check_output, quantity, quantity_with_unit
+from iriftrace.cli.trace_options import check_light
+from iriftrace.core.errors import InputError
+from iriftrace.planning.summary import RankingTable, alternative_text, front_text, stability_text
+from iriftrace.sweep.diagnostics import setting_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import ArrayLike
+
+    from iriftrace.planning.cover import ViewLimits, ViewSet
+    from iriftrace.planning.rank import Plan
+    from iriftrace.planning.refine import Refinement
+    from iriftrace.planning.summary import SweepSummary
+    from iriftrace.sweep.reload import SweptScene
+
+
+# MERGE cli.plan_options: Options about how the poses of a sweep are ranked: the same for plan, pl
+
+RANKING = Group("Ranking", sort_key=1)
+
+
+@Parameter(name="*", group=RANKING)
+@frozen
+class RankingOptions:
+    """How poses are ranked.
+
+    Parameters
+    ----------
+    displacement
+        Weight in the score = displacement d + coverage (1 - c) + axial a + lateral l of the
+        normalised metrics, the smaller the better.
+    coverage
+        Weight of the part's area that is not seen.
+    axial
+        Weight of the resolution along the line of sight.
+    lateral
+        Weight of the resolution across the line of sight.
+    statistic
+        Which displacement: the paper's mean, or one that silhouettes cannot spoil.
+    resolution
+        Reading of the resolution.
+    region
+        Region of the part.
+    percentile
+        Upper end of the normalisation.
+    outside
+        What becomes of poses beyond the percentile.
+    min_hits
+        Poses with fewer good rays stay unranked.
+    min_coverage
+        Poses that see a smaller share of the area, from 0 to 1, stay unranked.
+    """
+
+    displacement: float = 0.5
+    coverage: float = 0.2
+    axial: float = 0.15
+    lateral: float = 0.15
+    statistic: Literal["mean", "median", "p95"] = "mean"
+    resolution: Literal["step", "nn3d", "nnxy"] = "step"
+    region: str = "part"
+    percentile: float = 95.0
+    outside: Literal["clip", "discard"] = "clip"
+    min_hits: int = 100
+    min_coverage: float = 0.0
+
+    def summary_of(self, dataset: xr.Dataset) -> SweepSummary:
+        """The sweep's poses ranked by these options."""
+        from iriftrace.planning.candidates import Weights
+        from iriftrace.planning.rank import rank_poses
+        from iriftrace.planning.summary import summarise
+
+        plan = rank_poses(
+            dataset,
+            weights=Weights(self.displacement, self.coverage, self.axial, self.lateral),
+            statistic=self.statistic,
+            resolution=self.resolution,
+            region=self.region,
+            percentile=self.percentile,
+            outside=self.outside,
+            min_hits=self.min_hits,
+            min_coverage=self.min_coverage,
+        )
+        return summarise(dataset, plan)
+
+
+THE_PAPERS = RankingOptions()
+"""Weights and normalisation of Kern et al. (2025)."""
+
+VIEWS = Group("Several views", sort_key=2)
+REFINE = Group("Refinement", sort_key=3)
+POSES = Group("Poses for other programs", sort_key=4)
+
+EVALUATIONS = 80
+
+
+def plan(
+    sweep: Path,
+    *,
+    ranking: RankingOptions = THE_PAPERS,
+    top: Whole = 10,
+    wavelength: str | None = None,
+    views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
+    max_displacement: Annotated[str | None, Parameter(group=VIEWS)] = None,
+    max_incidence: Annotated[str | None, Parameter(group=VIEWS)] = None,
+    refine: Annotated[bool, Parameter(group=REFINE, negative=())] = False,
+    evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
+    save_poses: Annotated[Path | None, Parameter(group=POSES)] = None,
+    convention: Annotated[
+        Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None, Parameter(group=POSES)
+    ] = None,
+) -> None:
+    """Rank the poses of a sweep by the combined metric and print the best one.
+
+    With --views, also the set of poses that together see the most of the part; with --refine, also
+    the best pose near the best one of the sweep.
+
+    Example: ``iriftrace plan sweep.nc --statistic median --region lateral``
+
+    Parameters
+    ----------
+    sweep
+        A file that ``iriftrace sweep`` wrote.
+    top
+        Rows of the ranking to print.
+    wavelength
+        Wavelength that the sweep must be of, "450 nm"; one of other light is refused.
+    views
+        Number of poses that together are to see as much area as possible.
+    max_displacement
+        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
+    max_incidence
+        A pose does not see a face that its rays hit at a larger angle, in degrees.
+    refine
+        Search around the best pose, with position, distance and roll free; needs the scene's files.
+    evaluations
+        Most poses that the search renders, 80 by default.
+    output
+        Write the refined pose to this .json file.
+    save_poses
+        Write the poses of the printed ranking, best first, to this .csv, .json, .npy or .txt file.
+    convention
+        Camera axes in that file, opencv (x right, y down, z forward) by default.
+    """
+    from iriftrace.planning.cover import ViewLimits, plan_views
+    from iriftrace.planning.refine import check_evaluations, write_refined
+    from iriftrace.planning.summary import ranking_table
+    from iriftrace.sweep.store import read_sweep
+
+    _refuse_without(
+        "--views",
+        views is not None,
+        {"--max-displacement": max_displacement, "--max-incidence": max_incidence},
+    )
+    _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
+    _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
+    limits = ViewLimits(
+        displacement_mm=math.inf
+        if max_displacement is None
+        else quantity_with_unit(max_displacement, "mm", "--max-displacement", "20 um"),
+        incidence_deg=90.0
+        if max_incidence is None
+        else quantity(max_incidence, "degree", "--max-incidence"),
+    )
+    if output is not None:
+        check_output(output, ".json", "refined.json", make=False)
+    check_input(sweep)
+    dataset = read_sweep(sweep)
+    check_light(wavelength, dataset.attrs, sweep)
+    summary = ranking.summary_of(dataset)
+    table = ranking_table(summary, top)
+    if views is not None:
+        together = plan_views(
+            dataset, views, limits, region=ranking.region, min_hits=ranking.min_hits
+        )
+    count = EVALUATIONS if evaluations is None else evaluations
+    if refine:
+        check_evaluations(count)
+        swept = _scene_of(dataset, summary.plan.best)
+    if save_poses is not None:
+        _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
+    # All that can be wrong has been found by now, so that nothing is printed in vain.
+    print_plan(out, summary, table)
+    if views is not None:
+        print_views(out, summary, together, limits)
+    if refine:
+        refined = _refined(dataset, summary.plan, swept, count)
+        print_refined(out, summary, refined)
+        if output is not None:
+            write_refined(output, refined, summary.plan, dataset)
+            out.print(f"Refined pose in {output}", markup=False, soft_wrap=True)
+    if save_poses is not None:
+        out.print(f"Ranked poses in {save_poses}", markup=False, soft_wrap=True)
+
+
+def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None:
+    from iriftrace.camera.pose_files import write_poses
+    from iriftrace.camera.pose_set import PoseSet
+
+    if not path.parent.is_dir():
+        raise InputError(f"The folder {path.parent} does not exist; create it first.")
+    chosen = dataset.isel(pose=list(ranked))
+    poses = PoseSet(chosen["matrix"].values, chosen["azimuth"].values, chosen["elevation"].values)
+    write_poses(path, poses, convention)
+
+
+def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
+    for name, value in options.items():
+        if value is not None and not there:
+            raise InputError(f"{name} is given without {needed}, so it changes nothing; add it.")
+
+
+def _scene_of(dataset: xr.Dataset, pose: int) -> SweptScene:
+    from iriftrace.sweep.reload import load_swept_scene
+
+    with notes.status("Loading the scene ..."):
+        try:
+            return load_swept_scene(dataset, pose)
+        except InputError as error:
+            raise InputError(
+                f"The best pose cannot be refined, because its scene cannot be rendered again: "
+                f"{error}."
+            ) from error
+
+
+def _refined(dataset: xr.Dataset, plan: Plan, swept: SweptScene, evaluations: int) -> Refinement:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    from iriftrace.planning.refine import refine_pose
+
+    columns = (
+        TextColumn("Refining, best score {task.fields[score]:.4f}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+    )
+    with Progress(*columns, console=notes, transient=True) as bar:
+        task = bar.add_task("", total=evaluations, score=plan.score[plan.best])
+        return refine_pose(
+            dataset,
+            plan,
+            swept,
+            evaluations=evaluations,
+            progress=lambda done, score: bar.update(task, completed=done, score=score),
+        )
+
+
+# MERGE cli.plan_output: What ``iriftrace plan`` prints: ranking, best pose, sets of views, a refi
+
+
+def print_plan(console: Console, summary: SweepSummary, ranking: RankingTable) -> None:
+    """The ranking, how sure it is, and the best pose."""
+    plan = summary.plan
+    table = _table(
+        f"Best poses for region {plan.region}: displacement, coverage, resolution",
+        ranking.short_headings,
+    )
+    for row in ranking.rows:
+        table.add_row(*row)
+    console.print(table)
+    if ranking.note:
+        _say(console, ranking.note)
+    if plan.unranked:
+        pose, reason = next(iter(plan.unranked.items()))
+        count = len(plan.unranked)
+        noun = "pose" if count == 1 else "poses, the first of them"
+        _say(console, f"Unranked: {count} {noun} {pose}: {reason}")
+    _say(console, stability_text(summary))
+    unclear = alternative_text(summary)
+    if unclear:
+        _say(console, unclear)
+    _say(console, front_text(summary))
+    _print_swept(console, "Best pose", summary, plan.best)
+
+
+def _print_swept(console: Console, kind: str, summary: SweepSummary, pose: int) -> None:
+    setting = setting_of(summary.varied, pose)
+    name = f"{kind} {pose}{f' ({setting})' if setting else ''}"
+    print_pose(console, name, summary.matrices[pose], summary.distance[pose])
+
+
+def print_pose(console: Console, name: str, matrix: ArrayLike, distance_mm: float) -> None:
+    """A pose as matrix, as look-at and as XML."""
+    text = pose_text(matrix, distance_mm)
+    _say(console, f"{name}, camera to world (x right, y down, z forward; mm):")
+    for row in text.matrix:
+        _say(console, f"  {row}")
+    _say(console, f"Look-at: {text.look_at}")
+    _say(console, "In the scene file, inside the sensor:")
+    for line in text.xml:
+        _say(console, f"  {line}")
+
+
+def print_views(
+    console: Console, summary: SweepSummary, views: ViewSet, limits: ViewLimits
+) -> None:
+    """Poses that together see the most, what each adds, and how good the choice is."""
+    region = summary.plan.region
+    what = "the part" if region == "part" else f"region {region}"
+    _say(
+        console,
+        f"Poses that together see the most of {what}; a face counts that is seen {limits.text}:",
+    )
+    table = _table(
+        None,
+        ("view", "pose", "azim. °", "elev. °", "adds %", "together %"),
+    )
+    together = 0.0
+    for number, (pose, added) in enumerate(
+        zip(views.poses.tolist(), views.added.tolist(), strict=True), start=1
+    ):
+        together += added
+        table.add_row(
+            str(number),
+            str(pose),
+            f"{summary.azimuth[pose]:.1f}",
+            f"{summary.elevation[pose]:.1f}",
+            f"{100 * added:.2f}",
+            f"{100 * together:.2f}",
+        )
+    console.print(table)
+    proof = (
+        "no other choice of as many poses sees more (exact)."
+        if views.exact
+        else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
+    )
+    _say(
+        console,
+        f"Together they see {100 * views.covered:.2f} % of the area of {what}, of "
+        f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}",
+    )
+    for pose in views.poses.tolist():
+        _print_swept(console, "Pose", summary, pose)
+
+
+def print_refined(console: Console, summary: SweepSummary, refined: Refinement) -> None:
+    """What a search around the best pose gained."""
+    end = "ended by itself" if refined.converged else "ended with the evaluations"
+    if refined.gain > 0:
+        found = (
+            f"found the score {refined.score:.4f} instead of {refined.start_score:.4f}, a gain of "
+            f"{refined.gain:.4f}: turned by {refined.turn_deg:.2f} degrees, rolled by "
+            f"{refined.roll_deg:.1f} degrees, distance {refined.distance_mm:.2f} instead of "
+            f"{summary.distance[refined.start]:.2f} mm."
+        )
+    else:
+        found = f"found nothing better than its score {refined.start_score:.4f}."
+    _say(
+        console,
+        f"The search around pose {refined.start} ({refined.evaluations} poses, {end}) {found}",
+    )
+    table = _table("Metrics", ("", "swept pose", "refined pose"))
+    for metric in summary.metrics:
+        factor = {"µm": 1e3, "%": 100.0, "mm": 1.0}[metric.unit]
+        values = (refined.start_metrics[metric.key], refined.metrics[metric.key])
+        table.add_row(metric.label, *(f"{factor * value:.4g}" for value in values))
+    console.print(table)
+    setting = setting_of(summary.varied, refined.start)
+    name = f"Refined pose ({setting})" if setting else "Refined pose"
+    print_pose(console, name, refined.matrix, refined.distance_mm)
+
+
+def _table(title: str | None, headings: tuple[str, ...]) -> Table:
+    # Without rules between the columns, so that numbers are not cut in a terminal 80 wide.
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 0, 0, 1))
+    for heading in headings:
+        table.add_column(heading, justify="right" if heading else "left")
+    return table
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, markup=False, soft_wrap=True)

@@ -1,0 +1,283 @@
+"""The commands ``iriftrace render``, ``metrics`` and ``demo``: from a scene to results."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from iriftrace.cli.console import out, show_warning, working
+from iriftrace.cli.options import (
+    Statuses,
+    check_folder,
+    check_input,
+    check_output,
+    removed_on_failure,
+    statuses,
+)
+from iriftrace.cli.trace_options import TraceOptions, check_light
+from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    from iriftrace.part.part import Part
+    from iriftrace.trace.render import Rendering
+
+
+DEMO = "cylinder"
+SHELLS_AGAINST_FIELD = "shells_against_field"
+
+
+def render(
+    scene: Path,
+    *,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    trace: TraceOptions = TraceOptions(),
+    figures: bool = True,
+    include: Statuses = None,
+    check_shells: Annotated[bool, Parameter(negative=())] = False,
+) -> None:
+    """Trace a scene: AOV EXR, metrics JSON and displacement picture.
+
+    Of an ensemble (a scene with several fields) all members are traced: the mean displacement is
+    the bias, the standard deviation the scatter, and there is a picture of each. ``-D member=3``
+    traces the third one alone.
+
+    Example: ``iriftrace render scenes/cylinder/scene.xml -o out.exr -D scale=0.25``
+
+    Parameters
+    ----------
+    scene
+        The scene's XML file.
+    output
+        The EXR file; by default the scene's name with .exr. JSON and PNG go beside it.
+    trace
+        How it is traced.
+    figures
+        Draw the displacement picture.
+    include
+        Further status codes whose rays the metrics use, such as 5.
+    check_shells
+        Trace a sample of the rays through the field itself too, and say how far the shells are
+        from it; needs the field.npz likewise.
+    """
+    from iriftrace.cli.output import print_summary
+    from iriftrace.image.metrics import has_ensemble
+    from iriftrace.scene.file import require_scene
+
+    check_input(scene)
+    # Before the output, whose folder is the scene's unless another one is given.
+    require_scene(scene)
+    exr = scene.with_suffix(".exr") if output is None else output
+    check_output(exr, ".exr", "out.exr", make=False)
+    used = statuses(include)
+    rendering, _ = _render(scene, exr, trace, used, figures, check_shells)
+    print_summary(out, rendering.metrics)
+    scatter = [_scatter_picture(exr)] if figures and has_ensemble(rendering.image) else []
+    _list_files(exr, figures, *scatter)
+
+
+def metrics(
+    image: Path,
+    *,
+    part: Path | None = None,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
+    include: Statuses = None,
+    wavelength: str | None = None,
+) -> None:
+    """Reduce an AOV EXR to metrics again.
+
+    Example: ``iriftrace metrics out.exr --part part.ply``
+
+    Parameters
+    ----------
+    image
+        An EXR that ``iriftrace render`` wrote.
+    part
+        The part's mesh, where it no longer lies where the EXR says.
+    output
+        The JSON file; by default beside the EXR.
+    include
+        Further status codes whose rays the metrics use, such as 5.
+    wavelength
+        Wavelength that the EXR must be of, "450 nm"; one of other light is refused.
+    """
+    from iriftrace.cli.output import print_summary
+    from iriftrace.image.aov_image import read_exr
+    from iriftrace.image.metrics import pose_metrics, write_metrics
+    from iriftrace.image.rendered_part import part_of_image
+
+    check_input(image, part)
+    target = image.with_suffix(".json") if output is None else output
+    check_output(target, ".json", "out.json", make=False)
+    pixels = read_exr(image)
+    check_light(wavelength, pixels.header, image)
+    shown = part_of_image(pixels, part)
+    started = time.perf_counter()
+    with working("Reducing"):
+        result = pose_metrics(pixels, shown, include=statuses(include))
+    result["time_s"]["metrics"] = time.perf_counter() - started
+    _keep_what_only_rendering_knew(result, target)
+    write_metrics(target, result)
+    print_summary(out, result)
+    out.print(f"Metrics in {target}", markup=False, soft_wrap=True)
+
+
+def _keep_what_only_rendering_knew(result: dict[str, Any], report: Path) -> None:
+    """Fill in times and what is known of the shells from the report that is to be replaced."""
+    try:
+        earlier = json.loads(report.read_text(encoding="utf-8"))
+        if earlier["pose"] != result["pose"]:
+            return
+        known = earlier["time_s"]
+    except (OSError, ValueError, KeyError, TypeError):
+        # There is no report of this image yet.
+        return
+    for key, value in result["time_s"].items():
+        if value is None:
+            result["time_s"][key] = known.get(key)
+    from iriftrace.trace.shell_convergence import EVERY_SECOND_SHELL
+
+    for key in (EVERY_SECOND_SHELL, SHELLS_AGAINST_FIELD):
+        if key in earlier:
+            result[key] = earlier[key]
+
+
+def demo(
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("out"),
+    scene: str = DEMO,
+    trace: TraceOptions = TraceOptions(),
+) -> None:
+    """Run a bundled scene, by default a hot cylinder, from scene to pictures and metrics.
+
+    Example: ``iriftrace demo -o out --scene bevel_gear``
+
+    Parameters
+    ----------
+    output
+        Folder for the results; the scene is copied there, ready to be changed.
+    scene
+        Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, gear_tooth,
+        hybrid_cylinder, slab or wishbone.
+    trace
+        How it is traced.
+    """
+    from iriftrace.cli.output import print_summary
+    from iriftrace.scenes import folder_of, shells_of
+
+    check_folder(output)
+    # Wrong ones are refused before anything is copied.
+    trace.variables()
+    bundled, bundled_shells = folder_of(scene).resolve(), shells_of(scene)
+    copy = output / ("scene" if scene == DEMO else scene)
+    _keep_edited_scene(copy / "scene.xml", bundled / "scene.xml")
+    exr = output / f"{scene}.exr"
+    # A scene may use the shells of another one, which it looks for beside itself.
+    is_own = bundled_shells.parent == bundled
+    shells = (copy if is_own else output / bundled_shells.parent.name) / bundled_shells.name
+    with removed_on_failure(shells), removed_on_failure(copy):
+        shutil.copytree(bundled, copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
+        shutil.copytree(bundled_shells, shells, dirs_exist_ok=True, copy_function=shutil.copyfile)
+        rendering, part = _render(copy / "scene.xml", exr, trace, (0,), True)
+    pictures = _scene_picture(rendering, part, shells, output / f"{scene}_scene.png")
+    print_summary(out, rendering.metrics)
+    _list_files(exr, True, *pictures)
+    out.print(
+        f"Change {copy / 'scene.xml'} and run:  iriftrace render {copy / 'scene.xml'}",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _keep_edited_scene(mine: Path, bundled: Path) -> None:
+    """Refuse to replace a scene that somebody has changed, as the demo itself proposes."""
+    if mine.is_file() and mine.read_bytes() != bundled.read_bytes():
+        raise InputError(
+            f"{mine} has been changed since the last demo, which would be lost; run "
+            f"`iriftrace render {mine}` instead, or give another folder with -o."
+        )
+
+
+def _render(
+    scene: Path,
+    exr: Path,
+    trace: TraceOptions,
+    include: tuple[int, ...],
+    figures: bool,
+    check_shells: bool = False,
+) -> tuple[Rendering, Part]:
+    """Render a scene and write all its files."""
+    from iriftrace.trace.render import render_scene
+    from iriftrace.trace.shell_convergence import (
+        EVERY_SECOND_SHELL,
+        shell_resolution,
+        warn_of_coarse_shells,
+    )
+
+    with working("Loading the scene"):
+        loaded = trace.load(scene)
+    checked = {}
+    if check_shells:
+        from iriftrace.trace.field_reference import shell_error
+
+        with working("Tracing a sample through the field itself"):
+            checked[SHELLS_AGAINST_FIELD] = shell_error(loaded).as_dict()
+    with working("Tracing"):
+        rendering = render_scene(loaded, include=include)
+        resolution = shell_resolution(loaded, rendering.image)
+        if resolution is not None:
+            warn_of_coarse_shells(resolution)
+            checked[EVERY_SECOND_SHELL] = resolution.as_dict()
+    rendering.metrics.update(checked)
+    if figures:
+        from iriftrace.figures.pose import displacement_figure, scatter_figure
+        from iriftrace.image.metrics import has_ensemble
+
+        with working("Drawing"):
+            started = time.perf_counter()
+            displacement_figure(rendering.image, exr.with_suffix(".png"), include)
+            if has_ensemble(rendering.image):
+                scatter_figure(rendering.image, _scatter_picture(exr), include)
+            seconds = time.perf_counter() - started
+            rendering.metrics["time_s"]["figures"] = seconds
+            rendering.metrics["time_s"]["total"] += seconds
+    with working("Writing"):
+        rendering.save(exr)
+    return rendering, loaded.part
+
+
+def _scatter_picture(exr: Path) -> Path:
+    return exr.with_name(f"{exr.stem}_scatter.png")
+
+
+def _scene_picture(
+    rendering: Rendering, part: Part, shells_folder: Path, picture: Path
+) -> list[Path]:
+    """Draw part, shells and camera, where this machine can draw."""
+    from iriftrace.runtime.doctor import drawing_trouble
+
+    with working("Drawing the scene"):
+        trouble = drawing_trouble()
+        if trouble:
+            show_warning(
+                f"The 3-D picture is left out, because VTK cannot draw here ({trouble}); "
+                "`iriftrace doctor` says how to mend it.",
+                UserWarning,
+            )
+            return []
+        from iriftrace.camera.camera import Camera
+        from iriftrace.figures.scene import scene_figure
+        from iriftrace.shells.files import load_shells
+
+        camera = Camera.from_dict(rendering.image.header["camera"])
+        scene_figure(part, load_shells(shells_folder), camera, picture)
+    return [picture]
+
+
+def _list_files(exr: Path, figures: bool, *more: Path) -> None:
+    files = [exr, exr.with_suffix(".json"), *([exr.with_suffix(".png")] if figures else []), *more]
+    out.print("Files: " + ", ".join(str(file) for file in files), markup=False, soft_wrap=True)

@@ -1,0 +1,369 @@
+"""The commands ``iriftrace field simulate`` and ``iriftrace field doctor``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from attrs import evolve, frozen
+from cyclopts import Group, Parameter
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from iriftrace.cli.console import notes, out, working
+from iriftrace.cli.field_options import PartOptions
+from iriftrace.cli.options import (
+    Whole,
+    check_folder,
+    check_input,
+    check_output,
+    optional_quantity,
+    quantity,
+)
+from iriftrace.core.errors import InputError, SetupError
+from iriftrace.core.units import ZERO_CELSIUS_K
+
+if TYPE_CHECKING:
+    from iriftrace.cfd.openfoam.case import Case
+    from iriftrace.cfd.openfoam.programs import Installation
+    from iriftrace.cfd.openfoam.run import State
+    from iriftrace.cfd.openfoam.simulate import Display, Simulation
+    from iriftrace.part.part import Part
+
+
+# MERGE cli.simulate_options: Options of a simulation, and the case they stand for.
+
+SIMULATION = Group("Simulation", sort_key=1)
+
+
+@Parameter(name="*", group=SIMULATION)
+@frozen
+class SimulationOptions:
+    """What is simulated, how finely and how long.
+
+    Parameters
+    ----------
+    wall_temperature
+        Temperature of the part's wall, "1100 degC".
+    region_temperature
+        Another temperature for a named region of the part, NAME=TEMPERATURE; repeatable.
+    transition
+        Width over which one wall temperature goes over into another (10 % to 90 %), "10 mm"; by
+        default they meet in a line.
+    ambient
+        Temperature of the air far away.
+    pressure
+        Air pressure.
+    resolution
+        How fine the mesh is.
+    background_cell
+        Edge of the mesh's largest cells in place of that of the resolution, "40 mm"; those at the
+        wall have a sixteenth.
+    symmetry
+        Compute a half or a quarter and mirror it at the part's centre; the field is then exactly
+        symmetric, which a real plume is not.
+    margin
+        Factor on the air around the part.
+    end_time
+        Physical time to simulate; by default 2 s, longer for large or cool parts.
+    average_time
+        Interval before the end over which the density is averaged; by default a quarter.
+    snapshots
+        States from that interval to keep besides the average, as an ensemble.
+    """
+
+    wall_temperature: str
+    region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
+    transition: str = "0 mm"
+    ambient: str = "20 degC"
+    pressure: str = "101325 Pa"
+    resolution: Literal["coarse", "normal", "fine", "extra-fine"] = "normal"
+    background_cell: str | None = None
+    symmetry: Literal["none", "x", "y", "xy"] = "none"
+    margin: float = 1.0
+    end_time: str | None = None
+    average_time: str | None = None
+    snapshots: Whole = 0
+
+    def case(self, part: Part, processes: int) -> Case:
+        """The case these options describe.
+
+        Raises
+        ------
+        InputError
+            It cannot be simulated.
+        """
+        import numpy as np
+
+        from iriftrace.cfd.openfoam.case import Case, natural_times
+        from iriftrace.cfd.openfoam.domain import mesh_size
+        from iriftrace.cfd.openfoam.wall import WallTemperatures
+
+        wall = WallTemperatures(
+            default=quantity(self.wall_temperature, "kelvin", "--wall-temperature"),
+            regions=self._regions(),
+            transition=quantity(self.transition, "mm", "--transition"),
+        )
+        ambient = quantity(self.ambient, "kelvin", "--ambient")
+        wall.check(part, ambient)
+        extents = np.ptp(part.bounds, axis=0)
+        return Case(
+            part=part,
+            wall=wall,
+            size=mesh_size(
+                self.resolution,
+                extents,
+                optional_quantity(self.background_cell, "mm", "--background-cell"),
+            ),
+            times=natural_times(
+                float(extents.max()),
+                wall.hottest,
+                ambient,
+                end=optional_quantity(self.end_time, "second", "--end-time"),
+                averaging=optional_quantity(self.average_time, "second", "--average-time"),
+                snapshots=self.snapshots,
+            ),
+            ambient_k=ambient,
+            pressure_pa=quantity(self.pressure, "pascal", "--pressure"),
+            mirrors="" if self.symmetry == "none" else self.symmetry,
+            margin=self.margin,
+            processes=processes,
+        )
+
+    def _regions(self) -> dict[str, float]:
+        found: dict[str, float] = {}
+        for text in self.region_temperature or []:
+            name, equals, value = text.rpartition("=")
+            if not (name and equals and value):
+                raise InputError(
+                    f'--region-temperature is "{text}"; write it as NAME=TEMPERATURE, such as '
+                    '"head +x=450 degC".'
+                )
+            if name in found:
+                raise InputError(f'--region-temperature names "{name}" twice; give it once.')
+            found[name] = quantity(value, "kelvin", "--region-temperature")
+        return found
+
+
+def hot_part(options: PartOptions, simulation: SimulationOptions) -> PartOptions:
+    """The part's options, with the wall's temperature as that of a part that has expanded."""
+    if options.expansion is None or options.hot_temperature is not None:
+        return options
+    return evolve(options, hot_temperature=simulation.wall_temperature)
+
+
+# MERGE cli.simulate_progress: A running simulation as a bar: physical time, heat flow, steadiness
+
+
+@contextmanager
+def simulation_progress() -> Iterator[Display]:
+    """Show what is being done and, while the solver runs, how far the flow is.
+
+    Yields
+    ------
+    Display
+        To hand to `iriftrace.cfd.openfoam.simulate.simulate`.
+    """
+    from iriftrace.cfd.openfoam.simulate import Display
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=20),
+        TextColumn("{task.fields[flow]}"),
+        TimeElapsedColumn(),
+    )
+    # Finished bars would stay on a terminal that only logs.
+    with Progress(*columns, console=notes, transient=True) as bar:
+        task = bar.add_task("Case", total=None, flow="")
+
+        def say(text: str) -> None:
+            bar.update(task, description=text)
+
+        def watch(state: State) -> None:
+            bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
+
+        yield Display(say, watch)
+
+
+def flow_text(state: State) -> str:
+    """The state of the flow in a few words."""
+    words = [f"{state.time:.3f} of {state.end:g} s"]
+    if state.steadiness is not None:
+        words.append(f"{state.steadiness.heat_w:.1f} W")
+        words.append(
+            "steady"
+            if state.steadiness.steady
+            else f"heat varies {state.steadiness.heat_variation:.1%}, "
+            f"plume {state.steadiness.plume_swing_k:.0f} K"
+        )
+    if state.left is not None:
+        words.append(f"{timedelta(seconds=round(state.left))} left")
+    return ", ".join(words)
+
+
+def simulate(
+    part: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    simulation: SimulationOptions,
+    part_options: PartOptions = PartOptions(),
+    field: Path | None = None,
+    processes: Whole = 1,
+    write_only: Annotated[bool, Parameter(negative=())] = False,
+) -> None:
+    """Simulate the hot air around a part with OpenFOAM and write the field.
+
+    Natural convection of air, laminar, gravity along -z, around the part with the given wall
+    temperature. The field's temperature is the one that has the time average of the density, which
+    the refractive index follows; beside it the file has the mean velocity and what `iriftrace field
+    check` needs for a heat balance. A run that was interrupted goes on when the same command is
+    given again. `iriftrace field doctor` checks the OpenFOAM of this machine.
+
+    Example: ``iriftrace field simulate part.stl -o case --wall-temperature "1100 degC"``
+
+    Parameters
+    ----------
+    part
+        The part's closed surface (.stl .ply .obj .glb ...).
+    output
+        Folder for the OpenFOAM case.
+    field
+        File for the field, .vtu; by default field.vtu in the case's folder.
+    processes
+        Processes for the solver.
+    write_only
+        Write the case and stop; the same command without this option runs it.
+    """
+    from iriftrace.cfd.openfoam.programs import find_openfoam
+    from iriftrace.cfd.openfoam.simulate import check_solver, prepare
+    from iriftrace.cfd.openfoam.simulate import simulate as run
+
+    check_input(part)
+    check_folder(output)
+    target = output / "field.vtu" if field is None else field
+    check_output(target, ".vtu", "field.vtu")
+    installation = None
+    if not write_only:
+        # Before anything is written: a case is of no use where nothing can run it.
+        installation = find_openfoam()
+        check_solver(installation)
+    measured = hot_part(part_options, simulation).read(part)
+    case = simulation.case(measured, processes)
+    _print_case(case, simulation)
+    known = prepare(case, output)
+    if installation is None:
+        out.print(f"Case {'is there already' if known else 'written'}: {output}", soft_wrap=True)
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if known:
+        out.print(f"Going on with the case in {output}", markup=False, soft_wrap=True)
+    with simulation_progress() as display:
+        result = run(case, output, target, installation, display)
+    _print_simulation(result, case, part)
+
+
+def doctor(*, mend: Annotated[bool, Parameter(negative=())] = False) -> None:
+    """Find the OpenFOAM of this machine, test whether its solvers compute right, say what to do.
+
+    The test are three time steps on a tiny mesh with inclined faces. The solver of Debian 12's
+    package fails it: it is miscompiled.
+
+    Example: ``iriftrace field doctor``
+
+    Parameters
+    ----------
+    mend
+        Where the solver computes wrong, build this one program anew from the source of the
+        installed package, into your own data folder; the package and apt's lists stay as they are.
+    """
+    from iriftrace.cfd.openfoam.programs import MEND, find_openfoam, mended_solver
+    from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, build_solver, try_solver
+
+    installation = find_openfoam()
+    _print_finding(True, "OpenFOAM", installation.folder or "on the search path")
+    verdict = try_solver(installation)
+    _print_solver(installation, verdict)
+    if verdict != TRIAL_PASSED and mend:
+        target = mended_solver(installation.installed)
+        out.print(f"Building it anew as {target}", markup=False, soft_wrap=True)
+        with working("Fetching the source and compiling"):
+            build_solver(target)
+        installation = find_openfoam()
+        verdict = try_solver(installation)
+        _print_solver(installation, verdict)
+    if verdict != TRIAL_PASSED:
+        advice = "nor does one that was built anew; install a newer OpenFOAM from openfoam.com"
+        raise SetupError(
+            "the solver computes wrong, "
+            + (advice if mend else f"as that of Debian 12's package does; to mend it: {MEND}.")
+        )
+
+
+def _print_solver(installation: Installation, verdict: str) -> None:
+    said = verdict or "three steps on a mesh with inclined faces came out right"
+    built = f", built in place of {installation.installed}" if installation.mended else ""
+    _print_finding(not verdict, "solver", f"{installation.solver}{built}: {said}")
+
+
+def _print_finding(good: bool, name: str, text: str) -> None:
+    """One line as those of `iriftrace doctor`."""
+    state = "[green]ok   [/]" if good else "[red]error[/]"
+    out.print(f"{state} [bold]{name}[/]", end="  ")
+    out.print(text, markup=False, soft_wrap=True)
+
+
+def _print_case(case: Case, options: SimulationOptions) -> None:
+    from iriftrace.cfd.openfoam.part_surface import symmetric_axes
+
+    low, high = case.domain.lower, case.domain.upper
+    box = " x ".join(f"{b - a:.0f}" for a, b in zip(low, high, strict=True))
+    out.print(
+        f"Air {box} mm, cells of {case.size.background:.3g} mm, at the wall "
+        f"{case.size.wall:.2g} mm ({case.size.name}); {case.times.end:g} s, density averaged over "
+        f"the last {case.times.averaging:g} s.",
+        soft_wrap=True,
+    )
+    for region, kelvin in wall_table(case.part, options, case).items():
+        out.print(
+            f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)", markup=False
+        )
+    found = symmetric_axes(case.part)
+    if found and not case.mirrors and not case.wall.regions:
+        out.print(
+            f"The part is symmetric along {' and '.join(found)}: --symmetry {found} computes 1/"
+            f"{2 ** len(found)} of the air, if a plume that cannot sway is good enough.",
+            soft_wrap=True,
+        )
+
+
+def wall_table(part: Part, options: SimulationOptions, case: Case) -> dict[str, float]:
+    """Temperature of each region, K; one entry where all are equal."""
+    if not case.wall.regions:
+        return {"all": case.wall.default}
+    return {name: case.wall.regions.get(name, case.wall.default) for name in part.region_names}
+
+
+def _print_simulation(result: Simulation, case: Case, part: Path) -> None:
+    out.print(
+        f"{result.cells:,} cells, {result.seconds:.0f} s; field at the wall within "
+        f"{result.wall_error_k:.2f} K of the set temperature"
+    )
+    steadiness = result.steadiness
+    if steadiness is not None:
+        out.print(f"Heat flow {steadiness.heat_w:.1f} W; the flow is {steadiness.text}.")
+        if not steadiness.steady:
+            out.print(
+                "The field is the average over a plume that moves: a single exposure sees another "
+                "one. --snapshots N keeps single states; --end-time runs on.",
+                soft_wrap=True,
+            )
+    if result.snapshots:
+        listed = result.field.with_name(f"{result.field.stem}_snapshots.pvd")
+        out.print(f"{len(result.snapshots)} snapshots: {listed}", markup=False, soft_wrap=True)
+    out.print(
+        f"Field written; now run:  iriftrace scene {result.field} {part} -o scene/scene.xml",
+        markup=False,
+        soft_wrap=True,
+    )

@@ -1,0 +1,573 @@
+"""The commands ``iriftrace study ...``: what parameters change, in accuracy or in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from attrs import frozen
+from cyclopts import App, Group, Parameter
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from iriftrace.cli.camera_options import CameraOptions, Scale
+from iriftrace.cli.console import out, pose_progress, working
+from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.options import (
+    Whole,
+    check_field,
+    check_input,
+    check_order,
+    check_output,
+    numbers,
+)
+from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.field.index_field import IndexField
+    from iriftrace.studies.hit_comparison import Comparison
+    from iriftrace.studies.modes import Mode
+    from iriftrace.studies.picture import View
+    from iriftrace.studies.timing import Timing
+
+
+# MERGE cli.study_options: Options that all studies share.
+
+StudiedPart = Annotated[Path, Parameter(help="The part's surface mesh.")]
+Output = Annotated[
+    Path,
+    Parameter(name=["-o", "--output"], help="The netCDF file; the figure is written beside it."),
+]
+References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
+Layers = Annotated[Whole, Parameter(help="Number of shells.")]
+
+MODE = Group("Second mode, compared with ours (gradient, midpoint, refract, 0)", sort_key=0)
+
+
+@Parameter(name="*", group=MODE)
+@frozen
+class ModeOptions:
+    """How shells are made and rays refracted in the second mode; by default the paper's.
+
+    Parameters
+    ----------
+    normals
+        Normals at which rays are refracted.
+    index_rule
+        Where shells lie between the layers that they separate.
+    inside_hit
+        What becomes of rays that meet a shell from its inside: refracted, or dropped.
+    drop_inner
+        How many of the innermost shells are left out; one number, or one for each field, "3,3,0,0".
+    explain
+        Also the second mode with one of its choices at a time replaced by ours.
+    """
+
+    normals: Literal["gradient", "facet"] = "facet"
+    index_rule: Literal["midpoint", "graded", "outer"] = "outer"
+    inside_hit: Literal["refract", "drop"] = "drop"
+    drop_inner: str = "0"
+    explain: Annotated[bool, Parameter(negative=())] = False
+
+    def modes(self) -> list[Mode]:
+        """Ours, the second one, and those between them if they are asked for."""
+        from attrs import evolve
+
+        from iriftrace.studies.modes import OURS, PAPERS, one_change_each
+
+        second = evolve(
+            PAPERS,
+            normals=self.normals,
+            index_rule=self.index_rule,
+            inside_hit=self.inside_hit,
+            drop_inner=whole_numbers(self.drop_inner, "--drop-inner"),
+        )
+        choices = ("normals", "index_rule", "inside_hit")
+        if any(getattr(second, name) != getattr(PAPERS, name) for name in choices):
+            second = evolve(second, name="other")
+        return [OURS, second, *(one_change_each(second) if self.explain else [])]
+
+
+@Parameter(name="*")
+@frozen
+class StudyOptions:
+    """How a study reads its fields and its part, and how it traces them.
+
+    Parameters
+    ----------
+    variant
+        Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
+    """
+
+    variant: str | None = None
+    mode: ModeOptions = ModeOptions()
+    air: AirOptions = AirOptions()
+    field: FieldOptions = FieldOptions()
+    part: PartOptions = PartOptions()
+    camera: CameraOptions = CameraOptions()
+
+
+def whole_numbers(text: str, option: str) -> list[int]:
+    """Whole numbers of a list such as "1:20,40,80", in which 1:20 stands for 1, 2 ... 20."""
+    values: list[int] = []
+    for piece in text.split(","):
+        first, colon, last = piece.partition(":")
+        if not first.strip().isdecimal() or (colon and not last.strip().isdecimal()):
+            raise InputError(
+                f'{option} is "{text}"; give whole numbers separated by commas, or a range such as '
+                "1:20."
+            )
+        start = int(first)
+        stop = int(last) if colon else start
+        if stop < start or stop - start > 10_000:
+            raise InputError(
+                f'{option} is "{text}", but the range {piece.strip()} does not rise, or is too '
+                "long; write it as FIRST:LAST."
+            )
+        values += range(start, stop + 1)
+    return values
+
+
+# MERGE cli.study_inputs: What a study reads: fields and part, and the camera that looks at them.
+
+
+class StudyInputs:
+    """Fields and part of a study, read after every option was looked at."""
+
+    def __init__(
+        self,
+        fields: Sequence[Path],
+        part: Path,
+        output: Path,
+        options: StudyOptions,
+    ) -> None:
+        from iriftrace.runtime import variant as runtime
+
+        if not options.field.isosurfaces:
+            check_order(fields[0], part)
+        check_field(*fields)
+        check_input(part)
+        check_output(output, ".nc", "study.nc", make=False)
+        if options.field.isosurfaces:
+            raise InputError(
+                "A study contours the field anew for each case, so it needs the volume field and "
+                "no ready-made iso-surfaces."
+            )
+        self._camera = options.camera
+        self.variant = runtime.ensure(options.variant)
+        self.part = options.part.read(part)
+        self.notes = options.field.notes()
+        with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
+            self.fields: list[IndexField] = [
+                options.field.read(path, options.air.air(), self.part) for path in fields
+            ]
+
+    def view(self, scale: float) -> View:
+        """The camera at its traced resolution, with part and variant."""
+        from iriftrace.scene.viewpoint import refuse_camera_inside
+        from iriftrace.shells.contour import contour_shells
+        from iriftrace.studies.picture import View
+
+        finest = self.fields[-1]
+        stack = contour_shells(finest, 1)
+        camera = self._camera.camera(self.part, finest, stack, scale)
+        refuse_camera_inside(camera.origin, self.part, stack, finest)
+        return View(self.part, camera.scaled(scale), self.variant)
+
+    def source(self, view: View) -> dict[str, Any]:
+        """Where the study comes from, as plain JSON values."""
+        from importlib.metadata import version
+
+        from attrs import asdict
+
+        return {
+            "version": version("iriftrace"),
+            "fields": [asdict(field.source) for field in self.fields],
+            "part": {"path": str(self.part.path), "sha256": self.part.sha256},
+            "air": asdict(self.fields[0].air),
+            "wavelength_nm": self.fields[0].air.wavelength_nm,
+            "camera": view.camera.as_dict(),
+            "notes": self.notes,
+            "variant": view.variant,
+            "length_unit": "mm",
+        }
+
+
+def short_names(paths: Sequence[Path]) -> list[str]:
+    """Short names of files: their stems where these differ."""
+    stems = [path.stem for path in paths]
+    return stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
+
+
+# MERGE cli.study_output: Runs a study behind a progress bar, prints its tables and draws its figu
+
+_WIDEST = 1000
+
+STAGES = ("straight", "metrics", "write", "load", "build")
+
+
+def compare(comparison: Comparison, output: Path) -> None:
+    """Run a study of hits and show what it found."""
+    from iriftrace.studies.hit_comparison import run_comparison
+
+    _run(run_comparison, comparison, output, print_comparison)
+
+
+def measure(timing: Timing, output: Path) -> None:
+    """Run a study of times and show what it found."""
+    from iriftrace.studies.timing import run_timing
+
+    _run(run_timing, timing, output, print_timing)
+
+
+def _run(
+    run: Callable[..., Any],
+    what: Any,
+    output: Path,
+    show: Callable[[Any, Any], None],
+) -> None:
+    from iriftrace.figures.studies import study_figure
+    from iriftrace.figures.style import write_png
+
+    with pose_progress(output, "Cases") as report:
+        dataset = run(what, output, report)
+    show(out, dataset)
+    picture = output.with_suffix(".png")
+    with working("Drawing"):
+        write_png(study_figure(dataset), picture)
+    out.print(f"Study in {output}, figure in {picture}", markup=False, soft_wrap=True)
+
+
+def print_comparison(console: Console, dataset: xr.Dataset) -> None:
+    """A table for each reference: differences of the hits in micrometres."""
+    from iriftrace.studies.hit_comparison import reference_words
+
+    (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
+    for reference in dataset["reference"].values:
+        table = _table(
+            f"Difference from {reference_words(str(reference))} / um",
+            (str(axis), "mode"),
+            ("median", "share", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
+        )
+        for place in dataset[axis].values:
+            for mode in dataset["mode"].values:
+                case = dataset.sel({"mode": mode, axis: place})
+                some = case.sel(reference=reference)
+                if int(some["matched"]) < 0:
+                    table.add_row(str(place), str(mode), "no shell left")
+                    continue
+                table.add_row(
+                    str(place),
+                    str(mode),
+                    f"{1e3 * float(some['median']):.3f}",
+                    f"{float(some['median']) / float(case['displacement_median']):.1%}",
+                    *(f"{1e3 * float(some[name]):.3f}" for name in ("p95", "rmse_trimmed", "rmse")),
+                    str(int(some["only_here"]) + int(some["only_reference"])),
+                    str(int(case["rays_lost"])),
+                )
+        _show(console, table)
+    console.print(
+        "share: median over the median displacement; trimmed: rmse without the 1 % of rays that "
+        "differ most; unmatched: rays that are good in one of the two runs only; lost: rays of the "
+        "case whose straight twin hits the part in focus, but which are not good."
+    )
+
+
+def print_timing(console: Console, dataset: xr.Dataset) -> None:
+    """Times as ratios: of stages to the refracted trace, and of this to the first case's."""
+    (axis,) = set(dataset["time_search"].dims) - {"mode"}
+    across = "rays" if dataset.attrs["study"] == "rays" else "triangles_per_shell"
+    for mode in dataset["mode"].values:
+        some = dataset.sel(mode=mode)
+        title = f"{mode}: times over that of the refracted trace"
+        table = _table(title, (), (across.replace("_", " "), "growth", "search", *STAGES))
+        first = some.isel({axis: 0})
+        for place in range(some.sizes[axis]):
+            case = some.isel({axis: place})
+            refracted = float(case["time_refracted"])
+            same_run = int(case["process"]) == int(first["process"])
+            growth = refracted / float(first["time_refracted"])
+            table.add_row(
+                f"{int(case[across]):,}",
+                f"{growth:.2f}" if same_run else "other run",
+                f"{float(case['search_share']):.2f}",
+                *(f"{float(case[f'time_{stage}']) / refracted:.2f}" for stage in STAGES),
+            )
+        _show(console, table)
+    console.print(
+        "growth: refracted trace over that of the first case, if one run measured both; search: "
+        "the intersection search of the refracted trace, the rest of it is refraction."
+    )
+    if float(dataset["search_share"].max()) > 1.0:
+        console.print(
+            "A search above 1 is noise: the search is timed in a run of its own, so that other "
+            "programs on the machine can make it the longer one."
+        )
+
+
+def _table(title: str, texts: Sequence[str], numbers: Sequence[str]) -> Table:
+    """Columns of texts and of numbers, without rules between them, which cost width."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
+    for heading in texts:
+        table.add_column(heading, overflow="fold")
+    for heading in numbers:
+        table.add_column(heading, justify="right")
+    return table
+
+
+def _show(console: Console, table: Table) -> None:
+    """Print a table in the terminal's width, or wider where words and numbers would be cut."""
+    # A measurement ends at the console's width, unless the options know of more.
+    least = console.measure(table, options=console.options.update(width=_WIDEST)).minimum
+    if least > console.width:
+        table.width = least
+    console.print(table, crop=False, soft_wrap=True)
+    console.print()
+
+
+study = App(
+    name="study",
+    help="Show what rays, shells, triangles, smoothing and cells change, in hits or in time.\n\n"
+    "Example: ``iriftrace study layers field.vtu part.ply -o layers.nc``",
+)
+
+
+@study.command
+def layers(
+    field: Path,
+    part: StudiedPart,
+    *,
+    output: Output = Path("layers.nc"),
+    layers: str = "1:20",
+    reference: References = None,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 0.25,
+) -> None:
+    """Compare numbers of shells with references.
+
+    Example: ``iriftrace study layers field.vtu part.ply -o layers.nc --layers 1:20,40,80``
+
+    Parameters
+    ----------
+    field
+        Volume mesh with temperature, density or index.
+    layers
+        Numbers of shells, such as "1:20,40,80".
+    reference
+        "continuous" (the continuous engine), "linear cells" (likewise, with one gradient in each
+        cell: the limit of facet normals), or a number of shells in the same mode; repeatable. By
+        default 20, as in the paper, and continuous.
+    """
+    from iriftrace.studies.accuracy import CONTINUOUS, THE_PAPERS, layers_study
+
+    counts = whole_numbers(layers, "--layers")
+    modes = options.mode.modes()
+    inputs = StudyInputs([field], part, output, options)
+    view = inputs.view(scale)
+    compare(
+        layers_study(
+            inputs.fields[0],
+            view,
+            counts,
+            modes,
+            reference or [str(THE_PAPERS), CONTINUOUS],
+            inputs.source(view),
+        ),
+        output,
+    )
+
+
+@study.command
+def smoothing(
+    field: Path,
+    part: StudiedPart,
+    finest: Path,
+    *,
+    output: Output = Path("smoothing.nc"),
+    iterations: str = "0,1,2,3,5,7,10,15,20,30,40,50",
+    layers: Layers = 13,
+    reference: References = None,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 0.25,
+) -> None:
+    """Compare smoothed shells of a coarse field with those of a fine one, left as they are.
+
+    Taubin smoothing with lambda 0.20 and mu -0.21. Besides the two modes, ours with facet normals.
+
+    Example: ``iriftrace study smoothing coarse.vtu part.ply fine.vtu -o smoothing.nc``
+
+    Parameters
+    ----------
+    field
+        The coarse field, whose shells are smoothed.
+    finest
+        The fine field.
+    iterations
+        Smoothing iterations, such as "0,10,20:25".
+    reference
+        "same mode" (shells of the fine field) or "continuous" (the continuous engine on it);
+        repeatable, by default both.
+    """
+    from iriftrace.studies.accuracy import CONTINUOUS, smoothing_study
+    from iriftrace.studies.hit_comparison import SAME_MODE
+    from iriftrace.studies.modes import Mode
+
+    counts = whole_numbers(iterations, "--iterations")
+    modes = [*options.mode.modes(), Mode("ours but facet normals", normals="facet")]
+    inputs = StudyInputs([field, finest], part, output, options)
+    view = inputs.view(scale)
+    compare(
+        smoothing_study(
+            inputs.fields[0],
+            inputs.fields[1],
+            view,
+            counts,
+            modes,
+            reference or [SAME_MODE, CONTINUOUS],
+            inputs.source(view),
+            layers=layers,
+        ),
+        output,
+    )
+
+
+@study.command
+def mesh(
+    field: Path,
+    part: StudiedPart,
+    /,
+    *finer: Path,
+    output: Output = Path("mesh.nc"),
+    layers: Layers = 13,
+    split: Annotated[list[Path] | None, Parameter(negative=())] = None,
+    reference: References = None,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 0.25,
+) -> None:
+    """Compare flow solutions of several resolutions with the finest one, at the same levels.
+
+    Example: ``iriftrace study mesh A.vtu part.ply B.vtu C.vtu D.vtu -o mesh.nc --split B.vtu``
+
+    Parameters
+    ----------
+    field
+        The coarsest field.
+    finer
+        Finer fields, the finest last.
+    split
+        One of the fields that is also contoured after its cells were divided into tetrahedra, and
+        after each of these was split into eight, which on linear cells only adds coplanar
+        triangles; recovered gradients change, the field does not. Needs gigabytes; repeatable.
+    reference
+        "same mode" (shells of the finest field) or "continuous" (the continuous engine on it);
+        repeatable, by default both.
+    """
+    from iriftrace.studies.accuracy import CONTINUOUS, mesh_study
+    from iriftrace.studies.hit_comparison import SAME_MODE
+
+    modes = options.mode.modes()
+    paths = [field, *finer]
+    names = short_names(paths)
+    twice = [path for path in paths if paths.count(path) > 1]
+    if twice:
+        raise InputError(f"{twice[0]} is given twice, so it would be compared twice; remove one.")
+    for path in split or []:
+        if path not in paths:
+            raise InputError(f"--split {path} is none of the study's fields; name one of them.")
+    inputs = StudyInputs(paths, part, output, options)
+    view = inputs.view(scale)
+    compare(
+        mesh_study(
+            dict(zip(names, inputs.fields, strict=True)),
+            view,
+            modes,
+            reference or [SAME_MODE, CONTINUOUS],
+            inputs.source(view),
+            layers=layers,
+            split=[names[paths.index(path)] for path in split or []],
+        ),
+        output,
+    )
+
+
+@study.command
+def rays(
+    field: Path,
+    part: StudiedPart,
+    *,
+    output: Output = Path("rays.nc"),
+    scales: str = "0.0625,0.125,0.25,0.5",
+    layers: Layers = 13,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 1.0,
+) -> None:
+    """Time each stage of a picture against the number of rays.
+
+    Example: ``iriftrace study rays field.vtu part.ply -o rays.nc --scales 0.1,0.2,0.5,1``
+
+    Parameters
+    ----------
+    field
+        Volume mesh with temperature, density or index.
+    scales
+        Factors on the camera's resolution.
+    """
+    from iriftrace.studies.cost import rays_study
+
+    factors = numbers(scales, scales.count(",") + 1, "--scales")
+    modes = options.mode.modes()
+    inputs = StudyInputs([field], part, output, options)
+    view = inputs.view(scale)
+    measure(
+        rays_study(inputs.fields[0], view, factors, modes, inputs.source(view), layers=layers),
+        output,
+    )
+
+
+@study.command
+def polygons(
+    field: Path,
+    part: StudiedPart,
+    *,
+    output: Output = Path("polygons.nc"),
+    smallest: Whole = 4_700,
+    largest: Whole = 320_000,
+    layers: Layers = 13,
+    options: StudyOptions = StudyOptions(),
+    scale: Scale = 0.25,
+) -> None:
+    """Time each stage of a picture against the number of triangles of each shell.
+
+    Example: ``iriftrace study polygons field.vtu part.ply -o polygons.nc --largest 1200000``
+
+    Parameters
+    ----------
+    field
+        Volume mesh with temperature, density or index.
+    smallest
+        Triangles of each shell to begin with; larger shells are thinned out first.
+    largest
+        Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
+        9 GB of memory and 2 GB of disk.
+    """
+    from iriftrace.studies.cost import polygons_study
+
+    modes = options.mode.modes()
+    inputs = StudyInputs([field], part, output, options)
+    view = inputs.view(scale)
+    measure(
+        polygons_study(
+            inputs.fields[0],
+            view,
+            modes,
+            inputs.source(view),
+            layers=layers,
+            smallest=smallest,
+            largest=largest,
+        ),
+        output,
+    )

@@ -1,0 +1,274 @@
+"""The command ``iriftrace sweep``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from iriftrace.cli.camera_options import OrbitOptions, different_lengths
+from iriftrace.cli.console import notes, out, pose_progress
+from iriftrace.cli.options import Statuses, Whole, check_input, check_output, statuses
+from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.camera.camera import Camera
+    from iriftrace.camera.pose_set import PoseSet
+    from iriftrace.scene.load import LoadedScene
+    from iriftrace.sweep.series import RenderPoses, Series
+
+
+# MERGE cli.swept_series: What ``iriftrace sweep`` renders: scenes, cameras, and poses where a cam
+
+
+def series_of(
+    paths: list[Path],
+    orbit: OrbitOptions,
+    focal_length: str | None,
+    trace: TraceOptions,
+) -> list[Series]:
+    """Every combination of scene, focal length and orbit; scene by scene.
+
+    Raises
+    ------
+    InputError
+        Scenes cannot be compared, the camera has no focal length to change, or poses stand in the
+        part.
+    """
+    from iriftrace.sweep.series import Series, check_comparable
+
+    series = []
+    for path in paths:
+        with notes.status("Loading the scene ..."):
+            scene = trace.load(path)
+        cameras = _cameras(scene.camera, focal_length)
+        orbits = [
+            (stand_off, _placed(scene, poses, listed=orbit.poses))
+            for stand_off, poses in orbit.pose_sets(scene, scene.camera)
+        ]
+        series += [
+            Series(scene, camera, poses, stand_off)
+            for camera in cameras
+            for stand_off, poses in orbits
+        ]
+        check_comparable(series)
+    return series
+
+
+def _cameras(camera: Camera, focal_length: str | None) -> list[Camera]:
+    from attrs import evolve
+
+    if focal_length is None:
+        return [camera]
+    if camera.projection != "pinhole":
+        raise InputError(
+            f"--focal-length is {focal_length}, but the scene's camera is {camera.projection} and "
+            "has none; leave it out."
+        )
+    if camera.distortion is not None:
+        raise InputError(
+            f"--focal-length is {focal_length}, but the scene's lens distortion was calibrated at "
+            f"{camera.focal_length_mm:g} mm and is another at other lengths; leave one of them out."
+        )
+    lengths = different_lengths(focal_length, "--focal-length")
+    return [evolve(camera, focal_length_mm=length) for length in lengths]
+
+
+def _placed(scene: LoadedScene, poses: PoseSet, *, listed: Path | None) -> PoseSet:
+    """Poses where cameras can stand: an orbit's out of the hot air, a list's as they are."""
+    from iriftrace.geometry.query import inside_closed
+
+    part = scene.part
+    inside = part.closed and inside_closed(poses.origins, part.vertices, part.faces)
+    # A list may name some by mistake, which fail without stopping the rest.
+    if listed is not None and np.all(inside):
+        raise InputError(
+            f"All {len(poses)} poses of {listed} stand inside the part, where there is nothing to "
+            "see; check its positions, and its unit with --length-unit."
+        )
+    if listed is None and np.any(inside):
+        raise InputError(
+            f"{np.sum(inside)} of {len(poses)} poses of the orbit stand inside the part, where "
+            "there is nothing to see; give larger semi-axes."
+        )
+    return poses if listed is not None else _outside(scene, poses)
+
+
+def _outside(scene: LoadedScene, poses: PoseSet) -> PoseSet:
+    """Poses inside the hot air moved back out of it, which is reported."""
+    from iriftrace.camera.pose_set import push_out
+    from iriftrace.trace.render import is_inside
+
+    with notes.status("Looking where the cameras stand ..."):
+        free, moved = push_out(poses, lambda points: is_inside(scene, points))
+    if moved.any():
+        notes.print(
+            f"[bold yellow]warning:[/] {moved.sum()} of {len(poses)} poses stood in the hot air "
+            "and were moved back along their line of sight.",
+            soft_wrap=True,
+        )
+    return free
+
+
+def sweep(
+    scenes: list[Path],
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    orbit: OrbitOptions = OrbitOptions(),
+    focal_length: str | None = None,
+    trace: TraceOptions = TraceOptions(),
+    nearest: bool = False,
+    exr: bool = False,
+    include: Statuses = None,
+    export: Path | None = None,
+    surface: Path | None = None,
+    scheduler: str | None = None,
+    workers: Whole | None = None,
+) -> None:
+    """Render scenes from many poses into one netCDF file.
+
+    An interrupted sweep goes on where it stopped when the same command is given again.
+    Several scenes of the same part (one field each), focal lengths and stand-offs give all their
+    combinations, whose poses `iriftrace plan` normalises and ranks together.
+
+    Example: ``iriftrace sweep scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19``
+
+    Parameters
+    ----------
+    scenes
+        The scene's XML file; its sensor gives the intrinsics. Or several, one for each field, with
+        the same part and sensor.
+    output
+        The netCDF file.
+    focal_length
+        In place of the sensor's focal length: one or several, "8mm,10mm".
+    trace
+        How they are traced.
+    nearest
+        Add the two nearest-neighbour readings of the resolution, which takes longer.
+    exr
+        Keep each pose's AOV image in a folder beside the result.
+    include
+        Further status codes whose rays the metrics use, such as 5.
+    export
+        Write the table of the whole part to this .csv or .parquet file too.
+    surface
+        Write the part with the maps of all poses (displacement, times seen, best incidence) to
+        this .vtp or .vtu file too, for ParaView.
+    scheduler
+        Let worker processes render: "local" starts them here, "tcp://host:8786" is the address
+        that `dask scheduler` prints; its workers must see the scene under the same path.
+    workers
+        Number of local workers; by default one for every two cores, at least two.
+    """
+    from iriftrace.sweep.sweep import SweepOptions, run_series
+
+    if workers is not None and scheduler is None:
+        scheduler = "local"
+    _check(scenes, output, export, surface, scheduler, workers)
+    series = series_of(scenes, orbit, focal_length, trace)
+    options = SweepOptions(nearest, statuses(include), exr)
+    target = orbit.look_at(series[0].scene)
+    with _renderer(scheduler, workers) as render, pose_progress(output) as report:
+        dataset = run_series(
+            series, output, target=target, options=options, progress=report, render=render
+        )
+    _print_sweep(dataset)
+    if export is not None:
+        from iriftrace.sweep.export import write_table
+
+        write_table(export, dataset)
+        out.print(f"Table in {export}", markup=False, soft_wrap=True)
+    if surface is not None:
+        from iriftrace.sweep.export import write_surface
+
+        write_surface(surface, dataset, series[0].scene.part)
+        out.print(f"Part with the maps of all poses in {surface}", markup=False, soft_wrap=True)
+    out.print(f"Sweep in {output}; now run:  iriftrace plan {output}", markup=False, soft_wrap=True)
+
+
+def _check(
+    scenes: list[Path],
+    output: Path,
+    export: Path | None,
+    surface: Path | None,
+    scheduler: str | None,
+    workers: int | None,
+) -> None:
+    """Find before the work what would fail after it."""
+    from iriftrace.sweep.export import check_surface, check_table
+    from iriftrace.sweep.workers import check_scheduler
+
+    check_input(*scenes)
+    twice = [scene for scene in scenes if scenes.count(scene) > 1]
+    if twice:
+        raise InputError(f"{twice[0]} is given twice, so its poses would count twice; remove one.")
+    check_output(output, ".nc", "sweep.nc", make=False)
+    for path, check, example in (
+        (export, check_table, "sweep.csv"),
+        (surface, check_surface, "part.vtp"),
+    ):
+        if path is not None:
+            check(path)
+            check_output(path, path.suffix.lower(), example, make=False)
+    if scheduler is not None:
+        check_scheduler(scheduler, workers)
+
+
+@contextmanager
+def _renderer(scheduler: str | None, count: int | None) -> Iterator[RenderPoses | None]:
+    """Whoever renders; None is this process."""
+    if scheduler is None:
+        yield None
+        return
+    from contextlib import ExitStack
+
+    from iriftrace.sweep.workers import workers
+
+    with ExitStack() as stack:
+        starting = scheduler == "local"
+        with notes.status("Starting workers ..." if starting else f"Calling {scheduler} ..."):
+            render = stack.enter_context(workers(scheduler, count))
+        yield render
+
+
+def _print_sweep(dataset: xr.Dataset) -> None:
+    from iriftrace.sweep.store import attribute
+
+    whole = dataset.sel(region="part")
+    good = whole["rays_good"].values
+    failed = [text for text in dataset["failure"].values if text]
+    blurred = (whole["rays_out_of_focus"].values > 0) & (good == 0)
+    out.print(
+        f"{len(good)} poses: {(good >= 100).sum()} with at least 100 good rays, {blurred.sum()} "
+        f"({blurred.mean():.0%}) with nothing in focus, {len(failed)} failed"
+        f"{': ' + failed[0] if failed else ''}",
+        markup=False,
+        soft_wrap=True,
+    )
+    for name, unit, factor in (
+        ("displacement_median", "um", 1e3),
+        *([("scatter_median", "um", 1e3)] if "scatter_median" in whole else []),
+        ("coverage_area", "%", 100),
+        ("lateral_resolution", "um", 1e3),
+    ):
+        values = whole[name].values * factor
+        if np.isfinite(values).any():
+            out.print(
+                f"  {name.replace('_', ' ')}: {np.nanmin(values):.3g} to {np.nanmax(values):.3g} "
+                f"{unit}"
+            )
+    assumed = attribute(dataset, "assumptions").get("field_origin", "not stated")
+    if assumed != "not stated":
+        out.print(f"  field: {assumed}", markup=False, soft_wrap=True)
+    seen = dataset["face_times_seen"].values > 0
+    area = dataset["face_area"].values
+    out.print(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")

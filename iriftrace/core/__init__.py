@@ -1,0 +1,1 @@
+"""Errors, units, array types and files written whole: needed by every room."""

@@ -1,0 +1,16 @@
+"""Array types by element type."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+Float32Array = NDArray[np.float32]
+NumberArray = NDArray[np.uint32]
+Int32Array = NDArray[np.int32]
+AnyIntArray = NDArray[np.integer[Any]]

@@ -1,0 +1,66 @@
+"""Rows of numbers in a text file, whatever separates them and marks their decimals."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+_DECIMAL_COMMA = re.compile(r"\d,\d")
+_LETTERS = re.compile(r"[A-DF-Za-df-z_]")
+
+
+def is_numbers(line: str) -> bool:
+    """Whether a line can be numbers: it has no letters besides exponents, NaN and Inf."""
+    return _LETTERS.search(re.sub(r"\b(?:nan|inf(?:inity)?)\b", "", line, flags=re.I)) is None
+
+
+def separator_of(row: str) -> str | None:
+    """What separates the numbers of a row: ``";"``, ``","`` or None for blanks and tabs."""
+    if ";" in row:
+        return ";"
+    if "," not in row:
+        return None
+    # A comma between digits is a decimal sign where blanks separate, unless points are there too.
+    pieces = row.split()
+    decimal = len(pieces) > 1 and "." not in row and not any(p.endswith(",") for p in pieces)
+    return None if decimal else ","
+
+
+def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -> FloatArray:
+    """Rows as an array (rows, columns).
+
+    Parameters
+    ----------
+    rows : sequence of str
+        Without comments and empty lines.
+    separator : str or None
+        As `separator_of` tells.
+    path : Path
+    what : str
+        What the rows are, for messages, such as ``"coordinates"``.
+
+    Raises
+    ------
+    InputError
+        A row has other columns than the first, or something that is no number.
+    """
+    lines = rows
+    if separator != "," and any(_DECIMAL_COMMA.search(row) for row in rows):
+        lines = [row.replace(",", ".") for row in rows]
+    try:
+        # A delimiter at the end of the first row is at the end of all.
+        if separator is not None and lines[0].rstrip().endswith(separator):
+            lines = [row.rstrip().removesuffix(separator) for row in lines]
+        return np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2)
+    except ValueError as error:
+        text = str(error).split(";")[0]
+        raise InputError(
+            f"The {what} in {path} cannot be read as numbers ({text}); the file may be cut short "
+            "or hold complex values, so export real ones again."
+        ) from None

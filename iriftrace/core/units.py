@@ -1,0 +1,95 @@
+"""Numbers with units, as files and the command line write them."""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import cache
+from typing import Any
+
+from iriftrace.core.errors import InputError
+
+ZERO_CELSIUS_K = 273.15
+"""0 degC in kelvin."""
+
+_MILLIMETRES = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "inch": 25.4, "in": 25.4}
+_NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"
+_QUANTITY = re.compile(
+    r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
+    rf"(?P<unit>/?\s*{_NAME}(?:\s*[*/]\s*{_NAME})*)"
+)
+
+
+def parse_quantity(text: str | float, unit: str) -> float:
+    """Read a number with or without a unit.
+
+    Parameters
+    ----------
+    text : str or float
+        Such as ``"20 degC"``, ``"1 atm"``, ``"14e-6/K"``; a bare number is taken in `unit`.
+    unit : str
+        Unit of the result, in pint's names (``"kelvin"``, ``"pascal"``, ``"mm"``, ``"1/kelvin"``).
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+        Not a number with a unit, another dimension, or not finite.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = _convert(str(text), unit)
+    if not math.isfinite(value):
+        raise InputError(f"{text!r} is not a finite number; give one in {unit}.")
+    return value
+
+
+def length_factor(unit: str) -> float:
+    """Millimetres in one length unit: um, mm, cm, m, inch (or in).
+
+    Raises
+    ------
+    InputError
+        Another name.
+    """
+    try:
+        return _MILLIMETRES[unit.strip()]
+    except KeyError:
+        raise InputError(
+            f"{unit!r} is not a length unit known here; use one of {', '.join(_MILLIMETRES)}."
+        ) from None
+
+
+@cache
+def _registry() -> Any:
+    # Imported late: pint takes a noticeable time, and most numbers come without a unit.
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _convert(text: str, unit: str) -> float:
+    import pint
+
+    match = _QUANTITY.fullmatch(text.strip())
+    if match is None:
+        raise InputError(f"{text!r} is not a number with a unit; write it like '20 {unit}'.")
+    number, name = float(match["number"]), match["unit"]
+    if unit in ("kelvin", "K"):
+        # pint reads C as coulomb and F as farad, which nobody means here.
+        name = {"C": "degC", "F": "degF"}.get(name, name)
+    registry = _registry()
+    try:
+        quantity = registry.Quantity(number, f"1{name}" if name.startswith("/") else name)
+        return float(quantity.to(unit).magnitude)
+    except pint.UndefinedUnitError:
+        raise InputError(f"{text!r} has an unknown unit; give the number in {unit}.") from None
+    except (pint.DimensionalityError, pint.OffsetUnitCalculusError):
+        raise InputError(
+            f"{text!r} cannot be converted to {unit}; give the number in {unit} or in a unit of "
+            "the same kind."
+        ) from None

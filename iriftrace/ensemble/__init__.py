@@ -1,1 +1,0 @@
-"""Several fields of one part: the mean displacement can be corrected, its scatter cannot."""

@@ -1,0 +1,1 @@
+"""A solver's result as a field of the refractive index; readers of every format."""

@@ -1,0 +1,322 @@
+"""Which array of a solver's file holds the temperature, density or index, and in what unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+from warnings import warn
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.units import parse_quantity
+from iriftrace.field.gradient import point_mean
+
+# MERGE array_units: In which unit an array of a field file is: what the file states, and what the
+
+SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
+"""Unit in which each quantity is computed with, and taken to be where nobody says otherwise."""
+
+_IN_BRACKETS = re.compile(r".*[\s_]*[(\[{](?P<unit>[^()\[\]{}]+)[)\]}]\s*")
+# As programs spell them that are not scientific libraries.
+_SPELLINGS = {
+    "kelvin": "K",
+    "celsius": "degC",
+    "degree celsius": "degC",
+    "°c": "degC",
+    "fahrenheit": "degF",
+    "°f": "degF",
+    "kg/m3": "kg/m^3",
+    "g/cm3": "g/cm^3",
+}
+
+
+def unit_of(
+    name: str,
+    quantity: str,
+    units: Mapping[str, str] | None,
+    temperature_unit: str | None,
+    path: str,
+) -> str:
+    """Unit of an array.
+
+    Parameters
+    ----------
+    name, quantity : str
+        Of the array.
+    units : mapping or None
+        What the file's header states for each array, "" for nothing; None where the format has no
+        place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
+    temperature_unit : str or None
+        What the user says of temperatures.
+    path : str
+        For messages.
+
+    Returns
+    -------
+    str
+        One that `converted` knows.
+
+    Raises
+    ------
+    InputError
+        User and file contradict each other; the header has a place for the unit of a temperature
+        but states none, or one of another kind.
+    """
+    if quantity == "index":
+        return SI["index"]
+    given = temperature_unit if quantity == "temperature" else None
+    if units is None:
+        found = _IN_BRACKETS.fullmatch(name)
+        stated = found["unit"].strip() if found and _is_unit(found["unit"], quantity) else ""
+    else:
+        stated = units.get(name, "")
+    if stated and not _is_unit(stated, quantity):
+        if given is None:
+            raise InputError(
+                f"{path} gives {name!r} the unit {stated!r}, which is no unit of {quantity}; "
+                f"{_remedy(quantity)}"
+            )
+        stated = ""
+    if not stated:
+        if units is not None and given is None:
+            raise InputError(
+                f"{path} does not say in which unit {name!r} is, and K and degC differ by a whole "
+                f"room's temperature; {_remedy(quantity)}"
+            )
+        return given or SI[quantity]
+    if given is not None and _scale(given, quantity) != _scale(stated, quantity):
+        raise InputError(
+            f"{path} states that {name!r} is in {stated}, but the temperature unit given is "
+            f"{given}; leave the option out (--temperature-unit), or correct the file."
+        )
+    return stated
+
+
+def converted(values: FloatArray, unit: str, target: str) -> FloatArray:
+    """Values in another unit, (n,)."""
+    zero, slope = _scale_to(unit, target)
+    return values if (zero, slope) == (0.0, 1.0) else zero + values * slope
+
+
+def _remedy(quantity: str) -> str:
+    if quantity == "temperature":
+        return "give the temperature unit (--temperature-unit K or degC)."
+    return f"write its unit into the header, such as ({SI[quantity]})."
+
+
+def _is_unit(text: str, quantity: str) -> bool:
+    try:
+        _scale(text, quantity)
+    except InputError:
+        return False
+    return True
+
+
+def _scale(unit: str, quantity: str) -> tuple[float, float]:
+    return _scale_to(unit, SI[quantity])
+
+
+def _scale_to(unit: str, target: str) -> tuple[float, float]:
+    """Value of 0 and of one step of a unit in another one."""
+    name = _SPELLINGS.get(unit.strip().lower(), unit.strip())
+    # Two values tell a linear unit; converting a million numbers through pint would be slow.
+    zero = parse_quantity(f"0 {name}", target)
+    return zero, (parse_quantity(f"100 {name}", target) - zero) / 100.0
+
+
+QUANTITIES = ("temperature", "index", "density")
+"""Physical quantities from which n - 1 follows, in the order in which they are looked for."""
+
+# Names as solvers write them, in lower case and without a unit in brackets.
+_EXACT = {
+    "temperature": ("t", "temp", "temperature", "static_temperature"),
+    "index": ("n", "index", "ior", "ri", "refractive_index", "index_of_refraction", "refractivity"),
+    "density": ("rho", "density"),
+}
+_LOOSE = {
+    "temperature": re.compile(r"t[_.]|temp|.*temperature"),
+    "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
+    "density": re.compile(r"rho|.*density"),
+}
+_COLDEST = 150.0  # K; room air in degC, taken as kelvin, lies below
+_LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
+
+
+@frozen(eq=False)
+class Choice:
+    """The array of a file that is used, and the physical quantity that it holds."""
+
+    name: str
+    quantity: str
+
+
+def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) -> Choice:
+    """Find the array to use.
+
+    A given name is taken as it is. Else temperature is looked for first, then index, then density,
+    or `quantity` alone when it is given; a usual name (``T``, ``rho``) wins over a name that only
+    resembles one (``T_snapshot``).
+
+    Raises
+    ------
+    InputError
+        No array, several that are equally likely, or a quantity that is not known.
+    """
+    if quantity is not None and quantity not in QUANTITIES:
+        raise InputError(f"{quantity!r} is not a quantity; use one of {', '.join(QUANTITIES)}.")
+    names = _scalar_names(grid)
+    listed = ", ".join(names) or "none"
+    if array is not None:
+        if array not in names:
+            raise InputError(
+                f"{path} has no array {array!r} with one number a point; it has {listed}."
+            )
+        found = quantity or quantity_of(array)
+        if found is None:
+            raise InputError(
+                f"The name {array!r} does not tell what the array in {path} holds; say so with "
+                f"the quantity option (--quantity): {', '.join(QUANTITIES)}."
+            )
+        return Choice(array, found)
+    for candidate in (quantity,) if quantity else QUANTITIES:
+        name = _named(names, candidate, path)
+        if name is not None:
+            return Choice(name, candidate)
+    raise InputError(
+        f"{path} has no array that looks like {quantity or 'a temperature, index or density'}; "
+        f"its arrays are {listed}. Name one with the array option (--array)."
+    )
+
+
+def other_index(grid: Any) -> str | None:
+    """Name of an index array under one of its usual names, or None."""
+    exact = [name for name in _scalar_names(grid) if _is_usual(name, "index")]
+    return exact[0] if len(exact) == 1 else None
+
+
+def quantity_of(name: str) -> str | None:
+    """The quantity that an array's name suggests, or None."""
+    for quantity in QUANTITIES:
+        if _is_usual(name, quantity):
+            return quantity
+    return next((q for q in QUANTITIES if _LOOSE[q].match(_plain(name))), None)
+
+
+def point_values(grid: Any, name: str, path: str) -> FloatArray:
+    """An array at the points, (n,); cell data are averaged, weighted with the cells' volumes."""
+    if name in grid.point_data:
+        values = np.asarray(grid.point_data[name], dtype=np.float64)
+    else:
+        values = np.asarray(grid.cell_data[name], dtype=np.float64)
+    wrong = np.count_nonzero(~np.isfinite(values))
+    if wrong:
+        raise InputError(
+            f"The array {name!r} in {path} is not a finite number at {wrong} of {len(values)} "
+            "places, and light would stop there; export it without gaps."
+        )
+    if name in grid.point_data:
+        return values
+    warn(
+        f"{name!r} in {path} is given in the cells; its mean at the points misses the values at "
+        "the wall, so export point data when the solver can.",
+        IriftraceWarning,
+        stacklevel=3,
+    )
+    return point_mean(grid, values)
+
+
+def to_refractivity(
+    values: FloatArray, choice: Choice, unit: str, air: Air, path: str
+) -> FloatArray:
+    """Refractivity n - 1 of values in `unit` (see `array_units.unit_of`), (n,)."""
+    if choice.quantity == "index":
+        return _from_index(values, choice.name, path)
+    values = converted(values, unit, SI[choice.quantity])
+    if choice.quantity == "density":
+        _refuse_not_positive(values, choice, "kg/m3", path)
+        return air.refractivity_of_density(values)
+    kelvin = values
+    _refuse_not_positive(kelvin, choice, "K", path)
+    if kelvin.min() < _COLDEST:
+        raise InputError(
+            f"The array {choice.name!r} in {path} goes down to {kelvin.min():g} K, colder than any "
+            "air around a hot part; if it is in degC, give the temperature "
+            "unit (--temperature-unit degC)."
+        )
+    return air.refractivity(kelvin)
+
+
+def refractivity_of_index(values: FloatArray) -> FloatArray | None:
+    """Values of n (all near 1) or of n - 1 (all near 0) as n - 1; None when they are neither."""
+    low, high = values.min(), values.max()
+    if low > 0.0 and high < _LARGEST_REFRACTIVITY:
+        return values
+    if low > 1.0 and high < 1.0 + _LARGEST_REFRACTIVITY:
+        return values - 1.0
+    return None
+
+
+def _named(names: Sequence[str], quantity: str, path: str) -> str | None:
+    exact = [name for name in names if _is_usual(name, quantity)]
+    found = exact or [name for name in names if _LOOSE[quantity].match(_plain(name))]
+    if len(found) > 1:
+        raise InputError(
+            f"{path} has several arrays that could be the {quantity}: {', '.join(found)}; name "
+            "the one to use with the array option (--array)."
+        )
+    return found[0] if found else None
+
+
+def _is_usual(name: str, quantity: str) -> bool:
+    """Whether an array has a usual name, with or without COMSOL's scope (``comp1.T``)."""
+    plain = _plain(name)
+    return plain in _EXACT[quantity] or plain.rpartition(".")[2] in _EXACT[quantity]
+
+
+def _plain(name: str) -> str:
+    """A name in lower case, without a unit in brackets: ``T_(K)`` and ``T [K]`` become ``t``."""
+    bare = re.sub(r"[(\[{].*?[)\]}]", "", name)
+    return re.sub(r"[\s_]+", "_", bare).strip("_").lower()
+
+
+def _scalar_names(grid: Any) -> list[str]:
+    """Names of the arrays with one number a point or cell, each once, point data first."""
+    return list(
+        dict.fromkeys(
+            name
+            for data in (grid.point_data, grid.cell_data)
+            for name in data
+            if data[name].ndim == 1 and data[name].dtype.kind in "fiu" and name[:3] != "vtk"
+        )
+    )
+
+
+def _refuse_not_positive(values: FloatArray, choice: Choice, unit: str, path: str) -> None:
+    if values.min() <= 0.0:
+        raise InputError(
+            f"The array {choice.name!r} in {path} holds a {choice.quantity} of {values.min():g} "
+            f"{unit}; it must be positive everywhere, so check the array and its unit."
+        )
+
+
+def _from_index(values: FloatArray, name: str, path: str) -> FloatArray:
+    refractivity = refractivity_of_index(values)
+    if refractivity is None:
+        raise InputError(
+            f"The array {name!r} in {path} runs from {values.min():.7g} to {values.max():.7g}, "
+            "which is neither an index n of air (1.00002 to 1.001) nor n-1; name the right array "
+            "or quantity."
+        )
+    if refractivity is not values and np.array_equal(values, values.astype(np.float32)):
+        warn(
+            f"The array {name!r} in {path} holds n in single precision, which leaves steps of "
+            "1.2e-7 and a coarse gradient; export n-1, the temperature or double precision.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    return refractivity

@@ -1,0 +1,181 @@
+"""The refractive index of the air around a hot part, at the points of the solver's own grid."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import pyvista as pv
+from attrs import field, frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.field.flow import AirFlow
+from iriftrace.field.gradient import CORNERS, consistent_gradient, point_gradient
+from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.field.wall import inner_wall
+
+# VTK's own tolerance grows with the data's size and lets flat cells claim points beside them, to
+# which they extrapolate wildly.
+_ON_FACE_MM = 1e-4
+
+
+@frozen(eq=False)
+class FieldSource:
+    """Where a field comes from.
+
+    Attributes
+    ----------
+    path : str
+        The file as it was named.
+    sha256 : str
+        Of that file alone, also where it names others (`.pvd`, `.vtm`, `.pvtu`); of an OpenFOAM
+        case that of the list of its files' checksums.
+    array : str
+        The array that was used.
+    quantity : str
+        What the array holds: ``"temperature"``, ``"density"`` or ``"index"``.
+    length_unit : str
+        Unit of the file's coordinates.
+    origin : str
+        What the file says of its own making (field data ``field_origin``), such as "OpenFOAM,
+        snapshot at 2 s"; "" where it says nothing.
+    wall_heat_w : float, optional
+        Heat from the whole part, W, as the solver counted it, where the file states it.
+    """
+
+    path: str
+    sha256: str
+    array: str
+    quantity: str
+    length_unit: str
+    origin: str = ""
+    wall_heat_w: float | None = None
+
+
+def _float64(values: ArrayLike) -> FloatArray:
+    return np.asarray(values, dtype=np.float64)
+
+
+@frozen(eq=False)
+class IndexField:
+    """Refractivity of air on an unstructured grid.
+
+    Attributes
+    ----------
+    grid : pyvista.UnstructuredGrid
+        Tetrahedra, hexahedra, wedges and pyramids; n points in mm, world. Its only array is the
+        point array ``"refractivity"``.
+    refractivity : (n,) array
+        n - 1 at the points, float64.
+    air : Air
+        Ambient air, which turns n - 1 into temperature and back.
+    source : FieldSource
+    flow : AirFlow, optional
+        How the air moves, where it was asked for.
+    """
+
+    grid: pv.UnstructuredGrid
+    refractivity: FloatArray = field(converter=_float64)
+    air: Air
+    source: FieldSource
+    flow: AirFlow | None = None
+
+    def __attrs_post_init__(self) -> None:
+        """Refuse what does not fit together, and keep nothing but the refractivity in the grid."""
+        if len(self.refractivity) != self.grid.n_points:
+            raise InputError(
+                f"There are {len(self.refractivity)} refractivities for {self.grid.n_points} "
+                "points of the grid; give one for each point."
+            )
+        if not np.isin(self.grid.celltypes, list(CORNERS)).all():
+            raise InputError(
+                "The grid has cells that are not tetrahedra, hexahedra, wedges or pyramids; pass "
+                "it through field_io.linear_volume first."
+            )
+        grid = pv.UnstructuredGrid()
+        grid.copy_structure(self.grid)
+        grid.point_data["refractivity"] = self.refractivity
+        object.__setattr__(self, "grid", grid)
+
+    @cached_property
+    def temperature_k(self) -> FloatArray:
+        """Temperatures at the points, (n,) array, K."""
+        return self.air.temperature(self.refractivity)
+
+    @cached_property
+    def gradient(self) -> FloatArray:
+        """Gradient of n at the points, (n, 3) array, 1/mm, world.
+
+        The volume-weighted mean of the constant gradients of the tetrahedra into which the cells
+        split; see `field_cells.point_gradient` for why not VTK's unweighted one.
+        """
+        return point_gradient(self.grid, self.refractivity)
+
+    @cached_property
+    def fitting_gradient(self) -> FloatArray:
+        """Gradient of n at the points, (n, 3) array, 1/mm, world, as long as n changes.
+
+        Directions are those of `gradient`; its own length is some per cent off where cells grow.
+        See `consistent_gradient`.
+        """
+        return consistent_gradient(
+            np.asarray(self.grid.points),
+            tetrahedra_of(self.grid).corners,
+            self.refractivity,
+            self.gradient,
+        )
+
+    @cached_property
+    def second_derivatives(self) -> FloatArray:
+        """Second derivatives of n at the points, (n, 3, 3) array, 1/mm^2, world, symmetric.
+
+        Recovered from `fitting_gradient` as that is from n.
+        """
+        rows = point_gradient(self.grid, self.fitting_gradient)
+        derivatives: FloatArray = 0.5 * (rows + rows.transpose(0, 2, 1))
+        return derivatives
+
+    @cached_property
+    def wall(self) -> pv.PolyData:
+        """Inner boundary of the data, where the hot part sits: triangles, mm, world.
+
+        Carries at its points ``"refractivity"`` and ``"number"``, which point of the grid each is;
+        empty when the data surround no cavity.
+        """
+        numbered = self.grid.copy()
+        numbered.point_data["number"] = np.arange(numbered.n_points)
+        wall: pv.PolyData = inner_wall(numbered)
+        return wall
+
+    @property
+    def hottest_refractivity(self) -> float:
+        """Refractivity n - 1 of the hottest air in the data, the smallest one."""
+        return float(self.refractivity.min())
+
+    @property
+    def ambient_refractivity(self) -> float:
+        """Refractivity n - 1 of the ambient air, from `air` and not from the data."""
+        return self.air.ambient_refractivity
+
+    def sample(self, points: ArrayLike) -> FloatArray:
+        """Refractivity between the points of the grid, by VTK's interpolation in the cells.
+
+        Parameters
+        ----------
+        points : (m, 3) array_like
+            mm, world.
+
+        Returns
+        -------
+        (m,) array
+            n - 1; NaN outside the data and, for a few points in 100,000, in the gaps that bent
+            faces leave between cells.
+        """
+        places = pv.PolyData(np.atleast_2d(np.asarray(points, dtype=np.float64)))
+        found = places.sample(self.grid, tolerance=_ON_FACE_MM)
+        values = np.array(found.point_data["refractivity"], dtype=np.float64)
+        values[np.asarray(found.point_data["vtkValidPointMask"]) == 0] = np.nan
+        return values

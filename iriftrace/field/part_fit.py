@@ -1,0 +1,227 @@
+"""Do part and field belong together: same place, same unit, same axes, same wall temperature?"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.field.index_field import IndexField
+from iriftrace.geometry.query import NearestFace
+from iriftrace.geometry.transform import apply, parse_transform
+from iriftrace.part.part import Part
+
+LARGEST_GAP_MM = 0.2
+"""A larger 95th percentile of the gap is worth a warning."""
+
+LARGEST_DIFFERENCE_K = 5.0
+"""A larger difference between expected and found wall temperature is worth a warning."""
+
+LARGEST_BARE_SHARE = 0.05
+"""A larger share of the part's area without the field's wall near it is worth a warning."""
+
+# Boxes match when none of their faces is off by more than this share of their diagonal.
+_MATCH = 0.03
+
+_SCALES = {
+    1.0: "",
+    1000.0: "--length-unit m",
+    0.001: "--field-length-unit m",
+    10.0: "--length-unit cm",
+    0.1: "--field-length-unit cm",
+    25.4: "--length-unit inch",
+    1 / 25.4: "--field-length-unit inch",
+}
+_TURNS = (
+    "",
+    *(f"rotate {axis} {angle}" for axis, angle in product("xyz", (90, -90, 180))),
+    *(f"rotate x {a}, rotate y {b}" for a, b in product((90, -90), repeat=2)),
+    *(f"rotate y {a}, rotate x {b}" for a, b in product((90, -90), repeat=2)),
+)
+
+
+@frozen
+class Fit:
+    """How well a field's inner wall and a part's surface lie on each other.
+
+    Attributes
+    ----------
+    gap_median_mm, gap_p95_mm
+        Median and 95th percentile of the distance from the wall's points to the part's surface, mm;
+        NaN for a field without an inner wall.
+    wall_temperature_k
+        Median temperature of the air at the wall, K; NaN when the part's surface has no data.
+    bare_share
+        Share of the part's area that lies off the field's wall; NaN without one.
+    warnings
+        One sentence for everything that does not fit.
+    """
+
+    gap_median_mm: float
+    gap_p95_mm: float
+    wall_temperature_k: float
+    bare_share: float
+    warnings: tuple[str, ...]
+
+
+def fit_part_to_field(
+    field: IndexField, part: Part, *, wall_temperature_k: float | None = None
+) -> Fit:
+    """Compare a field's inner wall with a part's surface.
+
+    Parameters
+    ----------
+    field
+        The field; its inner wall is the boundary of the cavity in which the part sits.
+    part
+        The part.
+    wall_temperature_k
+        Temperature that the wall should have, K; not compared by default.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        The field does not reach the part; the message names the unit or axes that would mend it.
+    """
+    data = np.asarray(field.grid.points, dtype=np.float64)
+    data_box = np.stack((data.min(axis=0), data.max(axis=0)))
+    wall = field.wall
+    has_wall = wall.n_points > 0
+    target = _box(np.asarray(wall.points)) if has_wall else data_box
+    if np.any(part.bounds[0] > data_box[1]) or np.any(part.bounds[1] < data_box[0]):
+        raise InputError(_unreached("they lie side by side", field, part, target, has_wall))
+    if not has_wall:
+        return _fit_without_wall(field, part, wall_temperature_k)
+
+    gaps = NearestFace(part.vertices, part.faces).distance(wall.points)
+    # A wall that is nowhere closer than half its own size surrounds something else.
+    if gaps.min() > 0.5 * min(_diagonal(target), _diagonal(part.bounds)):
+        raise InputError(
+            _unreached(
+                f"the field's inner wall stays {gaps.min():.3g} mm away from the part",
+                field,
+                part,
+                target,
+                has_wall,
+            )
+        )
+    median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
+    refractivity = np.asarray(wall.point_data["refractivity"], dtype=np.float64)
+    temperature = float(np.median(field.air.temperature(refractivity)))
+    messages = []
+    if p95 > LARGEST_GAP_MM:
+        messages.append(
+            f"The part does not fill the cavity in the field: the gap is {median:.3g} mm (median) "
+            f"and {p95:.3g} mm (95th percentile), so rays cross air that the field does not know; "
+            + _advice(part.bounds, target)
+        )
+    # A part beside its cavity is bare too, but that has been said.
+    bare = _bare_share(wall, part)
+    if not messages and bare > LARGEST_BARE_SHARE:
+        messages.append(
+            f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
+            "wall, so no hot air is known there and rays through it stay straight; mirror a field "
+            "that was solved on a half or quarter, take smaller cells where the part is round, or "
+            "check unit and axes."
+        )
+    messages += _temperature_message(temperature, wall_temperature_k)
+    return Fit(median, p95, temperature, bare, tuple(messages))
+
+
+def _bare_share(wall: pv.PolyData, part: Part) -> float:
+    """Share of the part's area whose faces' centres are not near the wall."""
+    faces = np.asarray(wall.regular_faces, dtype=np.int64)
+    distance = NearestFace(wall.points, faces).distance(part.face_centres)
+    return float(part.face_areas[distance > LARGEST_GAP_MM].sum() / part.area)
+
+
+def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -> Fit:
+    found = field.sample(part.vertices)
+    known = found[np.isfinite(found)]
+    temperature = float(np.median(field.air.temperature(known))) if len(known) else float("nan")
+    message = (
+        "The field has no cavity, so it cannot be checked whether the part lies where it belongs; "
+        "look at part and field together."
+    )
+    return Fit(
+        float("nan"),
+        float("nan"),
+        temperature,
+        float("nan"),
+        (message, *_temperature_message(temperature, expected_k)),
+    )
+
+
+def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
+    if expected_k is None or abs(found_k - expected_k) <= LARGEST_DIFFERENCE_K:
+        return []
+    if np.isnan(found_k):
+        return ["The field has no data at the part's surface, so its temperature is not known."]
+    # As far apart as 0 K and 0 degC: the mark of one unit read as the other.
+    unit = abs(abs(found_k - expected_k) - ZERO_CELSIUS_K) < LARGEST_DIFFERENCE_K
+    return [
+        f"The air at the wall has {found_k:.1f} K instead of the expected {expected_k:.1f} K; "
+        + (
+            "one of the two was given in degC but read as kelvin."
+            if unit
+            else "check the field's array and the part's temperature."
+        )
+    ]
+
+
+def _unreached(what: str, field: IndexField, part: Part, target: FloatArray, has_wall: bool) -> str:
+    advice = _advice(part.bounds, target) if has_wall else "check units and axes."
+    return f"The field {field.source.path} does not reach the part {part.path}: {what}; {advice}"
+
+
+def _advice(part: FloatArray, target: FloatArray) -> str:
+    """The change of the part's box that makes it the target's, in words of the command line."""
+    corners = np.array(list(product(*part.T)))
+    limit = _MATCH * _diagonal(target)
+    candidates = []
+    for scale, turn in product(_SCALES, _TURNS):
+        matrix = parse_transform(turn) if turn else np.eye(4)
+        box = _box(apply(matrix, corners * scale))
+        if np.abs(np.ptp(box, axis=0) - np.ptp(target, axis=0)).max() > limit:
+            continue
+        shift = target.mean(axis=0) - box.mean(axis=0)
+        moved = bool(np.abs(shift).max() > limit)
+        # The fewer things were mistaken, the likelier.
+        mistakes = (scale != 1.0) + bool(turn) + moved
+        candidates.append((mistakes, float(np.abs(shift).max()), scale, turn, shift, moved))
+    if not candidates:
+        return (
+            f"the part's box measures {_size(part)} and the cavity's {_size(target)}; "
+            "check units, axes and thermal expansion."
+        )
+    mistakes, _, scale, turn, shift, moved = min(candidates, key=lambda c: c[:2])
+    if mistakes == 0:
+        return "their boxes agree, so check thermal expansion and the part's shape."
+    steps = [turn] if turn else []
+    if moved:
+        steps.append("translate " + " ".join(f"{component:.4g}" for component in shift))
+    parts = [f'--part-transform "{", ".join(steps)}"'] if steps else []
+    if scale != 1.0:
+        parts.insert(0, _SCALES[scale])
+    return f"their boxes agree with {' and '.join(parts)}."
+
+
+def _box(points: FloatArray) -> FloatArray:
+    return np.stack((points.min(axis=0), points.max(axis=0))).astype(np.float64)
+
+
+def _diagonal(box: FloatArray) -> float:
+    return float(np.linalg.norm(box[1] - box[0]))
+
+
+def _size(box: FloatArray) -> str:
+    return " x ".join(f"{side:.4g}" for side in box[1] - box[0]) + " mm"

@@ -1,0 +1,164 @@
+"""The field file of a scene: what the continuous engine needs of a field, in one NumPy file."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from attrs import asdict, evolve, frozen
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import check_readable, numpy_reason, whole_file
+from iriftrace.field.gradient import CORNERS
+from iriftrace.scene.wavelength import dispersion
+
+if TYPE_CHECKING:
+    from iriftrace.field.index_field import IndexField
+
+
+FIELD_FILE = "field.npz"
+"""Name of the field file beside a scene's XML."""
+
+SCHEMA = "iriftrace.field/1"
+
+ARRAYS = ("points", "refractivity", "celltypes", "cell_connectivity", "wall")
+
+
+@frozen(eq=False)
+class FieldCells:
+    """Cells of a field, as much of it as light needs.
+
+    Attributes
+    ----------
+    points : (n, 3) array of float32, mm, world
+    refractivity : (n,) array of float64
+        n - 1 at the points.
+    celltypes, cell_connectivity : arrays of int
+        As of a pyvista.UnstructuredGrid: tetrahedra, hexahedra, wedges and pyramids.
+    wall : (n,) array of bool
+        Points of the inner boundary, where the hot part sits.
+    air : dict
+        The ambient air; see `iriftrace.air.Air.as_dict`.
+    ambient : float
+        Its n - 1, which holds outside the data.
+    source : dict
+        Path, SHA-256, array, quantity and length unit of the field's own file.
+    """
+
+    points: NDArray[np.float32]
+    refractivity: FloatArray
+    celltypes: NDArray[np.uint8]
+    cell_connectivity: NDArray[np.int32]
+    wall: NDArray[np.bool_]
+    air: dict[str, Any]
+    ambient: float
+    source: dict[str, Any]
+
+    def at_wavelength(self, wavelength_nm: float) -> FieldCells:
+        """The same air in other light."""
+        factor = dispersion(self.air, wavelength_nm)
+        return evolve(
+            self,
+            refractivity=factor * self.refractivity,
+            ambient=factor * self.ambient,
+            air={**self.air, "wavelength_nm": wavelength_nm},
+        )
+
+    @property
+    def cell_offsets(self) -> NDArray[np.int64]:
+        """Where the corners of each cell start in `cell_connectivity`, as pyvista has it."""
+        corners = np.zeros(256, dtype=np.int64)
+        corners[list(CORNERS)] = list(CORNERS.values())
+        return np.concatenate(([0], np.cumsum(corners[self.celltypes])))
+
+
+def cells_of(field: IndexField) -> FieldCells:
+    """What light needs of a field."""
+    wall = np.zeros(field.grid.n_points, dtype=bool)
+    if field.wall.n_points:
+        wall[np.asarray(field.wall.point_data["number"])] = True
+    return FieldCells(
+        points=np.asarray(field.grid.points, dtype=np.float32),
+        refractivity=field.refractivity,
+        celltypes=np.asarray(field.grid.celltypes, dtype=np.uint8),
+        cell_connectivity=np.asarray(field.grid.cell_connectivity, dtype=np.int32),
+        wall=wall,
+        air=field.air.as_dict(),
+        ambient=field.ambient_refractivity,
+        source=asdict(field.source),
+    )
+
+
+def save_field_file(field: IndexField, path: str | Path) -> Path:
+    """Write a field file (NumPy's .npz, compressed).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    cells = cells_of(field)
+    arrays = {name: getattr(cells, name) for name in ARRAYS}
+    header = {
+        "schema": SCHEMA,
+        "air": cells.air,
+        "ambient": cells.ambient,
+        "source": cells.source,
+    }
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(
+            file,
+            allow_pickle=False,
+            header=np.frombuffer(json.dumps(header).encode(), dtype=np.uint8),
+            **arrays,
+        )
+    return Path(path)
+
+
+def load_field_file(path: str | Path) -> FieldCells:
+    """Read a field file that `save_field_file` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or of another schema.
+    """
+    if not Path(path).is_file():
+        raise InputError(
+            f"There is no field file {path}, without which the continuous engine knows nothing of "
+            "the air; `iriftrace scene FIELD PART -o SCENE.xml` writes it beside the scene."
+        )
+    check_readable(Path(path))
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in ARRAYS}
+            header = json.loads(content["header"].tobytes())
+        known = {name: header[name] for name in ("air", "ambient", "source")}
+        schema = header["schema"]
+    except (OSError, ValueError, LookupError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"{path} is damaged or no field file ({numpy_reason(error)}); write the scene again."
+        ) from error
+    if schema != SCHEMA:
+        raise InputError(
+            f"{path} has schema {schema!r} instead of {SCHEMA!r}, so it is of another version of "
+            "iriftrace; write the scene again."
+        )
+    cells = FieldCells(**arrays, **known)
+    count = len(cells.points)
+    if not (
+        cells.points.shape == (count, 3)
+        and cells.refractivity.shape == cells.wall.shape == (count,)
+        and cells.cell_connectivity.shape == (cells.cell_offsets[-1],)
+        and (cells.cell_connectivity >= 0).all()
+        and (cells.cell_connectivity < count).all()
+    ):
+        raise InputError(
+            f"{path} is damaged: its cells do not fit its points; write the scene again."
+        )
+    return cells

@@ -1,0 +1,245 @@
+"""Scattered points as a volume: the tetrahedra of Delaunay between them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from warnings import warn
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay, QhullError
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.gradient import TETRAHEDRON_EDGES
+from iriftrace.field.gradient import TETRAHEDRON_EDGES as EDGES
+
+if TYPE_CHECKING:
+    from iriftrace.part.part import Part
+
+
+# Two values at one place may differ by this share of all values' range: neighbouring elements
+# evaluate a little differently.
+_SAME_VALUE = 0.01
+# Tetrahedra whose longest edge is so many times what is usual at their corners bridge a notch in
+# the outer boundary.
+_BRIDGE = 5.0
+
+
+def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArray, FloatArray]:
+    """Points that occur several times, once each with the mean of their values.
+
+    Raises
+    ------
+    InputError
+        Values at one place differ by more than 1 % of their range.
+    """
+    unique, number = np.unique(points, axis=0, return_inverse=True)
+    if len(unique) == len(points):
+        return points, values
+    number = number.ravel()
+    count = np.bincount(number)
+    means = np.empty((len(unique), values.shape[1]))
+    for k, column in enumerate(values.T):
+        means[:, k] = np.bincount(number, column) / count
+        off = np.abs(column - means[number, k])
+        if off.max() > _SAME_VALUE * np.ptp(column):
+            place = points[off.argmax()]
+            raise InputError(
+                f"{path} has several different values at one point, such as "
+                f"({place[0]:g}, {place[1]:g}, {place[2]:g}), so the field is not defined there; "
+                "export one state of one domain."
+            )
+    warn(
+        f"{path} names {len(points) - len(unique)} points again with the same values; each is used "
+        "once.",
+        IriftraceWarning,
+        stacklevel=5,
+    )
+    return unique, means
+
+
+def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
+    """Delaunay's tetrahedra of points, (k, 4), without those that bridge notches of their outline.
+
+    Raises
+    ------
+    InputError
+        The points lie in a plane, or there are fewer than four.
+    """
+    try:
+        # Scaled, since Qhull's tolerances are absolute for coordinates near one.
+        extent = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
+        mesh = Delaunay((points - points.mean(axis=0)) / extent)
+    except (QhullError, ValueError) as error:
+        raise InputError(
+            f"The {len(points)} points in {path} fill no volume, and light needs the air between; "
+            "export the volume and not a surface, slice or line."
+        ) from error
+    tetrahedra = mesh.simplices.astype(np.int64)
+    bridges = _bridges(points, tetrahedra)
+    if bridges.any():
+        bridges = _open_to_outside(bridges, mesh.neighbors)
+    kept: IntArray = tetrahedra[~bridges]
+    # Qhull does not care which way round a simplex is; volumes elsewhere have a sign.
+    edges = points[kept[:, 1:]] - points[kept[:, :1]]
+    turned = np.linalg.det(edges) < 0.0
+    kept[turned, :2] = kept[turned, 1::-1]
+    return kept
+
+
+def _bridges(points: FloatArray, tetrahedra: IntArray) -> NDArray[np.bool_]:
+    """Mask of the tetrahedra that are much longer than what is usual at all of their corners."""
+    ends = np.sort(tetrahedra[:, TETRAHEDRON_EDGES], axis=2)
+    edge, number = np.unique(ends[..., 0] * len(points) + ends[..., 1], return_inverse=True)
+    first, second = np.divmod(edge, len(points))
+    length = np.linalg.norm(points[first] - points[second], axis=1)
+    corner = np.concatenate((first, second))
+    each = np.tile(length, 2)
+    order = np.lexsort((each, corner))
+    count = np.bincount(corner, minlength=len(points))
+    start = np.concatenate(([0], np.cumsum(count)[:-1]))
+    usual = each[order[np.minimum(start + count // 2, len(order) - 1)]]
+    longest = length[number.reshape(-1, len(TETRAHEDRON_EDGES))].max(axis=1)
+    mask: NDArray[np.bool_] = longest > _BRIDGE * usual[tetrahedra].max(axis=1)
+    return mask
+
+
+def _open_to_outside(mask: NDArray[np.bool_], neighbours: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Those of the masked tetrahedra that can be reached from the hull through masked ones."""
+    chosen = np.flatnonzero(mask)
+    local = np.full(len(mask), -1)
+    local[chosen] = np.arange(len(chosen))
+    around = neighbours[chosen]
+    there = np.where(around >= 0, local[around], -1)
+    row, column = np.nonzero(there >= 0)
+    links = coo_array(
+        (np.ones(len(row), dtype=bool), (row, there[row, column])), shape=(len(chosen),) * 2
+    )
+    group = connected_components(links, directed=False)[1]
+    outside = np.zeros(group.max() + 1, dtype=bool)
+    outside[group[(around < 0).any(axis=1)]] = True
+    result = np.zeros(len(mask), dtype=bool)
+    result[chosen] = outside[group]
+    return result
+
+
+# MERGE readers.cut_out: The part cut out of tetrahedra that fill the hull of scattered points.
+
+# Depth below the wall, as share of the longest edge, that a chord of a curved wall does not reach.
+_DEEP = 0.1
+# Distance from the wall, as share of the longest edge, below which a corner lies on it.
+_ON_WALL = 0.01
+
+
+def cells_outside(grid: Any, part: Part | None, path: str) -> IntArray:
+    """Numbers of the tetrahedra that do not lie in the part.
+
+    Delaunay's tetrahedra fill the part too, from wall to wall. A tetrahedron is left out if it
+    reaches deep below the part's surface, or if none of its corners is in the air and it lies
+    below or flat on the surface. Depth is measured against the tetrahedron's size, since chords of
+    a curved wall cut into the part a little.
+
+    Parameters
+    ----------
+    grid : pyvista.UnstructuredGrid
+        Tetrahedra, mm, world.
+    part : Part or None
+    path : str
+        For messages.
+
+    Raises
+    ------
+    InputError
+        There is no part, it is not closed, or nothing is left.
+    """
+    if part is None:
+        raise InputError(
+            f"{path} holds scattered points without elements, and the tetrahedra between them fill "
+            "the part too; give the part so that it can be cut out (--part), or export elements "
+            "(sectionwise format)."
+        )
+    if not part.closed:
+        raise InputError(
+            f"The part {part.path} is not a closed surface, so it cannot be cut out of the "
+            f"scattered points in {path}; close the surface, or export elements (sectionwise)."
+        )
+    surface: Any = pv.PolyData(part.vertices, np.insert(part.faces, 0, 3, axis=1).ravel())
+    points = np.asarray(grid.points, dtype=np.float64)
+    corners = np.asarray(grid.cell_connectivity, dtype=np.int64).reshape(-1, 4)
+    at = points[corners]
+    size = np.linalg.norm(at[:, EDGES[:, 0]] - at[:, EDGES[:, 1]], axis=2).max(axis=1)
+    at_corners = _distance_or_less(surface, points, corners, size)[corners]
+    # Farther from the surface than it is long, a tetrahedron in the air cannot reach it.
+    near = np.flatnonzero(at_corners.min(axis=1) < size)
+    at, at_corners, size = at[near], at_corners[near], size[near]
+    centre = _below(surface, at.mean(axis=1), at, at_corners, _ON_WALL * size)
+    in_air = (at_corners > _ON_WALL * size[:, None]).any(axis=1)
+    buried = (centre < -_DEEP * size) | (~in_air & (centre < _ON_WALL * size))
+    for samples in _samples(at):
+        open_question = np.flatnonzero(~buried)
+        limit = -_DEEP * size[open_question]
+        depth = _below(
+            surface,
+            samples[open_question],
+            at[open_question],
+            at_corners[open_question],
+            limit,
+        )
+        buried[open_question] = depth < limit
+    inside = np.zeros(len(corners), dtype=bool)
+    inside[near] = buried
+    if inside.all():
+        raise InputError(
+            f"All points in {path} lie in the part {part.path}; check the length units and the "
+            "transforms of field and part."
+        )
+    return np.flatnonzero(~inside)
+
+
+def _samples(at: FloatArray) -> list[FloatArray]:
+    """Middles of the edges, and places halfway from the centre to the corners."""
+    middles = [at[:, pair].mean(axis=1) for pair in EDGES]
+    centre = at.mean(axis=1)
+    return [*middles, *(0.5 * (centre + at[:, k]) for k in range(4))]
+
+
+def _distance(surface: Any, points: FloatArray) -> FloatArray:
+    """Distance from a closed surface, mm, negative inside."""
+    if not len(points):
+        return np.zeros(0)
+    cloud = pv.PolyData(points).compute_implicit_distance(surface)
+    return np.asarray(cloud.point_data["implicit_distance"], dtype=np.float64)
+
+
+def _distance_or_less(
+    surface: Any, points: FloatArray, corners: IntArray, size: FloatArray
+) -> FloatArray:
+    """Distance from the surface; where no tetrahedron reaches it, that from its bounding box."""
+    low, high = np.reshape(surface.bounds, (3, 2)).T
+    distance: FloatArray = np.linalg.norm(
+        np.maximum(np.maximum(low - points, points - high), 0.0), axis=1
+    )
+    reach = np.zeros(len(points))
+    np.maximum.at(reach, corners.ravel(), np.repeat(size, 4))
+    close = np.flatnonzero(distance < reach)
+    distance[close] = _distance(surface, points[close])
+    return distance
+
+
+def _below(
+    surface: Any, places: FloatArray, at: FloatArray, at_corners: FloatArray, limit: FloatArray
+) -> FloatArray:
+    """Distance of one place in each tetrahedron where it can be below a limit, else infinity.
+
+    Distances change no faster than the place does, so those of the corners tell most.
+    """
+    least = (at_corners - np.linalg.norm(at - places[:, None], axis=2)).max(axis=1)
+    result = np.full(len(places), np.inf)
+    asked = np.flatnonzero(least < limit)
+    result[asked] = _distance(surface, places[asked])
+    return result

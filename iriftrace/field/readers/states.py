@@ -1,0 +1,120 @@
+"""Names of result columns: quantity, unit and state, as COMSOL writes them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from attrs import frozen
+
+from iriftrace.core.errors import InputError
+
+# In .vtu files COMSOL writes an underscore for every space: ``Temperature_@_t=0.5``.
+_STATE = re.compile(r"(?P<name>.*?\S)[\s_]*@[\s_]*(?P<state>\S.*)")
+_UNIT = re.compile(r"(?P<name>.*?\S)[\s_]+\((?P<unit>(?:[^()]|\([^()]*\))+)\)")
+_TIME = re.compile(r"(?:^|[\s,])t\s*=\s*(?P<time>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
+
+
+@frozen
+class Column:
+    """One column of results.
+
+    Attributes
+    ----------
+    name : str
+        Expression or description, without unit and state.
+    unit : str or None
+        As written, such as ``"K"``; None where the name states none.
+    state : str
+        Time or parameters, such as ``"t=0.5, P=100"``; "" where it is the same for all.
+    """
+
+    name: str
+    unit: str | None
+    state: str
+
+
+def column_of(text: str) -> Column:
+    """Take the name of a column apart: ``T (K) @ t=0.5`` or ``Temperature_(K)_@_t=0.5``."""
+    name, state = text.strip(), ""
+    if found := _STATE.fullmatch(name):
+        name = found["name"]
+        state = re.sub(r"([,:;])[\s_]*", r"\1 ", found["state"]).strip()
+    unit = None
+    if found := _UNIT.fullmatch(name):
+        name, unit = found["name"], found["unit"].strip()
+    return Column(name, unit, state)
+
+
+def states_of(columns: Iterable[Column]) -> tuple[str, ...]:
+    """The states of columns in the order in which they first appear; ("",) when there are none."""
+    found = tuple(dict.fromkeys(column.state for column in columns if column.state))
+    return found or ("",)
+
+
+def time_in(state: str) -> float | None:
+    """The time that a state names, or None."""
+    found = _TIME.search(state)
+    return float(found["time"]) if found else None
+
+
+# MERGE readers.contents: What a reader takes from one state of a field file.
+
+State = tuple[str, float | None]
+"""Label and time of a state; "" and None where the file names none."""
+
+
+@frozen(eq=False)
+class Contents:
+    """One state of a field file, as it was written.
+
+    Attributes
+    ----------
+    data : pyvista.DataSet or pyvista.MultiBlock
+        Cells and arrays, in the file's own units.
+    sha256 : str
+        Of the file; of an OpenFOAM case that of the list of the checksums of the files read, as
+        ``sha256sum`` prints it.
+    states : sequence of State
+        All states of the file.
+    member : int
+        Which of them `data` is.
+    length_unit : str or None
+        Unit of the coordinates, where the file states it.
+    units : mapping or None
+        Unit of each array, "" where its header states none; None for files whose format has no
+        place for units.
+    origin : str
+        What the file says of its own making, besides field data; "" where it says nothing.
+    scattered : bool
+        Whether the cells only fill the hull of scattered points, the part included.
+    """
+
+    data: Any
+    sha256: str
+    states: Sequence[State] = (("", None),)
+    member: int = 0
+    length_unit: str | None = None
+    units: Mapping[str, str] | None = None
+    origin: str = ""
+    scattered: bool = False
+
+
+def chosen(states: Sequence[State], member: int | None, path: Path) -> int:
+    """Number of the state that is meant: the last one when none is named.
+
+    Raises
+    ------
+    InputError
+        The file has no such state.
+    """
+    if member is None:
+        return len(states) - 1
+    if not 0 <= member < len(states):
+        raise InputError(
+            f"{path} has {len(states)} states, numbered from 0, and no state {member}; choose one "
+            "of them."
+        )
+    return member

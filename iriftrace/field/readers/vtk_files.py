@@ -1,0 +1,104 @@
+"""VTK files, series of them in a .pvd, and states as columns in COMSOL's .vtu exports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pyvista as pv
+from vtkmodules.vtkCommonCore import vtkObject
+
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of
+from iriftrace.field.readers.states import Contents, State, chosen, column_of, states_of, time_in
+
+# What pyvista and the XML parser behind its .pvd reader raise for damaged files.
+_READ_ERRORS = (OSError, ValueError, RuntimeError, TypeError, LookupError, SyntaxError)
+
+Result = TypeVar("Result")
+
+
+def states(path: Path) -> list[State]:
+    """Label and time of every state in a file, at least one."""
+    if path.suffix.lower() == ".pvd":
+        times = quietly(lambda: list(pv.PVDReader(str(path)).time_values), path)
+        if not times:
+            raise InputError(f"{path} names no data sets; export the series again.")
+        return [(f"t = {time:g}", float(time)) for time in times]
+    return _states_in(quietly(lambda: pv.read(path), path))
+
+
+def read(path: Path, member: int | None) -> Contents:
+    """The data of one state; arrays of other states are left out, its own lose the state's name."""
+    if path.suffix.lower() == ".pvd":
+        found = states(path)
+        number = chosen(found, member, path)
+
+        def step() -> Any:
+            reader = pv.PVDReader(str(path))
+            reader.set_active_time_point(number)
+            return reader.read()
+
+        origin = found[number][0] if len(found) > 1 else ""
+        return Contents(quietly(step, path), sha256_of(path), found, number, origin=origin)
+    data = quietly(lambda: pv.read(path), path)
+    found = _states_in(data)
+    number = chosen(found, member, path)
+    label = found[number][0]
+    if label:
+        for block in blocks_of(data):
+            for arrays in (block.point_data, block.cell_data):
+                _keep_state(arrays, label)
+    return Contents(data, sha256_of(path), found, number, origin=label)
+
+
+def quietly(work: Callable[[], Result], path: Path) -> Result:
+    """Result of reading with VTK, which writes its complaints about damaged files to stderr.
+
+    Raises
+    ------
+    InputError
+        The work failed.
+    """
+    warnings_before = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.SetGlobalWarningDisplay(0)
+    try:
+        return work()
+    except _READ_ERRORS as error:
+        raise InputError(
+            f"{path} cannot be read ({error}); is it a complete file of its type?"
+        ) from error
+    finally:
+        vtkObject.SetGlobalWarningDisplay(warnings_before)
+
+
+def blocks_of(data: Any) -> Iterator[Any]:
+    """The data sets in a tree of blocks."""
+    if isinstance(data, pv.MultiBlock):
+        for block in data:
+            yield from blocks_of(block)
+    elif data is not None:
+        yield data
+
+
+def _states_in(data: Any) -> list[State]:
+    found = states_of(
+        column_of(name)
+        for block in blocks_of(data)
+        for arrays in (block.point_data, block.cell_data)
+        for name in arrays
+    )
+    return [(state, time_in(state)) for state in found]
+
+
+def _keep_state(arrays: Any, state: str) -> None:
+    """Drop the arrays of other states, and name those of this one without it."""
+    for name in list(arrays):
+        column = column_of(name)
+        if not column.state:
+            continue
+        values = arrays.pop(name)
+        if column.state == state:
+            unit = "" if column.unit is None else f" ({column.unit})"
+            arrays[f"{column.name}{unit}"] = values

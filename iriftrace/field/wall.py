@@ -1,0 +1,99 @@
+"""The inner boundary of a field: where the air ends at the hot part."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from iriftrace.core.arrays import FloatArray, IntArray
+
+# Boundary patches smaller than this share of the largest one are gaps between cells of different
+# refinement, not walls.
+_SMALLEST_SHARE = 1e-3
+
+
+def inner_wall(grid: Any) -> Any:
+    """Boundary faces of a grid that face a cavity in the data, where the part sits.
+
+    The outer boundary may be stepped, as when data were cropped cell by cell. Patches of boundary
+    faces that hang together are told apart by the volume they enclose: an outer boundary encloses
+    the data, a wall encloses what is not data. Where the part touches the outer boundary (a
+    symmetry plane, a floor), faces that lie in the sides of the data's bounding box are left out
+    first, which separates the two.
+
+    Parameters
+    ----------
+    grid : pyvista.UnstructuredGrid
+        Volume cells, mm.
+
+    Returns
+    -------
+    pyvista.PolyData
+        Triangles, with the grid's point data; empty when the data have no inner boundary.
+    """
+    surface = grid.extract_surface(algorithm="geometry").triangulate()
+    faces = np.asarray(surface.faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
+    inside = np.asarray(grid.cell_centers().points, dtype=np.float64)
+    inside = inside[np.asarray(surface["vtkOriginalCellIds"])]
+    points = np.asarray(surface.points, dtype=np.float64)
+    areas = _outward_areas(points[faces], inside)
+
+    kept = _wall_faces(points, faces, areas)
+    if not kept.any():
+        free = ~_on_box(points, faces)
+        kept[free] = _wall_faces(points, faces[free], areas[free])
+    # A list of cells, since an empty boolean selection is not a valid one for every filter.
+    wall = pv.PolyData(points, np.insert(faces[kept], 0, 3, axis=1).ravel())
+    for name in grid.point_data:
+        wall.point_data[name] = surface.point_data[name]
+    return wall.remove_unused_points() if kept.any() else pv.PolyData()
+
+
+def _outward_areas(corners: FloatArray, inside: FloatArray) -> FloatArray:
+    """Area vectors (m, 3) of triangles, mm2, pointing away from the cells they belong to.
+
+    The order of a face's corners is no guide: it is reversed in inverted and mirrored cells.
+    """
+    areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    side = np.einsum("ij,ij->i", areas, corners.mean(axis=1) - inside)
+    outward: FloatArray = np.where(side[:, None] < 0.0, -areas, areas)
+    return outward
+
+
+def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> NDArray[np.bool_]:
+    """Mask (m,) of the faces in patches that enclose what is not data."""
+    if not len(faces):
+        return np.zeros(0, dtype=bool)
+    links = coo_array(
+        (np.ones(2 * len(faces), dtype=bool), (faces[:, :2].ravel(), faces[:, 1:].ravel())),
+        shape=(len(points), len(points)),
+    )
+    patch = connected_components(links, directed=False)[1][faces[:, 0]]
+    patch = np.unique(patch, return_inverse=True)[1]
+    corners = points[faces]
+    count = patch.max() + 1
+    low = np.full((count, 3), np.inf)
+    high = -low
+    np.minimum.at(low, patch, corners.min(axis=1))
+    np.maximum.at(high, patch, corners.max(axis=1))
+    arm = corners.mean(axis=1) - 0.5 * (low + high)[patch]
+    volume = np.bincount(patch, np.einsum("ij,ij->i", areas, arm))
+    area = np.bincount(patch, np.linalg.norm(areas, axis=1))
+    is_wall = (volume < 0.0) & (area > _SMALLEST_SHARE * area.max())
+    mask: NDArray[np.bool_] = is_wall[patch]
+    return mask
+
+
+def _on_box(points: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
+    """Mask (m,) of the faces whose corners all lie in one side of the data's bounding box."""
+    tolerance = 1e-5 * np.ptp(points, axis=0).max()
+    mask = np.zeros(len(faces), dtype=bool)
+    for bound in (points.min(axis=0), points.max(axis=0)):
+        near = np.abs(points - bound) < tolerance
+        mask |= near[faces].all(axis=1).any(axis=1)
+    return mask

@@ -1,0 +1,163 @@
+"""Figure of a comparison: measured and simulated shifts, their residual, and what motion leaves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.figures.style import check_png_name, write_png
+from iriftrace.image.comparison import Comparison
+
+COLOUR_PERCENTILE = 98.0
+"""A few silhouette pixels are off by pixels; this percentile keeps them out of the colours."""
+
+_DPI = 160
+_BACKGROUND = "0.85"
+_GREY_MAP = "Not compared: not measured, or no good pixel of the part in the rendering"
+_GREY_MARKERS = "No marker that is compared"
+_COMPONENTS = ("across, u", "down, v")
+
+
+def comparison_figure(
+    comparison: Comparison, resolution: tuple[int, int] | None, title: str, path: str | Path
+) -> None:
+    """Draw both components of the shifts and residuals and write them as PNG.
+
+    Measured and simulated shifts share one scale of colours, the residuals another one.
+
+    Parameters
+    ----------
+    comparison
+        What was compared.
+    resolution
+        Width and height of a map, which is drawn as a picture; None draws markers.
+    title
+        What the second line says.
+    path
+        Name of the PNG file; an existing one is replaced.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    check_png_name(path)
+    write_png(_comparison_figure(comparison, resolution, title), path)
+
+
+def _comparison_figure(
+    comparison: Comparison, resolution: tuple[int, int] | None, title: str
+) -> Figure:
+    signals = {"Measured": comparison.measured, "Simulated": comparison.simulated}
+    residuals = {"Residual": comparison.residual}
+    if comparison.motion is not None:
+        residuals["Residual without camera motion"] = comparison.remainder
+    low, high = comparison.places.min(axis=0), comparison.places.max(axis=0)
+    margin = 0.02 * (high - low).max() + 1.0
+    aspect = (high[1] - low[1] + 2 * margin) / (high[0] - low[0] + 2 * margin)
+    columns = len(signals) + len(residuals)
+    height = float(np.clip(2.4 + 2 * 2.9 * aspect, 4.5, 13.0))
+    figure = Figure(
+        figsize=(3.1 * columns + 0.6, height),
+        dpi=_DPI,
+        layout=ConstrainedLayoutEngine(h_pad=0.05, w_pad=0.05, compress=True),
+    )
+    grid: NDArray[Any] = figure.subplots(2, columns, sharex=True, sharey=True, squeeze=False)
+    first = 0
+    for panels, label in ((signals, "Shift (px)"), (residuals, "Residual (px)")):
+        values = np.abs(np.concatenate(list(panels.values())))
+        limit = float(np.percentile(values, COLOUR_PERCENTILE)) or 1.0
+        drawn: ScalarMappable | None = None
+        for column, (name, field) in enumerate(panels.items(), first):
+            grid[0, column].set_title(name, fontsize=10)
+            for row in range(2):
+                drawn = _draw(
+                    grid[row, column], comparison.places, field[:, row], resolution, limit
+                )
+        assert drawn is not None
+        bar = figure.colorbar(
+            drawn,
+            ax=grid[:, first : first + len(panels)].ravel().tolist(),
+            location="bottom",
+            extend="both" if values.max() > limit else "neither",
+            label=label,
+            aspect=30,
+            shrink=0.9,
+        )
+        bar.locator = MaxNLocator(5, symmetric=True)
+        bar.update_ticks()
+        first += len(panels)
+    for row in range(2):
+        grid[row, 0].set_ylabel(f"{_COMPONENTS[row]}\nRow (px)")
+    for axes in grid[1]:
+        axes.set_xlabel("Column (px)")
+    for axes in grid.ravel():
+        axes.set(
+            xlim=(low[0] - margin, high[0] + margin),
+            ylim=(high[1] + margin, low[1] - margin),
+            aspect="equal",
+        )
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(MaxNLocator(4, integer=True))
+    figure.legend(
+        handles=[Patch(facecolor=_BACKGROUND, label=_GREY_MAP if resolution else _GREY_MARKERS)],
+        loc="outside lower center",
+        fontsize=9,
+        frameon=False,
+    )
+    figure.suptitle(_headline(comparison) + "\n" + title, fontsize=11)
+    return figure
+
+
+def _draw(
+    axes: Axes,
+    places: FloatArray,
+    values: FloatArray,
+    resolution: tuple[int, int] | None,
+    limit: float,
+) -> ScalarMappable:
+    norm = Normalize(-limit, limit)
+    axes.set_facecolor(_BACKGROUND)
+    if resolution is None:
+        size = float(np.clip(4000.0 / len(places), 4.0, 40.0))
+        across, down = places.T
+        return axes.scatter(
+            across,
+            down,
+            c=values,
+            s=size,
+            norm=norm,
+            cmap="RdBu_r",
+            edgecolors="0.3",
+            linewidths=0.3,
+        )
+    width, height = resolution
+    picture = np.full((height, width), np.nan)
+    column, row = np.floor(places).astype(int).T
+    picture[row, column] = values
+    return axes.imshow(
+        picture, norm=norm, cmap="RdBu_r", extent=(0, width, height, 0), interpolation="nearest"
+    )
+
+
+def _headline(comparison: Comparison) -> str:
+    rms = float(np.sqrt((comparison.residual**2).sum(axis=1).mean()))
+    text = f"Measured less simulated shift: rms {rms:.3g} px"
+    if comparison.motion is None:
+        return text
+    motion = comparison.motion
+    if not motion.used.all():
+        outliers = np.count_nonzero(~motion.used)
+        text += f"; {motion.rms_before_px:.3g} px but for {outliers:,} outliers"
+    return f"{text}, {motion.rms_after_px:.3g} px without the camera's motion"

@@ -1,0 +1,418 @@
+"""The report of a sweep: one HTML page that needs nothing else, neither Python nor a network."""
+
+from __future__ import annotations
+
+import base64
+import json
+from importlib import resources
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.camera.pose import PoseText, pose_text
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.figures.sweep import draw_sweep
+from iriftrace.image.aov_image import Status
+from iriftrace.image.resolution import FRONTAL
+from iriftrace.planning.rank import stability
+from iriftrace.planning.summary import (
+    RankingTable,
+    alternative_text,
+    front_table,
+    ranking_table,
+    stability_text,
+)
+from iriftrace.sweep.diagnostics import setting_of
+from iriftrace.sweep.faces import has_faces
+from iriftrace.sweep.store import attribute, scene_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.planning.summary import SweepSummary
+
+
+# MERGE report_content: What the report of a sweep says, as plain text and rows; the template only
+
+Rows = tuple[tuple[str, ...], ...]
+
+_MOST_REASONS = 200
+
+
+@frozen(eq=False)
+class ReportContent:
+    """The report's text.
+
+    Attributes
+    ----------
+    title, question, answer : str
+    unclear : str or None
+        That the winner is not clear.
+    setting, assumptions : rows of (name, value)
+    ranking, front : RankingTable
+    best : PoseText
+    best_pose : int
+    stability : str
+    varied_weights : rows
+        Metric; rank of the best pose and winner with the smaller weight; the same with the larger.
+    rays : rows
+        What became of the rays, their number, their share.
+    limits : tuple of str
+        A sentence each.
+    unranked : rows of (pose, reason)
+    """
+
+    title: str
+    question: str
+    answer: str
+    unclear: str | None
+    setting: Rows
+    assumptions: Rows
+    ranking: RankingTable
+    front: RankingTable
+    best: PoseText
+    best_pose: int
+    stability: str
+    varied_weights: Rows
+    rays: Rows
+    limits: tuple[str, ...]
+    unranked: Rows
+
+
+def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> ReportContent:
+    """Collect what is said of a sweep.
+
+    Parameters
+    ----------
+    dataset, summary
+        The sweep.
+    top
+        Rows of the ranking.
+
+    Raises
+    ------
+    InputError
+        If no row is wanted.
+    """
+    plan = summary.plan
+    ranking = ranking_table(summary, top)
+    part = _name(attribute(dataset, "part"))
+    region = "" if plan.region == "part" else f", and of it the region {plan.region},"
+    weights = plan.weights.as_dict()
+    best = plan.best
+    setting = setting_of(summary.varied, best)
+    return ReportContent(
+        title=f"Where to put the camera: {part}",
+        question=(
+            f"From where should the camera look at {part}{region} so that the hot air around it "
+            "moves the measured points little, much of the surface is seen and the pixels lie "
+            "close together on it? Every pose of a sweep was traced through the hot air; the "
+            "combined score is "
+            + " + ".join(
+                f"{weight:g} {'(1 - coverage)' if name == 'coverage' else name}"
+                for name, weight in weights.items()
+            )
+            + f" of the normalised metrics, the smaller the better ({plan.statistic} displacement)."
+        ),
+        answer=(
+            f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} "
+            f"ranked poses, with the score {plan.score[best]:.3f}: "
+            + ", ".join(
+                f"{quantity.title[0].lower()}{quantity.title[1:]} "
+                + (
+                    f"0 ({FRONTAL})"
+                    if quantity is summary.axial and summary.sees_frontally(best)
+                    else f"{quantity.values[best]:.4g} {quantity.unit}"
+                )
+                for quantity in summary.metrics
+            )
+            + "."
+        ),
+        unclear=alternative_text(summary),
+        setting=_setting(dataset, summary),
+        assumptions=tuple(
+            (key.replace("_", " "), _text(value))
+            for key, value in attribute(dataset, "assumptions").items()
+        ),
+        ranking=ranking,
+        front=front_table(summary),
+        best=pose_text(summary.matrices[best], summary.distance[best]),
+        best_pose=best,
+        stability=stability_text(summary),
+        varied_weights=_varied_weights(summary),
+        rays=_rays(dataset),
+        limits=_limits(dataset, summary),
+        unranked=tuple(
+            (str(pose), reason) for pose, reason in list(plan.unranked.items())[:_MOST_REASONS]
+        ),
+    )
+
+
+def _name(file: dict[str, Any]) -> str:
+    return Path(file["path"]).name if file.get("path") else "the part"
+
+
+def _text(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
+    part, field = attribute(dataset, "part"), attribute(dataset, "field")
+    camera = attribute(dataset, "camera")
+    scene, sha256 = scene_of(dataset)
+    variables = attribute(dataset, "scene").get("variables") or {}
+    focal = np.unique(dataset["focal_length"].values) if "focal_length" in dataset else [0.0]
+    rows = [
+        ("Part", _file(part)),
+        ("Field", _field(dataset, field)),
+        ("Scene", _file({"path": scene, "sha256": sha256}) if scene else "not stated"),
+        ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
+        ("Camera", _camera(camera, varied=len(focal) > 1)),
+        ("Poses", _orbit(summary)),
+        *((f"Varied: {one.name}", ", ".join(_distinct(one.values))) for one in summary.varied),
+        ("Region ranked", "whole part" if summary.plan.region == "part" else summary.plan.region),
+        (
+            "Normalisation",
+            f"minimum to {summary.plan.percentile:g}th percentile; beyond it: "
+            f"{summary.plan.outside}; at least {summary.plan.min_hits} good rays"
+            + (
+                f" and a coverage of {summary.plan.min_coverage:g}"
+                if summary.plan.min_coverage
+                else ""
+            ),
+        ),
+        (
+            "Traced with",
+            f"iriftrace {dataset.attrs.get('version', 'of unknown version')}, Mitsuba variant "
+            f"{dataset.attrs.get('variant', 'not stated')}",
+        ),
+    ]
+    return tuple(rows)
+
+
+def _file(named: dict[str, Any]) -> str:
+    if not named.get("path"):
+        return "not stated"
+    sha256 = str(named.get("sha256") or "")
+    return f"{Path(named['path']).name}" + (
+        f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else ""
+    )
+
+
+def _field(dataset: xr.Dataset, field: dict[str, Any]) -> str:
+    try:
+        scenes = json.loads(dataset.attrs.get("scenes", "[]"))
+    except ValueError:
+        scenes = []
+    several = [one for scene in scenes if isinstance(scene, dict) for one in _fields_of(scene)]
+    fields = several if len(several) > 1 else [field]
+    texts = [_file(one) + (f", {one['quantity']}" if one.get("quantity") else "") for one in fields]
+    wavelength = dataset.attrs.get("wavelength_nm")
+    light = f"; light of {float(wavelength):g} nm" if isinstance(wavelength, int | float) else ""
+    return "; ".join(_distinct(texts)) + light
+
+
+def _fields_of(scene: dict[str, Any]) -> list[dict[str, Any]]:
+    """Fields of one scene: those of an ensemble's members, or its only one."""
+    members = [member.get("source") or {} for member in scene.get("members") or []]
+    return members or [scene.get("field") or {}]
+
+
+def _distinct(values: Any) -> list[str]:
+    return list(dict.fromkeys(values))
+
+
+def _camera(camera: dict[str, Any], *, varied: bool) -> str:
+    if not camera:
+        return "not stated"
+    focal = camera.get("focal_length_mm")
+    lens = "" if focal is None or varied else f"focal length {focal:g} mm, "
+    near, far = camera["focus_mm"]
+    depth = f"{near:g} mm to {'infinity' if far is None else f'{far:g} mm'}"
+    distorted = ", lens distortion" if camera.get("distortion") else ""
+    (width, height), (columns, rows) = camera["sensor_mm"], camera["resolution"]
+    return (
+        f"{camera['projection']}, {lens}sensor {width:g} \N{MULTIPLICATION SIGN} {height:g} mm, "
+        f"{columns} \N{MULTIPLICATION SIGN} {rows} pixels, in focus from {depth}{distorted}"
+    )
+
+
+def _orbit(summary: SweepSummary) -> str:
+    ranges = [
+        f"{name} {values.min():.4g} to {values.max():.4g}{unit}"
+        for name, values, unit in (
+            ("azimuth", summary.azimuth, "°"),
+            ("elevation", summary.elevation, "°"),
+            ("distance to the target", summary.distance, " mm"),
+        )
+    ]
+    return f"{len(summary.distance)}, {', '.join(ranges)}; angles {summary.angles_of}"
+
+
+def _varied_weights(summary: SweepSummary) -> Rows:
+    varied = stability(summary.plan)
+    return tuple(
+        (
+            name,
+            *(
+                text
+                for rank, winner in zip(varied.ranks[name], varied.winners[name], strict=True)
+                for text in (str(rank), str(winner))
+            ),
+        )
+        for name in varied.ranks
+    )
+
+
+def _rays(dataset: xr.Dataset) -> Rows:
+    from iriftrace.figures.sweep_charts import RAY_OUTCOMES
+
+    whole = dataset.sel(region="part")
+    counts = {
+        status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
+    }
+    total = max(1, sum(counts.values()))
+    return tuple(
+        (
+            "Missed the part" if status is Status.MISSED else RAY_OUTCOMES[status][1],
+            f"{count:,}",
+            f"{100 * count / total:.3g} %",
+        )
+        for status, count in counts.items()
+        if count
+    )
+
+
+def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
+    plan = summary.plan
+    whole = dataset.sel(region="part")
+    good = np.asarray(whole["rays_good"].values)
+    total = len(good)
+    failed = sum(bool(str(text)) for text in dataset["failure"].values)
+    empty = int(np.count_nonzero((good >= 0) & (good < plan.min_hits)))
+    sentences = [
+        f"{len(plan.unranked)} of {total} poses are not ranked; {failed} failed and {empty} see "
+        f"fewer than {plan.min_hits} good rays of the part.",
+    ]
+    if "rays_open_boundary" in dataset:
+        passed = int(np.maximum(dataset["rays_open_boundary"].values, 0).sum())
+        seen = max(1, int(np.maximum(good, 0).sum()))
+        sentences.append(
+            f"{passed:,} good rays ({100 * passed / seen:.3g} %) pass an open end of the data, "
+            "where the plume beyond is not modelled."
+        )
+    if has_faces(dataset):
+        area = dataset["face_area"].values
+        unseen = area[dataset["face_times_seen"].values == 0].sum() / area.sum()
+        sentences.append(f"{100 * unseen:.1f} % of the part's area is seen by no pose.")
+    sentences.extend(plan.warnings)
+    sentences.append(
+        "The ranking compares the poses of this sweep only; a pose between them may be better "
+        "(iriftrace plan --refine)."
+    )
+    return tuple(sentences)
+
+
+_TEMPLATE = "templates/report.html.jinja"
+
+# In the order of the page; a picture that is not listed comes last, under its file's name.
+_CAPTIONS = {
+    "pareto": "Coverage against displacement, coloured by lateral resolution. Ringed poses are "
+    "beaten by no other one in everything at once.",
+    "map_score": "Combined score over the direction from which the camera looks.",
+    "map_displacement": "Displacement over the direction from which the camera looks.",
+    "map_coverage": "Seen share of the area over the direction from which the camera looks.",
+    "map_axial": "Resolution along the line of sight.",
+    "map_lateral": "Resolution across the line of sight.",
+    "scene_score": "The camera poses around the part, coloured by the combined score.",
+    "scene_displacement": "The camera poses around the part, coloured by displacement.",
+    "scene_coverage": "The camera poses around the part, coloured by coverage.",
+    "scene_axial": "The camera poses around the part, coloured by axial resolution.",
+    "scene_lateral": "The camera poses around the part, coloured by lateral resolution.",
+    "view_smallest_displacement": "What the pose with the smallest displacement sees.",
+    "view_largest_displacement": "What the pose with the largest displacement sees.",
+    "faces_displacement": "How far hot air moves the points of each face, over all poses.",
+    "faces_times_seen": "How many poses see each face.",
+    "faces_incidence": "The best angle at which any pose sees each face.",
+    "histograms": "How the metrics are distributed over the poses.",
+    "histograms_normalised": "The same, normalised as they enter the score.",
+    "rays": "What became of the rays of each pose, and how much they met.",
+}
+
+
+@frozen
+class Figure:
+    """A picture within the page.
+
+    Attributes
+    ----------
+    name : str
+    caption : str
+    uri : str
+        The picture itself, as a ``data:`` URI.
+    """
+
+    name: str
+    caption: str
+    uri: str
+
+
+def write_report(
+    path: Path, sweep: Path, dataset: xr.Dataset, summary: SweepSummary, *, top: int = 10
+) -> tuple[str, ...]:
+    """Write the report of a sweep as one HTML file.
+
+    Parameters
+    ----------
+    path
+        The HTML file; an existing one is replaced when the new one is complete.
+    sweep
+        The sweep's file; images that it kept lie beside it.
+    dataset, summary
+        What it holds.
+    top
+        Rows of the ranking.
+
+    Returns
+    -------
+    tuple of str
+        Which pictures are missing and why, a sentence each; the page says so, too.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written, or no row is wanted.
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    content = report_content(dataset, summary, top)
+    with TemporaryDirectory() as folder:
+        pictures = draw_sweep(dataset, summary, sweep.parent, Path(folder), vectors=False)
+        figures = [_figure(file) for file in pictures.files]
+    order = list(_CAPTIONS)
+    figures.sort(key=lambda f: order.index(f.name) if f.name in order else len(order))
+    source = resources.files("iriftrace.figures").joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    text = environment.from_string(source).render(
+        content=content,
+        figures=figures,
+        missing=pictures.missing,
+        sweep=sweep.name,
+        sha256=sha256_of(sweep),
+        version=str(dataset.attrs.get("version", "")),
+    )
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return pictures.missing
+
+
+def _figure(file: Path) -> Figure:
+    picture = base64.b64encode(file.read_bytes()).decode("ascii")
+    return Figure(
+        file.stem, _CAPTIONS.get(file.stem, file.stem), f"data:image/png;base64,{picture}"
+    )

@@ -1,0 +1,220 @@
+"""Figure of a scene in space: the hot part, its shells of air and the camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import FuncNorm
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
+from iriftrace.field.origin import synthetic_mark
+from iriftrace.figures.space import (
+    Box,
+    View,
+    add_part,
+    add_picture,
+    box_around,
+    camera_body,
+    fitting_view,
+    rendered,
+    sight_lines,
+    surface_of,
+    thinned,
+    titled_figure,
+    view_direction,
+)
+from iriftrace.figures.style import (
+    celsius_of,
+    check_png_name,
+    temperature_norm,
+    temperature_ticks,
+    write_png,
+)
+from iriftrace.part.part import Part
+from iriftrace.shells.stack import Shell, ShellStack
+
+_PICTURE_PX = (1390, 1080)
+
+_MOST_SHELLS = 20
+_CAMERA_COLOUR = "#3a3f47"
+_SIGHT_COLOUR = "#0f6b8f"
+_COLOUR_MAP = "plasma"
+# What is seen through all shells together.
+_TRANSMITTANCE = 0.2
+
+
+def scene_figure(part: Part, shells: ShellStack, camera: Camera, path: str | Path) -> None:
+    """Draw part, shells and camera in space and write the picture as PNG, 1600 x 1200 pixels.
+
+    The half of the shells that faces the viewer is cut away along the vertical plane through the
+    part's centre that is parallel to the camera's axis, so that the nesting shows. Colours are
+    linear in the air's refractivity and labelled by temperature. Lines from the camera are the
+    edges of its view; outlines lie at the near and the far end of the focus interval.
+
+    Parameters
+    ----------
+    part, shells, camera
+        The scene, mm, world.
+    path
+        Name of the PNG file; an existing one is replaced.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    SetupError
+        This machine has no OpenGL that draws without a display.
+    """
+    check_png_name(path)
+    write_png(_scene_figure(part, shells, camera), path)
+
+
+def _scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
+    norm = temperature_norm(shells)
+    towards, side = view_direction(camera.forward, -camera.matrix[:3, 1])
+    sight = sight_lines(camera, part)
+    body = camera_body(camera, 0.09 * float(np.linalg.norm(np.ptp(part.bounds, axis=0))))
+    box = box_around(
+        np.concatenate(
+            (
+                part.bounds,
+                *(shell.vertices.astype(np.float64) for shell in shells.shells),
+                *(points for _, points in sight),
+                body.points.astype(np.float64),
+            )
+        )
+    )
+    view = fitting_view(towards, box, _PICTURE_PX)
+    drawn = _some(shells.shells)
+
+    def draw(plotter: pv.Plotter) -> None:
+        add_part(plotter, part)
+        plotter.add_mesh(body, color=_CAMERA_COLOUR, ambient=0.3)
+        for _, points in sight:
+            lines = pv.lines_from_points(points)
+            plotter.add_mesh(lines, color=_SIGHT_COLOUR, line_width=3, lighting=False)
+        colours = colormaps[_COLOUR_MAP](norm(celsius_of(shells)))
+        opacity = 1.0 - _TRANSMITTANCE ** (1.0 / len(drawn))
+        for number in drawn:
+            shell = shells.shells[number]
+            _add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
+
+    picture = rendered(view, box, draw)
+    names = _names(camera, view, sight, body.points)
+    return _composed(picture, view, box, names, norm, _titles(shells, len(drawn), camera))
+
+
+def _some(shells: tuple[Shell, ...]) -> list[int]:
+    """Numbers of the shells to draw: all, or as many as the eye can tell apart."""
+    count = min(len(shells), _MOST_SHELLS)
+    return [int(number) for number in np.rint(np.linspace(0, len(shells) - 1, count))]
+
+
+def _add_shell(
+    plotter: pv.Plotter,
+    shell: Shell,
+    colour: FloatArray,
+    opacity: float,
+    centre: FloatArray,
+    side: FloatArray,
+) -> None:
+    """Add what is left of a shell behind the cut, and the line of the cut.
+
+    Shells must be added outermost first: with the near half cut away the outermost is the farthest,
+    so that blending in the order of drawing is right and no sorting (depth peeling) is needed.
+    """
+    surface = surface_of(shell.vertices, shell.faces)
+    if shell.normals is not None:
+        surface.point_data.active_normals = shell.normals.astype(np.float64)
+    surface = thinned(surface)
+    rest = surface.clip(normal=side, origin=centre)
+    if rest.n_cells:
+        smooth = shell.normals is not None
+        plotter.add_mesh(
+            rest, color=colour, opacity=opacity, smooth_shading=smooth, ambient=0.4, diffuse=0.6
+        )
+    cut = surface.slice(normal=side, origin=centre)
+    if cut.n_cells:
+        plotter.add_mesh(cut, color=colour, line_width=2.5, lighting=False)
+
+
+def _composed(
+    picture: NDArray[np.uint8],
+    view: View,
+    box: Box,
+    names: list[tuple[str, FloatArray, str]],
+    norm: FuncNorm,
+    titles: tuple[str, str],
+) -> Figure:
+    """Put the rendered picture under labels, titles and colour bar."""
+    figure = titled_figure(*titles)
+    axes = add_picture(figure, picture, view, box)
+    for text, points, place in names:
+        _name(axes, view.pixels(points), text, place)
+    bar = figure.colorbar(
+        ScalarMappable(norm, _COLOUR_MAP),
+        cax=figure.add_axes((0.885, 0.22, 0.022, 0.56)),
+        label="Air temperature at the shells (°C)",
+    )
+    bar.set_ticks(temperature_ticks(norm))
+    bar.set_ticks([], minor=True)
+    return figure
+
+
+def _names(
+    camera: Camera, view: View, sight: list[tuple[str, FloatArray]], body: FloatArray
+) -> list[tuple[str, FloatArray, str]]:
+    """What to write, where in the world, and on which side of it."""
+    aim = view.pixels(np.stack((camera.origin, camera.origin + camera.forward)))
+    rises = aim[1, 1] > aim[0, 1]
+    # Edges of the view come from the right and spread away from the camera: these sides are free.
+    sides = {"Camera": "below" if rises else "above", "Far": "above" if rises else "below"}
+    named = [*((name, points) for name, points in sight if name), ("Camera", body)]
+    return [(name, points, sides.get(name.split()[0], "right")) for name, points in named]
+
+
+def _name(axes: Axes, positions: FloatArray, text: str, place: str) -> None:
+    """Write a name above, below or right of the positions (px)."""
+    column, row = positions.T
+    at, offset, across, upright = {
+        "above": (row.argmax(), (0, 5), "center", "bottom"),
+        "below": (row.argmin(), (0, -5), "center", "top"),
+        "right": (column.argmax(), (6, 0), "left", "top"),
+    }[place]
+    axes.annotate(
+        text,
+        (float(column[at]), float(row[at])),
+        xytext=offset,
+        textcoords="offset points",
+        fontsize=9,
+        ha=across,
+        va=upright,
+        color=_SIGHT_COLOUR,
+        path_effects=[withStroke(linewidth=2.5, foreground="white")],
+    )
+
+
+def _titles(shells: ShellStack, drawn: int, camera: Camera) -> tuple[str, str]:
+    count = len(shells.shells)
+    noun = "shell" if count == 1 else "shells"
+    place = ", ".join(f"{value:.4g}" for value in camera.origin).replace("-", "\N{MINUS SIGN}")
+    parts = [
+        synthetic_mark(shells.source.origin) if shells.source else None,
+        Path(shells.source.path).name if shells.source else None,
+        f"{drawn} of {count} shells drawn" if drawn < count else None,
+        f"{shells.triangles:,} triangles",
+        f"camera at ({place}) mm",
+    ]
+    return (
+        f"Hot part, {count} {noun} of hot air (cut open) and camera",
+        "  ·  ".join(part for part in parts if part),
+    )

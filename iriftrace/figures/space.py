@@ -1,0 +1,467 @@
+"""What all figures in space have in common: the rendered picture, its box, size and titles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import SetupError
+from iriftrace.part.part import Part
+
+# MERGE figure_view: Parallel view of a scene in space and the labelled box around it.
+
+_GRID_COLOUR = "#d3d7dc"
+_TEXT_COLOUR = "0.25"
+_TICK_GAP_PX = 12.0
+_CORNER_PX = 14.0
+_NAME_GAP_PX = 48.0
+_LABEL_WIDTH_PX = 44.0
+# Room for the labels of the box: left, right, below, above.
+_MARGINS_PX = (200.0, 30.0, 100.0, 20.0)
+
+
+@frozen(eq=False)
+class Box:
+    """Box with its sides along x, y and z.
+
+    Attributes
+    ----------
+    bounds
+        (2, 3) array, mm, world: lowest and highest coordinates.
+    ticks
+        Three arrays, mm: round coordinates along x, y and z.
+    """
+
+    bounds: FloatArray
+    ticks: tuple[FloatArray, FloatArray, FloatArray]
+
+    @property
+    def centre(self) -> FloatArray:
+        """(3,) array, mm, world."""
+        middle: FloatArray = self.bounds.mean(axis=0)
+        return middle
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the space diagonal, mm."""
+        return float(np.linalg.norm(np.ptp(self.bounds, axis=0)))
+
+    @property
+    def corners(self) -> FloatArray:
+        """(8, 3) array, mm, world."""
+        choice = np.array(list(product((0, 1), repeat=3)))
+        return np.asarray(np.take_along_axis(self.bounds, choice, axis=0))
+
+
+@frozen(eq=False)
+class View:
+    """Parallel projection of the world onto a picture.
+
+    Attributes
+    ----------
+    towards
+        (3,) unit vector, world, from the scene to the viewer; not vertical.
+    centre
+        (3,) array, mm, world: the point in the middle of the picture.
+    px_per_mm
+        Scale.
+    size_px
+        Width and height of the picture.
+    """
+
+    towards: FloatArray
+    centre: FloatArray
+    px_per_mm: float
+    size_px: tuple[int, int]
+
+    @property
+    def right(self) -> FloatArray:
+        """(3,) unit vector, world, to the right in the picture."""
+        across = np.cross((0.0, 0.0, 1.0), self.towards)
+        return np.asarray(across / np.linalg.norm(across), dtype=np.float64)
+
+    @property
+    def up(self) -> FloatArray:
+        """(3,) unit vector, world, upwards in the picture."""
+        return np.asarray(np.cross(self.towards, self.right), dtype=np.float64)
+
+    def pixels(self, points: ArrayLike) -> FloatArray:
+        """(n, 2) array, px from the picture's lower left corner, of (n, 3) points, mm, world."""
+        offset = np.asarray(points, dtype=np.float64).reshape(-1, 3) - self.centre
+        plane = np.stack((offset @ self.right, offset @ self.up), axis=1)
+        position: FloatArray = plane * self.px_per_mm + np.asarray(self.size_px) / 2.0
+        return position
+
+    def apply_to(self, plotter: pv.Plotter, box: Box) -> None:
+        """Set up a plotter that holds nothing outside a box."""
+        # The view's centre lies at most one diagonal from the box's own.
+        radius = 2.0 * box.diagonal
+        camera = plotter.camera
+        camera.parallel_projection = True
+        camera.focal_point = self.centre
+        camera.position = self.centre + 2.0 * radius * self.towards
+        camera.up = (0.0, 0.0, 1.0)
+        camera.parallel_scale = self.size_px[1] / 2.0 / self.px_per_mm
+        camera.clipping_range = (0.5 * radius, 3.5 * radius)
+
+
+def view_direction(forward: FloatArray, upwards: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where to look at a camera from, so that it stands at the right and looks to the left.
+
+    Parameters
+    ----------
+    forward, upwards
+        (3,) unit vectors, world: the optical axis and what is up in the camera's picture.
+
+    Returns
+    -------
+    towards, side : (3,) unit vectors, world
+        From the scene to the viewer; and the horizontal direction across the optical axis on the
+        viewer's side.
+    """
+    level = np.array((1.0, 1.0, 0.0))
+    # A camera that looks straight down has no horizontal axis: its picture's up takes the place.
+    along = forward * level if np.hypot(*forward[:2]) > 0.05 else upwards * level
+    along = along / np.linalg.norm(along)
+    side = np.cross((0.0, 0.0, 1.0), along)
+    elevation = math.radians(20.0)
+    candidates = [
+        math.cos(turn) * side - math.sin(turn) * along for turn in np.radians((10.0, 25.0, 40.0))
+    ]
+    # Seen along x or y, a box has no depth; |sin| and |cos| differ least between the two.
+    level_view = min(candidates, key=lambda v: abs(abs(v[0]) - abs(v[1])))
+    towards = math.cos(elevation) * level_view + (0.0, 0.0, math.sin(elevation))
+    return towards, side
+
+
+def box_around(points: FloatArray) -> Box:
+    """Box around (n, 3) points, mm, world, with a little room beyond them."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    longest = float((high - low).max())
+    bounds = np.stack((low - 0.02 * longest, high + 0.02 * longest))
+    ticks = [_ticks(side, max(2, round(7 * np.ptp(side) / longest))) for side in bounds.T]
+    return Box(bounds, (ticks[0], ticks[1], ticks[2]))
+
+
+def _ticks(ends: FloatArray, most: int) -> FloatArray:
+    locator = MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
+    marks: FloatArray = np.asarray(locator.tick_values(float(ends[0]), float(ends[1])))
+    inside: FloatArray = marks[(marks >= ends[0]) & (marks <= ends[1])]
+    return inside
+
+
+def fitting_view(towards: FloatArray, box: Box, size_px: tuple[int, int]) -> View:
+    """The view along a direction in which a box and its labels fill the picture."""
+    unit = View(towards, box.centre, 1.0, size_px)
+    spread = unit.pixels(box.corners)
+    left, right, below, above = _MARGINS_PX
+    room = np.array((size_px[0] - left - right, size_px[1] - below - above))
+    scale = float((room / np.ptp(spread, axis=0)).min())
+    # The labels' margins differ, so the box does not lie in the middle of the picture.
+    middle = (spread.min(axis=0) + spread.max(axis=0)) / 2.0 - np.asarray(size_px) / 2.0
+    shift = np.array((left - right, below - above)) / 2.0 / scale
+    across, along = middle - shift
+    centre = unit.centre + across * unit.right + along * unit.up
+    return View(towards, centre, scale, size_px)
+
+
+def add_box(plotter: pv.Plotter, view: View, box: Box) -> None:
+    """Draw grids on the two walls behind the scene and on its floor, or its ceiling from below."""
+    bounds, ticks = box.bounds, box.ticks
+    behind = np.where(view.towards > 0.0, bounds[0], bounds[1])
+    segments = []
+    for normal in range(3):
+        for along in {0, 1, 2} - {normal}:
+            across = 3 - normal - along
+            for tick in (*bounds[:, across], *ticks[across]):
+                ends = np.tile(behind, (2, 1))
+                ends[:, across] = tick
+                ends[:, along] = bounds[:, along]
+                segments.append(ends)
+    lines = pv.line_segments_from_points(np.concatenate(segments))
+    plotter.add_mesh(lines, color=_GRID_COLOUR, line_width=1.5, lighting=False)
+
+
+def label_box(axes: Axes, view: View, box: Box) -> None:
+    """Write coordinates and names along the box's front lower edges and its left upright edge."""
+    bounds, ticks = box.bounds, box.ticks
+    # Seen from below, the floor's far edges are the lower ones in the picture.
+    side = view.towards if view.towards[2] > 0.0 else -view.towards
+    front = np.where(side > 0.0, bounds[1], bounds[0])
+    floor = bounds[0, 2]
+    upright = min(
+        ((x, y) for x in bounds[:, 0] for y in bounds[:, 1]),
+        key=lambda corner: view.pixels((*corner, floor))[0, 0],
+    )
+    middle = view.pixels(box.centre)[0]
+    starts = ((0.0, front[1], floor), (front[0], 0.0, floor), (*upright, 0.0))
+    for axis, (start, name) in enumerate(zip(starts, "xyz", strict=True)):
+        edge = np.tile(np.asarray(start, dtype=np.float64), (len(ticks[axis]) + 2, 1))
+        edge[:, axis] = (*bounds[:, axis], *ticks[axis])
+        positions = view.pixels(edge)
+        ends, positions = positions[:2], positions[2:]
+        outward = _outward(ends, middle)
+        for tick, position in zip(ticks[axis], positions, strict=True):
+            # Near a corner the label would meet that of the next edge.
+            if np.linalg.norm(ends - position, axis=1).min() > _CORNER_PX:
+                _write(axes, position + _TICK_GAP_PX * outward, _number(tick), outward, 8)
+        gap = _NAME_GAP_PX + _LABEL_WIDTH_PX * abs(outward[0])
+        _write(axes, ends.mean(axis=0) + gap * outward, f"{name} (mm)", outward, 9)
+
+
+def _number(value: float) -> str:
+    # Adding 0 turns -0 into 0.
+    return f"{value + 0.0:g}".replace("-", "\N{MINUS SIGN}")
+
+
+def _outward(positions: FloatArray, middle: FloatArray) -> FloatArray:
+    """Unit vector in the picture across a row of positions, away from the middle."""
+    along = positions[-1] - positions[0]
+    across = np.array((-along[1], along[0])) / max(float(np.linalg.norm(along)), 1e-9)
+    return np.asarray(across * np.sign(across @ (positions.mean(axis=0) - middle)))
+
+
+def _write(axes: Axes, position: FloatArray, text: str, outward: FloatArray, size: int) -> None:
+    sideways = abs(outward[0]) > 0.35
+    axes.text(
+        float(position[0]),
+        float(position[1]),
+        text,
+        fontsize=size,
+        color=_TEXT_COLOUR,
+        ha=("left" if outward[0] > 0 else "right") if sideways else "center",
+        va=("bottom" if outward[1] > 0 else "top") if abs(outward[1]) > 0.35 else "center",
+    )
+
+
+# MERGE figure_surfaces: Surfaces drawn off screen: the plotter, the part, and meshes with too man
+
+# Of one surface. The time for thinning out grows with the third power of the bins along each side;
+# these are about as fine as the picture's pixels and cost 0.07 s.
+_MOST_TRIANGLES = 100_000
+_BINS = 400
+
+PART_COLOUR = "#ff8c1a"
+
+
+@contextmanager
+def off_screen(size_px: tuple[int, int]) -> Iterator[pv.Plotter]:
+    """A plotter that blends in the order of drawing and needs no display.
+
+    Raises
+    ------
+    SetupError
+        This machine has no OpenGL that draws without a display.
+    """
+    # Where VTK tries several kinds of windows, it reports each one that fails.
+    with pv.vtk_verbosity("off"):
+        plotter = pv.Plotter(
+            off_screen=True, window_size=list(size_px), theme=pv.themes.DocumentTheme()
+        )
+        try:
+            _require_opengl(plotter)
+            plotter.enable_anti_aliasing("msaa", multi_samples=8)
+            plotter.renderer.SetUseOIT(False)
+            yield plotter
+        finally:
+            plotter.close()
+
+
+def _require_opengl(plotter: pv.Plotter) -> None:
+    # Without a working OpenGL the window stays as it is, and drawing would end the process.
+    if not opens(plotter.render_window):
+        raise SetupError(
+            "the 3-D figure needs an OpenGL library that draws without a display, and none was "
+            "found; install Mesa's EGL (on Debian and Ubuntu: apt-get install libegl1) or leave "
+            "the figure out."
+        )
+
+
+def opens(window: Any) -> bool:
+    """Whether a window of VTK has a working OpenGL."""
+    window.Initialize()
+    return bool(window.GetInitialized())
+
+
+def add_part(plotter: pv.Plotter, part: Part) -> None:
+    """Add the part with its edges sharp, as hot steel."""
+    surface = thinned(surface_of(part.vertices, part.faces))
+    surface = surface.clean().compute_normals(
+        split_vertices=True, feature_angle=30.0, auto_orient_normals=False
+    )
+    plotter.add_mesh(surface, color=PART_COLOUR, smooth_shading=True, ambient=0.35, specular=0.2)
+
+
+def surface_of(vertices: NDArray[Any], faces: NDArray[Any]) -> pv.PolyData:
+    """Triangles as a mesh that VTK draws."""
+    surface: pv.PolyData = pv.PolyData.from_regular_faces(vertices, faces)
+    return surface
+
+
+def thinned(surface: pv.PolyData) -> pv.PolyData:
+    """The surface itself, or with vertices merged that lie in one bin, when it is huge."""
+    if surface.n_cells <= _MOST_TRIANGLES:
+        return surface
+    thinning = vtkBinnedDecimation()
+    thinning.SetInputData(surface)
+    thinning.AutoAdjustNumberOfDivisionsOff()
+    size = np.ptp(np.asarray(surface.bounds).reshape(3, 2), axis=1)
+    divisions = np.maximum(1, np.ceil(_BINS * size / size.max())).astype(int)
+    thinning.SetNumberOfDivisions(*divisions.tolist())
+    thinning.SetProducePointData(True)
+    thinning.Update()
+    thin: pv.PolyData = pv.wrap(thinning.GetOutput())
+    return thin
+
+
+SIZE_PX = (1600, 1200)
+"""Width and height of the figures."""
+
+_DPI = 200
+_TITLE_COLOURS = ("0", "0.35")
+
+
+def rendered(view: View, box: Box, draw: Callable[[pv.Plotter], None]) -> NDArray[np.uint8]:
+    """(height, width, 3) array: what `draw` adds to a plotter, before the grids of the box.
+
+    Raises
+    ------
+    SetupError
+        This machine has no OpenGL that draws without a display.
+    """
+    with off_screen(view.size_px) as plotter:
+        add_box(plotter, view, box)
+        draw(plotter)
+        view.apply_to(plotter, box)
+        return np.asarray(plotter.screenshot(return_img=True))
+
+
+def titled_figure(title: str, subtitle: str) -> Figure:
+    """An empty figure with a title and a line below it."""
+    width, height = SIZE_PX
+    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
+    for text, y, size, colour in zip(
+        (title, subtitle), (0.96, 0.92), (12, 9), _TITLE_COLOURS, strict=True
+    ):
+        figure.text(0.5, y, text, ha="center", va="center", fontsize=size, color=colour)
+    return figure
+
+
+def add_picture(
+    figure: Figure,
+    picture: NDArray[np.uint8],
+    view: View,
+    box: Box,
+    corner_px: tuple[int, int] = (0, 0),
+) -> Axes:
+    """Put a rendered picture, pixel for pixel, under the labels of its box.
+
+    Parameters
+    ----------
+    figure
+        From `titled_figure`.
+    picture, view, box
+        What was rendered, and how.
+    corner_px
+        Where the picture's lower left corner goes.
+
+    Returns
+    -------
+    Axes
+        Whose coordinates are the pixels of the view.
+    """
+    (width, height), (columns, rows) = SIZE_PX, view.size_px
+    left, foot = corner_px
+    axes = figure.add_axes((left / width, foot / height, columns / width, rows / height))
+    axes.imshow(picture, extent=(0, columns, 0, rows), interpolation="nearest")
+    axes.set_axis_off()
+    label_box(axes, view, box)
+    return axes
+
+
+# MERGE figure_camera: What a camera looks like in a figure: its body, the edges of its view, its
+
+
+def camera_body(camera: Camera, size: float) -> pv.PolyData:
+    """A box and a lens behind the pinhole; mm, world.
+
+    Parameters
+    ----------
+    camera
+        Whose pose it is.
+    size
+        About the width of the body, mm.
+    """
+    box = pv.Cube(
+        center=(0.0, 0.0, -0.75 * size),
+        x_length=1.3 * size,
+        y_length=0.95 * size,
+        z_length=0.9 * size,
+    )
+    lens = pv.Cylinder(
+        center=(0.0, 0.0, -0.15 * size),
+        direction=(0.0, 0.0, 1.0),
+        radius=0.36 * size,
+        height=0.3 * size,
+        resolution=48,
+    )
+    body: pv.PolyData = box.triangulate().append_polydata(lens.triangulate())
+    moved: pv.PolyData = body.transform(camera.matrix, inplace=False)
+    return moved
+
+
+def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
+    """Edges of a camera's view and outlines of its focus interval.
+
+    Parameters
+    ----------
+    camera
+        The camera. Where its far focus lies well behind the part, the edges end earlier and there
+        is no outline of it.
+    part
+        What it looks at.
+
+    Returns
+    -------
+    list of (name, points)
+        Polylines, (n, 3) arrays, mm, world; the names of the edges are empty.
+    """
+    local = camera.to_camera(part.vertices)
+    pinhole = camera.projection == "pinhole"
+    distances = np.linalg.norm(local, axis=1) if pinhole else local[:, 2]
+    near, far = camera.focus_mm
+    # A far end that lies well behind the part would make the part small in the picture.
+    reach = min(far, 1.3 * float(distances.max()))
+    width, height = camera.resolution
+    corners = np.array([(0, 0), (width, 0), (width, height), (0, height)], dtype=np.float64)
+    shares = np.linspace(0.0, 1.0, 17)[:-1, None]
+    sides = [a + shares * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
+    border = np.concatenate([*sides, corners[:1]])
+
+    starts, directions = camera.rays(corners)
+    lines = [
+        ("", np.stack((start, start + reach * direction)))
+        for start, direction in zip(starts, directions, strict=True)
+    ]
+    starts, directions = camera.rays(border)
+    if not pinhole:
+        lines.append(("", starts))
+    for name, distance in (("Near focus", near), ("Far focus", far)):
+        if 0.0 < distance <= reach:
+            # The focus interval is measured along the ray, so the outline lies on a sphere.
+            lines.append((f"{name} {distance:g} mm", starts + distance * directions))
+    return lines

@@ -1,0 +1,255 @@
+"""Charts of a sweep: histograms, counts of each pose, and the Pareto front."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.figures.style import (
+    BEST,
+    BEST_COLOUR,
+    BEST_RING,
+    COLOUR_MAP,
+    TEXT_COLOUR,
+    UNKNOWN,
+    add_colour_bar,
+    marks,
+    new_figure,
+    number,
+    quantity_norm,
+    unknown_label,
+)
+from iriftrace.image.aov_image import Status
+from iriftrace.planning.quantities import Quantity
+from iriftrace.planning.summary import SweepSummary
+
+_BAR_COLOUR = "#31688e"
+_BINS = 24
+
+# Colours that colour-blind eyes tell apart, and names; what can be used has that of the bars.
+RAY_OUTCOMES: dict[Status, tuple[str, str]] = {
+    Status.GOOD: (_BAR_COLOUR, "Good"),
+    Status.OUT_OF_FOCUS: ("#b8c4cf", "Out of focus"),
+    Status.BLOCKED: ("#7f7f7f", "Another object in the way"),
+    Status.REFRACTED_MISSED: ("#e69f00", "Only the straight ray hit"),
+    Status.ONLY_REFRACTED: ("#d55e00", "Only the refracted ray hit"),
+    Status.INDEX_MISMATCH: ("#cc79a7", "Index steps do not add up"),
+    Status.GAVE_UP: ("#222222", "Gave up (crossing limit)"),
+}
+
+
+def histogram_figure(summary: SweepSummary) -> Figure:
+    """How each metric is distributed over the poses, with the ends of its normalisation."""
+    figure, body = new_figure(8.0, 6.4, "Metrics of all poses", summary.subtitle)
+    for axes, quantity in zip(body.subplots(2, 2).flat, summary.metrics, strict=True):
+        values = quantity.values[quantity.known]
+        axes.hist(
+            values, bins=_bins(quantity, values), color=_BAR_COLOUR, edgecolor="white", lw=0.4
+        )
+        if quantity.logarithmic:
+            _logarithmic(axes, "x")
+        for limit, style in zip(quantity.limits, ("--", "-"), strict=True):
+            axes.axvline(limit, color=BEST_COLOUR, linestyle=style, linewidth=1.2)
+        _finish_histogram(axes, quantity.label)
+    low, high = (
+        Line2D([], [], color=BEST_COLOUR, linestyle=style, linewidth=1.2) for style in ("--", "-")
+    )
+    low.set_label("Minimum: normalised to 0")
+    high.set_label(f"{summary.plan.percentile:g}th percentile: normalised to 1")
+    _add_legend(body, [low, high, *_unknown(summary.metrics)])
+    return figure
+
+
+def normalised_figure(summary: SweepSummary) -> Figure:
+    """How the normalised metrics and the score are distributed over the ranked poses."""
+    figure, body = new_figure(10.0, 6.4, "Normalised metrics and combined score", summary.subtitle)
+    *panels, spare = body.subplots(2, 3, sharey=True).flat
+    edges = np.linspace(0.0, 1.0, _BINS + 1)
+    weights = summary.plan.weights.as_dict()
+    ranked = (*summary.metrics, summary.score)
+    for axes, quantity in zip(panels, ranked, strict=True):
+        values = quantity.normalised[np.isfinite(quantity.normalised)]
+        score = quantity is summary.score
+        bins = np.linspace(0.0, max(1.0, sum(weights.values())), _BINS + 1) if score else edges
+        axes.hist(values, bins=bins, color=_BAR_COLOUR, edgecolor="white", lw=0.4)
+        if score:
+            axes.axvline(values.min(), color=BEST_COLOUR, linewidth=1.2)
+        _finish_histogram(
+            axes,
+            "Combined score (dimensionless)" if score else f"{quantity.title} (normalised, 0 to 1)",
+        )
+    for axes in panels:
+        axes.tick_params(labelleft=True, labelbottom=True)
+    spare.set_axis_off()
+    terms = [f"{weights['displacement']:g} displacement", f"{weights['coverage']:g} (1 - coverage)"]
+    terms += [f"{weights[key]:g} {key} resolution" for key in ("axial", "lateral")]
+    spare.text(
+        0.02,
+        0.95,
+        "Combined score =\n   "
+        + "\n + ".join(terms)
+        + "\n\nAll terms normalised:\n0 at the smallest value,\n1 at the "
+        f"{summary.plan.percentile:g}th percentile\nand above.",
+        transform=spare.transAxes,
+        va="top",
+        fontsize=10,
+        linespacing=1.5,
+        color=TEXT_COLOUR,
+    )
+    best = Line2D([], [], color=BEST_COLOUR, linewidth=1.2, label="Smallest score: best pose")
+    _add_legend(body, [best, *_unknown(ranked)])
+    return figure
+
+
+def _bins(quantity: Quantity, values: FloatArray) -> FloatArray:
+    low, high = float(values.min()), float(values.max())
+    if quantity.logarithmic:
+        return np.geomspace(low, high, _BINS + 1)
+    return np.histogram_bin_edges(values, _BINS)
+
+
+def _finish_histogram(axes: Axes, label: str) -> None:
+    axes.set(xlabel=label, ylabel="Number of poses")
+    axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, steps=[1, 2, 5, 10]))
+    if axes.get_xscale() == "linear":
+        axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _unknown(quantities: tuple[Quantity, ...]) -> list[Line2D]:
+    """Legend entry for the poses that no histogram holds."""
+    count = len(set().union(*(np.flatnonzero(~q.known).tolist() for q in quantities)))
+    return [Line2D([], [], label=f"{unknown_label(count)}, not shown", **UNKNOWN)] if count else []
+
+
+def _logarithmic(axes: Axes, which: str) -> None:
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axes.set(**{f"{which}scale": "log"})
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 1e3 * low else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _position: number(value)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _add_legend(body: SubFigure, entries: Sequence[Patch | Line2D], columns: int = 3) -> None:
+    body.legend(
+        handles=list(entries),
+        loc="outside lower center",
+        ncols=columns,
+        fontsize=9,
+        frameon=False,
+    )
+
+
+def rays_figure(summary: SweepSummary) -> Figure:
+    """What each pose counts: rays that hit by what became of them, faces hit, shell triangles."""
+    counts = [(summary.polygons, "Shell triangles in view")]
+    if summary.faces is not None:
+        counts.insert(0, (summary.faces, "Faces of the part hit"))
+    what = "shell triangles" if summary.faces is None else "faces hit and shell triangles"
+    figure, body = new_figure(
+        8.0, 4.2 + 1.8 * len(counts), f"Ray hits, {what} of each pose", summary.subtitle
+    )
+    upper, *others = body.subplots(
+        1 + len(counts), 1, sharex=True, height_ratios=(3, *(2 for _ in counts))
+    )
+    count = len(summary.polygons)
+    edges = np.arange(count + 1) - 0.5
+    base = np.zeros(count)
+    entries: list[Patch | Line2D] = []
+    for status, (colour, text) in RAY_OUTCOMES.items():
+        if status not in summary.rays:
+            continue
+        top = base + np.maximum(summary.rays[status], 0)
+        upper.stairs(top, edges, baseline=base, fill=True, color=colour)
+        most = int(summary.rays[status].max())
+        entries.append(Patch(facecolor=colour, label=f"{text}: up to {most:,}"))
+        base = top
+    for axes, (numbers, label) in zip(others, counts, strict=True):
+        axes.stairs(np.maximum(numbers, 0), edges, fill=True, color="0.45")
+        axes.set_ylabel(label)
+    best = summary.plan.best
+    for axes in (upper, *others):
+        axes.yaxis.set_major_formatter(EngFormatter(sep=""))
+        axes.yaxis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
+        axes.set_xlim(-0.5, count - 0.5)
+        axes.set_ylim(bottom=0)
+        axes.spines[["top", "right"]].set_visible(False)
+    upper.plot(best, base[best] + 0.04 * base.max(), clip_on=False, zorder=4, **BEST)
+    entries += marks(summary, summary.polygons < 0)
+    unknown = np.flatnonzero(summary.polygons < 0)
+    if len(unknown):
+        for axes in (upper, *others):
+            axes.plot(unknown, np.zeros(len(unknown)), clip_on=False, zorder=3, **UNKNOWN)
+    upper.set_ylabel("Rays that hit the part")
+    others[-1].set_xlabel("Pose (number in the sweep)")
+    others[-1].xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
+    _add_legend(body, entries)
+    return figure
+
+
+def pareto_figure(summary: SweepSummary) -> Figure:
+    """Coverage against displacement, coloured by lateral resolution, with the Pareto front."""
+    figure, body = new_figure(
+        8.0, 6.0, "Coverage against displacement, and the poses that none beats", summary.subtitle
+    )
+    axes = body.add_subplot()
+    across, up, colour = summary.displacement, summary.coverage, summary.lateral
+    known = across.known & up.known
+    front = np.zeros(len(known), dtype=np.bool_)
+    front[summary.front] = True
+    for chosen, size, edge, width in ((known & ~front, 22, "none", 0.0), (front, 55, "black", 1.3)):
+        coloured = chosen & colour.known
+        axes.scatter(
+            across.values[coloured],
+            up.values[coloured],
+            c=colour.values[coloured],
+            norm=quantity_norm(colour),
+            cmap=COLOUR_MAP,
+            s=size,
+            edgecolors=edge,
+            linewidths=width,
+            zorder=3 if size > 30 else 2,
+        )
+    grey = known & ~colour.known
+    axes.plot(across.values[grey], up.values[grey], zorder=2, **UNKNOWN)
+    best = summary.plan.best
+    axes.plot(across.values[best], up.values[best], zorder=4, **BEST_RING)
+    if across.logarithmic:
+        _logarithmic(axes, "x")
+    axes.set(xlabel=across.label, ylabel=up.label)
+    # Poses that all see much the same would lie in one line at the top.
+    if up.values[known].min() < 0.5 * up.values[known].max():
+        axes.set_ylim(bottom=0)
+    axes.grid(color="0.92", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    add_colour_bar(body, colour, axes=axes)
+    entries = marks(summary, np.zeros(len(known), dtype=np.bool_), BEST_RING)
+    for count, text in (
+        (int(grey.sum()), "Without lateral resolution: {}"),
+        (int((~known).sum()), "Without a number, not shown: {}"),
+    ):
+        if count:
+            entries.append(Line2D([], [], label=text.format(count), **UNKNOWN))
+    ring = Line2D(
+        [],
+        [],
+        marker="o",
+        ls="none",
+        ms=7,
+        mfc="none",
+        mec="black",
+        mew=1.3,
+        label=f"Pareto front in displacement, coverage, axial and lateral resolution: "
+        f"{len(summary.front)} poses",
+    )
+    _add_legend(body, [ring, *entries], columns=1)
+    return figure

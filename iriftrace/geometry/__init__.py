@@ -1,0 +1,1 @@
+"""Rigid motions, triangle meshes, one nearest-point/inside query, PLY."""

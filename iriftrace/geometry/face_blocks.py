@@ -1,0 +1,129 @@
+"""Faces of a surface in nested blocks of neighbours, and areas shared out within them.
+
+How many pixel centres fall on a face scatters: footprints add up to more than one face's area and
+to less than the next one's. What is too much on a face therefore belongs to the faces around it. It
+is shared out in blocks: first among four faces that lie together, what finds no room there among
+sixteen, and so on up to the whole smooth patch. That conserves the sum, costs a few passes over the
+faces however far an excess has to go, and does not depend on an order of steps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+
+# Blocks of one level in one of the next: the curve below fills a surface in squares of four.
+_TOGETHER = 4
+
+# Bits of each coordinate that the curve tells apart; three times as many fit into 64.
+_BITS = 16
+
+
+@frozen(eq=False)
+class FaceBlocks:
+    """Nested blocks of m faces.
+
+    Attributes
+    ----------
+    order
+        (m,) face numbers, sorted such that each block is a run of them.
+    starts
+        For each level, fine to coarse, where its blocks begin among those of the level before (the
+        faces themselves for the first level).
+    """
+
+    order: IntArray
+    starts: tuple[IntArray, ...]
+
+
+def nest_faces(patch: IntArray, centres: FloatArray) -> FaceBlocks:
+    """Blocks of 4, 16, 64 ... faces of one patch that lie close together.
+
+    Parameters
+    ----------
+    patch
+        (m,) number of the patch that each face belongs to; no block spans two patches.
+    centres
+        (m, 3) centres of the faces, mm.
+    """
+    order = np.lexsort((_along_z_curve(centres), patch))
+    owner = patch[order]
+    starts: list[IntArray] = []
+    while True:
+        first = np.flatnonzero(np.concatenate(([True], owner[1:] != owner[:-1])))
+        rank = np.arange(len(owner)) - np.repeat(first, _sizes(first, len(owner)))
+        start = np.flatnonzero(rank % _TOGETHER == 0)
+        if len(start) == len(owner):
+            return FaceBlocks(order, tuple(starts))
+        starts.append(start)
+        owner = owner[start]
+
+
+def share_out(
+    amount: FloatArray, limit: FloatArray, may_take: BoolArray, blocks: FaceBlocks
+) -> FloatArray:
+    """Keep each face's amount below its limit and give what is too much to faces close by.
+
+    Parameters
+    ----------
+    amount, limit
+        (m,) arrays, mm^2, not negative.
+    may_take
+        (m,) whether the face may get what others have too much, in proportion to its room.
+    blocks
+        Blocks of the m faces.
+
+    Returns
+    -------
+    (m,) array, mm^2
+        At most `limit`, exactly. Adds up to the sum of `amount` less what the patches that it
+        belongs to have no room for.
+    """
+    order = blocks.order
+    most = limit[order]
+    free = most - np.minimum(amount[order], most)
+    room = np.where(may_take[order], free, 0.0)
+    excess = amount[order] - most
+    np.maximum(excess, 0.0, out=excess)
+    kept = []
+    for start in blocks.starts:
+        if not excess.any():
+            break
+        excess = np.add.reduceat(excess, start)
+        room = np.add.reduceat(room, start)
+        taken = np.minimum(excess, room)
+        excess -= taken
+        left = room - taken
+        kept.append(np.divide(left, room, out=np.ones_like(room), where=room > 0))
+        room = left
+    # What is left of a face's room is the product over all the blocks that it lies in.
+    share = np.ones(len(room))
+    for level in range(len(kept) - 1, -1, -1):
+        count = len(kept[level - 1]) if level else len(order)
+        share = np.repeat(share * kept[level], _sizes(blocks.starts[level], count))
+    np.multiply(free, share, out=free, where=may_take[order])
+    result = np.empty_like(most)
+    result[order] = most - free
+    return result
+
+
+def _sizes(starts: IntArray, count: int) -> IntArray:
+    return np.diff(np.append(starts, count))
+
+
+def _along_z_curve(points: FloatArray) -> NDArray[np.uint64]:
+    """Place of each point on a curve that fills space and keeps close what is close (Morton 1966).
+
+    The bits of the three coordinates, one after the other.
+    """
+    lowest = points.min(axis=0)
+    extent = float((points.max(axis=0) - lowest).max())
+    steps = (points - lowest) * ((2**_BITS - 1) / extent if extent > 0 else 0.0)
+    place = np.zeros(len(points), dtype=np.uint64)
+    for axis, step in enumerate(steps.astype(np.uint64).T):
+        for bit in range(_BITS):
+            place |= ((step >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return place

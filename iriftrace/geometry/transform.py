@@ -1,0 +1,132 @@
+"""Rigid motions and scalings written as text, for files whose axes or units differ."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+_AXES = {"x": 0, "y": 1, "z": 2}
+_FORMS = "'rotate x 90', 'scale 0.001', 'translate 1 2 3', 16 numbers, or a file with 16 numbers"
+
+
+def parse_transform(text: str) -> FloatArray:
+    """Read a 4x4 matrix from text.
+
+    Parameters
+    ----------
+    text : str
+        Comma-separated steps, the left one applied first: ``rotate x 90`` (degrees, counter
+        clockwise seen from the tip of the axis), ``scale 2`` or ``scale 1 1 -1``,
+        ``translate 1 2 3`` (mm). Or the 16 numbers of a matrix, row by row, or the path of a
+        text file that holds them.
+
+    Returns
+    -------
+    (4, 4) array
+        Acts on column vectors (x, y, z, 1).
+
+    Raises
+    ------
+    InputError
+        None of these, a matrix that is singular or not affine, or a file that cannot be read.
+    """
+    path = Path(text.strip())
+    numbers = _numbers(text)
+    if numbers is None and _is_file(path):
+        numbers = _numbers(path.read_text(encoding="utf-8", errors="replace"))
+        if numbers is None:
+            raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")
+    if numbers is not None:
+        matrix = _matrix(numbers, text)
+    else:
+        matrix = np.eye(4)
+        for step in text.split(","):
+            matrix = _step(step) @ matrix
+    return _checked(matrix, text)
+
+
+def apply(matrix: FloatArray, points: FloatArray) -> FloatArray:
+    """Points (n, 3) moved by a (4, 4) affine matrix; (n, 3) array, float64."""
+    moved: FloatArray = np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    return moved
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # text that no file system takes as a name
+        return False
+
+
+def _numbers(text: str) -> list[float] | None:
+    """The numbers in a text, or None when it holds anything else."""
+    try:
+        return [float(word) for word in text.replace(",", " ").split()] or None
+    except ValueError:
+        return None
+
+
+def _matrix(numbers: list[float], text: str) -> FloatArray:
+    if len(numbers) != 16:
+        raise InputError(
+            f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row."
+        )
+    return np.array(numbers).reshape(4, 4)
+
+
+def _step(step: str) -> FloatArray:
+    matrix = np.eye(4)
+    match step.split():
+        case ["rotate", axis, angle] if axis in _AXES:
+            matrix[:3, :3] = _rotation(_AXES[axis], math.radians(_number(angle, step)))
+        case ["scale", factor]:
+            matrix[:3, :3] *= _number(factor, step)
+        case ["scale", *factors] if len(factors) == 3:
+            matrix[:3, :3] = np.diag([_number(factor, step) for factor in factors])
+        case ["translate", *shift] if len(shift) == 3:
+            matrix[:3, 3] = [_number(value, step) for value in shift]
+        case _:
+            raise InputError(f"The transform step {step.strip()!r} is not known; use {_FORMS}.")
+    return matrix
+
+
+def _number(word: str, step: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise InputError(
+            f"{word!r} in the transform step {step.strip()!r} is not a number; use {_FORMS}."
+        ) from None
+
+
+def _rotation(axis: int, angle: float) -> FloatArray:
+    """Rotation about a coordinate axis; quarter turns are exact, so that axes stay axes."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    quarters = angle / (math.pi / 2)
+    if abs(quarters - round(quarters)) < 1e-12:
+        cosine, sine = float(round(cosine)), float(round(sine))
+    rotation = np.eye(3)
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    rotation[[first, second], [first, second]] = cosine
+    rotation[first, second], rotation[second, first] = -sine, sine
+    return rotation
+
+
+def _checked(matrix: FloatArray, text: str) -> FloatArray:
+    if not np.isfinite(matrix).all():
+        raise InputError(f"The transform {text!r} holds a number that is not finite; correct it.")
+    if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
+        raise InputError(
+            f"The last row of the transform {text!r} is not 0 0 0 1; is the matrix transposed?"
+        )
+    if abs(np.linalg.det(matrix[:3, :3])) < 1e-18:
+        raise InputError(
+            f"The transform {text!r} is singular: it would flatten the shape; use a factor other "
+            "than 0."
+        )
+    return matrix

@@ -1,0 +1,1 @@
+"""The AOV image of a pose and everything that is reduced from it."""

@@ -1,0 +1,166 @@
+"""A small motion of the camera between two pictures, from what it shifts in them.
+
+Also called resectioning of a small change, or visual servoing's interaction matrix (F. Chaumette
+and S. Hutchinson, IEEE Robot. Autom. Mag. 13 (2006) 82): a motion of the camera by v and w, in its
+own frame, moves a point X of that frame by ``-v - w x X``, and the picture of it by the derivative
+of the projection, lens distortion included.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import jacobian
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError
+
+FEWEST_POINTS = 4
+"""Three points determine the six numbers, but nothing is left then to tell how well."""
+
+OUTLIER = 6.0
+"""Points whose residual is larger than so many standard deviations are left out of the fit."""
+
+_LARGEST_CONDITION = 1e7
+_RAYLEIGH_MEDIAN = 1.1774  # Median length of a vector of two normal components of deviation 1.
+
+
+@frozen(eq=False)
+class CameraMotion:
+    """A rigid motion of the camera in its own frame (x right, y down, z forward).
+
+    Attributes
+    ----------
+    translation_mm : (3,) array
+    rotation_rad : (3,) array
+        Rotation vector.
+    covariance : (6, 6) array
+        Of both, as if the residuals of the points were independent of each other.
+    shifts : (n, 2) array, px
+        What the motion shifts each point's picture by.
+    used : (n,) array of bool
+        Points that the fit used; the others are outliers.
+    rms_before_px, rms_after_px : float
+        Root mean square length of the residuals of the used points without and with the motion.
+    """
+
+    translation_mm: FloatArray
+    rotation_rad: FloatArray
+    covariance: FloatArray
+    shifts: FloatArray
+    used: BoolArray
+    rms_before_px: float
+    rms_after_px: float
+
+    @property
+    def deviations(self) -> FloatArray:
+        """(6,) standard deviations of translation, mm, and rotation, rad."""
+        deviations: FloatArray = np.sqrt(np.diag(self.covariance))
+        return deviations
+
+    @property
+    def explained(self) -> float:
+        """Share of the mean square residual that the motion takes away."""
+        if self.rms_before_px == 0.0:
+            return 0.0
+        return 1.0 - (self.rms_after_px / self.rms_before_px) ** 2
+
+
+def interaction_matrix(camera: Camera, points: FloatArray) -> FloatArray:
+    """Derivative of image positions with respect to a motion of the camera.
+
+    Parameters
+    ----------
+    camera : Camera
+    points : (n, 3) array, mm, world
+
+    Returns
+    -------
+    (n, 2, 6) array, px per mm and px per rad
+    """
+    x, y, z = np.ascontiguousarray(camera.to_camera(points).T)
+    moved = np.zeros((len(x), 3, 6))
+    moved[:, (0, 1, 2), (0, 1, 2)] = -1.0
+    moved[:, 0, 4], moved[:, 0, 5] = -z, y
+    moved[:, 1, 3], moved[:, 1, 5] = z, -x
+    moved[:, 2, 3], moved[:, 2, 4] = -y, x
+    projected = np.zeros((len(x), 2, 3))
+    if camera.projection == "orthographic":
+        projected[:, (0, 1), (0, 1)] = 1.0 / np.array(camera.pixel_pitch_mm)
+        return projected @ moved
+    projected[:, 0, 0] = projected[:, 1, 1] = 1.0 / z
+    projected[:, 0, 2], projected[:, 1, 2] = -x / z**2, -y / z**2
+    if camera.distortion is not None:
+        xx, xy, yy = jacobian(x / z, y / z, camera.distortion.coefficients)
+        bent = np.stack((np.stack((xx, xy), axis=1), np.stack((xy, yy), axis=1)), axis=1)
+        projected = bent @ projected
+    derivative: FloatArray = (np.array(camera.focal_px)[:, None] * projected) @ moved
+    return derivative
+
+
+def fit_camera_motion(camera: Camera, points: FloatArray, shifts: FloatArray) -> CameraMotion:
+    """The motion that explains shifts best, by linear least squares without outliers.
+
+    Parameters
+    ----------
+    camera : Camera
+        Before the motion.
+    points : (n, 3) array, mm, world
+        What is seen.
+    shifts : (n, 2) array, px
+        By how much it is seen elsewhere after the motion.
+
+    Raises
+    ------
+    InputError
+        The points are too few, or lie so that they do not tell one motion from another.
+    """
+    if len(points) < FEWEST_POINTS:
+        raise InputError(
+            f"{len(points)} points do not determine a motion of the camera; {FEWEST_POINTS} are "
+            "needed."
+        )
+    matrix = interaction_matrix(camera, points)
+    # Turns in units of the motion that they are at the points' distance, so that all six compare.
+    distance = float(np.median(np.linalg.norm(camera.to_camera(points), axis=1)))
+    units = np.array((1.0, 1.0, 1.0, *(1.0 / distance,) * 3))
+    matrix = matrix * units
+    used = np.ones(len(points), dtype=np.bool_)
+    for _ in range(50):
+        motion = _solved(matrix[used], shifts[used])
+        lengths = np.linalg.norm(shifts - matrix @ motion, axis=1)
+        spread = float(np.median(lengths[used])) / _RAYLEIGH_MEDIAN
+        inside = lengths <= max(OUTLIER * spread, 1e-9)
+        if inside.sum() < FEWEST_POINTS or np.array_equal(inside, used):
+            break
+        used = inside
+    rest = (shifts - matrix @ motion)[used]
+    freedom = max(2 * int(used.sum()) - 6, 1)
+    rows = matrix[used].reshape(-1, 6)
+    normal = np.linalg.inv(rows.T @ rows)
+    return CameraMotion(
+        translation_mm=motion[:3] * units[:3],
+        rotation_rad=motion[3:] * units[3:],
+        covariance=np.outer(units, units) * normal * float((rest**2).sum()) / freedom,
+        shifts=matrix @ motion,
+        used=used,
+        rms_before_px=_rms(shifts[used]),
+        rms_after_px=_rms(rest),
+    )
+
+
+def _solved(matrix: FloatArray, shifts: FloatArray) -> FloatArray:
+    """(6,) array: least squares over (n, 2, 6) and (n, 2)."""
+    rows = matrix.reshape(-1, 6)
+    solution, _, _, singular = np.linalg.lstsq(rows, shifts.ravel(), rcond=None)
+    if singular[-1] * _LARGEST_CONDITION < singular[0]:
+        raise InputError(
+            "the points do not tell one motion of the camera from another (they lie on one line, "
+            "or the projection is parallel); measure more of the picture."
+        )
+    return np.asarray(solution, dtype=np.float64)
+
+
+def _rms(vectors: FloatArray) -> float:
+    return float(np.sqrt((vectors**2).sum(axis=1).mean()))

@@ -1,0 +1,296 @@
+"""Measured pixel shifts against those of a rendering: how far apart, and why.
+
+A camera that moves a little between the cold and the hot picture shifts all of the picture, often
+by more than the air does. So the residual is split into what a rigid motion of the camera explains
+and the rest.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Collection
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.files import whole_file
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.image.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
+from iriftrace.image.displacement import shift_map
+from iriftrace.image.measured_shift import MeasuredShift
+
+Picture = Literal["cold", "hot"]
+
+
+@frozen(eq=False)
+class Comparison:
+    """Measured and simulated shifts at the n places that have both.
+
+    Attributes
+    ----------
+    places : (n, 2) array, px
+        Where they were measured.
+    measured, simulated : (n, 2) arrays, px
+    points : (n, 3) array, mm, world
+        What is seen there.
+    left_out : int
+        Places without a simulated shift: beside the part, or their ray does not count.
+    motion : CameraMotion or None
+        What explains the residual best.
+    no_motion : str
+        Why there is none; empty when there is one.
+    """
+
+    places: FloatArray
+    measured: FloatArray
+    simulated: FloatArray
+    points: FloatArray
+    left_out: int
+    motion: CameraMotion | None
+    no_motion: str
+
+    @property
+    def residual(self) -> FloatArray:
+        """(n, 2) array, px: measured minus simulated."""
+        return self.measured - self.simulated
+
+    @property
+    def remainder(self) -> FloatArray:
+        """(n, 2) array, px: what is left of the residual without the camera's motion."""
+        return self.residual if self.motion is None else self.residual - self.motion.shifts
+
+
+def compare_shift(
+    image: AovImage,
+    measured: MeasuredShift,
+    *,
+    positions: Picture = "cold",
+    include: Collection[int] = (Status.GOOD,),
+) -> Comparison:
+    """Compare measured shifts with the channel ``shift.px`` of a rendering.
+
+    Parameters
+    ----------
+    image : AovImage
+    measured : MeasuredShift
+    positions : str
+        The picture in which the places were measured: ``"cold"``, as in most correlation programs,
+        where the first picture is the reference, or ``"hot"``. The simulated shift is one of the
+        hot picture, so it is looked up where a place of the cold one is seen when hot.
+    include : collection of int
+        Status codes of the rays that count.
+
+    Raises
+    ------
+    InputError
+        A map has another size than the rendering, a marker lies outside it, or too few places have
+        a simulated shift.
+
+    Warns
+    -----
+    IriftraceWarning
+        Markers may be positions in a picture of the camera's full resolution, which the rendering
+        has not.
+    """
+    if measured.resolution not in (None, image.resolution):
+        assert measured.resolution is not None
+        theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
+        raise InputError(
+            f"{measured.path} is a map of {theirs} pixels, but the rendering has {ours}, so pixels "
+            "do not correspond; render at the camera's resolution (-D scale=1)."
+        )
+    beyond = (measured.places < 0) | (measured.places > image.resolution)
+    outside = np.any(beyond, axis=1)
+    if outside.any():
+        u, v = measured.places[outside][0] - 0.5
+        width, height = image.resolution
+        raise InputError(
+            f"{outside.sum()} of {len(outside)} places of {measured.path} lie outside the "
+            f"rendering of {width} x {height} pixels, the first at ({u:g}, {v:g}), so they are "
+            "positions in another picture; render at the camera's resolution (-D scale=1)."
+        )
+    shift, points, known = _at_places(image, measured.places, positions, include)
+    count = int(known.sum())
+    if count < FEWEST_POINTS:
+        width, height = image.resolution
+        raise InputError(
+            f"Only {count} of {len(known)} measured places lie on good pixels of the part in the "
+            f"rendering of {width} x {height} pixels, but {FEWEST_POINTS} are needed; are the "
+            "positions in its pixels, and is the pose the measured one?"
+        )
+    _warn_of_another_size(image, measured)
+    residual = measured.shifts[known] - shift[known]
+    motion, reason = None, ""
+    try:
+        camera = Camera.from_dict(image.header["camera"])
+        motion = fit_camera_motion(camera, points[known], residual)
+    except InputError as error:
+        reason = str(error)
+    return Comparison(
+        places=measured.places[known],
+        measured=measured.shifts[known],
+        simulated=shift[known],
+        points=points[known],
+        left_out=len(known) - count,
+        motion=motion,
+        no_motion=reason,
+    )
+
+
+def _warn_of_another_size(image: AovImage, measured: MeasuredShift) -> None:
+    """A map says how large its picture is, but markers of a larger one may all lie inside."""
+    full = image.header.get("full_resolution")
+    if measured.resolution is not None or full is None or tuple(full) == image.resolution:
+        return
+    (width, height), (across, down) = image.resolution, full
+    warnings.warn(
+        f"The rendering has {width} x {height} px, {width / across:.3g} times the camera's "
+        f"{across} across and {height / down:.3g} times its {down} down; the measured positions "
+        "must be in the rendering's pixels, or render the whole picture with -D scale=1.",
+        IriftraceWarning,
+        stacklevel=3,
+    )
+
+
+def _at_places(
+    image: AovImage, places: FloatArray, positions: Picture, include: Collection[int]
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Simulated shifts (n, 2) and refracted hits (n, 3) for places, and where they are known."""
+    shift = shift_map(image, include)
+    values = np.concatenate((shift.pixels, image.vector("refracted")), axis=2)
+    found, known = _interpolated(values, shift.good, places)
+    if positions == "cold":
+        # Twice: shifts change slowly, so that the second time is far below what is measured.
+        for _ in range(2):
+            found, known = _interpolated(values, shift.good, places + found[:, :2])
+    return found[:, :2], found[:, 2:], known
+
+
+def _interpolated(
+    values: FloatArray, good: BoolArray, places: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Linear between pixel centres; known where all the pixels that count there are good."""
+    height, width = good.shape
+    across, down = places[:, 0] - 0.5, places[:, 1] - 0.5
+    column, row = np.floor(across), np.floor(down)
+    total = np.zeros((len(places), values.shape[2]))
+    known = np.ones(len(places), dtype=np.bool_)
+    for dy in (0, 1):
+        for dx in (0, 1):
+            weight = np.abs(1 - dx - (across - column)) * np.abs(1 - dy - (down - row))
+            i, j = row + dy, column + dx
+            counts = weight > 1e-9
+            inside = (i >= 0) & (i < height) & (j >= 0) & (j < width)
+            pixel = np.where(inside, i, 0).astype(int), np.where(inside, j, 0).astype(int)
+            usable = inside & good[pixel]
+            known &= usable | ~counts
+            total += np.where(usable & counts, weight, 0.0)[:, None] * values[pixel]
+    return np.where(known[:, None], total, 0.0), known
+
+
+# MERGE comparison_report: The numbers of a comparison of measured and simulated shifts, as JSON.
+
+SCHEMA = "iriftrace.comparison/1"
+CONVENTION = (
+    "shift: position in the hot picture minus position in the cold one, px, u right, v down; in "
+    "files (0, 0) is the centre of the first pixel; residual: measured minus simulated; camera "
+    "motion: from cold to hot, in the camera's frame (x right, y down, z forward)"
+)
+
+
+def comparison_report(
+    comparison: Comparison,
+    image: AovImage,
+    image_file: dict[str, Any],
+    measured: MeasuredShift,
+    positions: Picture,
+) -> dict[str, Any]:
+    """All numbers of a comparison, as plain JSON values.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    image : AovImage
+        The rendering, whose header is copied.
+    image_file : dict
+        Path and SHA-256 of its file.
+    measured : MeasuredShift
+    positions : str
+    """
+    residual = comparison.residual
+    copied = ("camera", "pose", "wavelength_nm", "field", "part", "engine", "assumptions")
+    return {
+        "schema": SCHEMA,
+        "version": version("iriftrace"),
+        "image": image_file,
+        "measured": {
+            "path": str(Path(measured.path).resolve()),
+            "sha256": measured.sha256,
+            "kind": "markers" if measured.resolution is None else "map",
+            "positions": positions,
+        },
+        "convention": CONVENTION,
+        "points": {
+            "measured": len(measured.places),
+            "compared": len(residual),
+            "without_simulation": comparison.left_out,
+        },
+        "measured_px": _lengths(comparison.measured),
+        "simulated_px": _lengths(comparison.simulated),
+        "residual_px": {"bias": residual.mean(axis=0).tolist(), **_lengths(residual)},
+        "correlation": correlation(comparison.measured, comparison.simulated),
+        "camera_motion": _motion(comparison),
+        **{key: image.header.get(key) for key in copied},
+    }
+
+
+def _lengths(vectors: FloatArray) -> dict[str, float]:
+    lengths = np.linalg.norm(vectors, axis=1)
+    return {
+        "rms": float(np.sqrt((lengths**2).mean())),
+        "median": float(np.median(lengths)),
+        "p95": float(np.percentile(lengths, 95)),
+        "max": float(lengths.max()),
+    }
+
+
+def correlation(one: FloatArray, other: FloatArray) -> float | None:
+    """Pearson's coefficient of both components together; None if one of the fields is constant."""
+    a, b = ((field - field.mean(axis=0)).ravel() for field in (one, other))
+    scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / scale if scale > 0 else None
+
+
+def _motion(comparison: Comparison) -> dict[str, Any]:
+    motion = comparison.motion
+    if motion is None:
+        return {"reason": comparison.no_motion}
+    cleaned = comparison.measured - motion.shifts
+    used = motion.used
+    return {
+        "translation_um": (1e3 * motion.translation_mm).tolist(),
+        "translation_std_um": (1e3 * motion.deviations[:3]).tolist(),
+        "rotation_urad": (1e6 * motion.rotation_rad).tolist(),
+        "rotation_std_urad": (1e6 * motion.deviations[3:]).tolist(),
+        "uncertainty": "one standard deviation, as if residuals were independent of each other",
+        "points": int(used.sum()),
+        "outliers": int((~used).sum()),
+        "rms_before_px": motion.rms_before_px,
+        "rms_after_px": motion.rms_after_px,
+        "explained": motion.explained,
+        "correlation_after": correlation(cleaned[used], comparison.simulated[used]),
+    }
+
+
+def write_comparison(path: str | Path, report: dict[str, Any]) -> None:
+    """Write the numbers as JSON, whole or not at all."""
+    text = json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False)
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")

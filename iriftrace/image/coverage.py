@@ -1,0 +1,210 @@
+"""How much of the part's surface one pose sees.
+
+Two numbers. The share of the faces that some ray hits is the method's paper's; it depends on the
+tessellation, because one ray claims a whole face. The sum of the rays' footprints does not.
+
+A footprint is the pixel's solid angle times d^2 / cos(incidence). No face gets more than its area.
+A plain cut there would keep every error of one sign: how many pixel centres fall on a face
+scatters, and only the excess would be cut. So the excess goes to faces close by on the same smooth
+patch (see `iriftrace.face_blocks`), as long as these turn towards the camera. What finds no room on
+the whole patch is dropped: grazing footprints are very long, and where they add up to more than the
+surface that turns towards the camera, there is none.
+
+Measured on the bundled cylinder at 1224 x 1024 px (562 rays on each of its visible faces): with 4,
+16, 64 and 256 times as many faces the sum changes by at most 0.006 %. Cut at the faces it is 0.7 %
+too small as the mesh is, and 2.5, 7, 15 and 30 % with the finer ones. Against the area that spheres
+of 450 to 900 px turn to the camera it is 0 to 0.9 % too small, with a fifth of the pixels across 0
+to 2.4 %. It is worst where a silhouette runs along the pixels' rows or columns: whether one more
+row meets the grazing strip decides on all of the strip at once. A cylinder that lies level in the
+picture, 164 px thick, loses up to 7 % of what is seen of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import lru_cache
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import Distortion
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.geometry.face_blocks import share_out
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.image.rays import PoseRays, rays_that_count
+from iriftrace.part.part import Part
+
+
+@frozen(eq=False)
+class Coverage:
+    """What one pose sees of a part with m faces and r regions.
+
+    Attributes
+    ----------
+    face_footprints
+        (m,) area of the rays' footprints on each face, mm^2, at most the face's area.
+    faces
+        (r,) area of the faces that a ray hits, mm^2, for each region.
+    footprints
+        (r,) sum of `face_footprints` for each region.
+    total
+        (r,) area of the region, mm^2.
+    visible_faces
+        Number of faces that a ray hits, whole part.
+    """
+
+    face_footprints: FloatArray
+    faces: FloatArray
+    footprints: FloatArray
+    total: FloatArray
+    visible_faces: int
+
+
+def footprint_areas(
+    camera: Camera, pixels: IntArray, distance: FloatArray, incidence: FloatArray
+) -> FloatArray:
+    """Area of the surface that each pixel sees.
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    pixels
+        (n,) row-major pixel numbers.
+    distance
+        (n,) distances from the camera to the hits along the ray, mm.
+    incidence
+        (n,) angles between the rays and the surface's normals, rad.
+
+    Returns
+    -------
+    (n,) array, mm^2
+    """
+    # The angle is float32; at most 1e-7 short of grazing, so that nothing is divided by zero.
+    cosine = np.maximum(np.cos(incidence), 1e-7)
+    if camera.projection == "orthographic":
+        return camera.pixel_area_mm2 / cosine
+    solid_angle = _solid_angles(
+        camera.focal_length_mm,
+        camera.sensor_mm,
+        camera.resolution,
+        camera.principal_point_px,
+        camera.distortion,
+    )
+    areas: FloatArray = solid_angle[pixels]
+    areas *= distance
+    areas *= distance
+    areas /= cosine
+    return areas
+
+
+def seen_areas(
+    image: AovImage, part: Part, include: Collection[int] = (Status.GOOD,)
+) -> FloatArray:
+    """Area of each face that one pose sees, for users who combine poses in Python.
+
+    Exported as `iriftrace.seen_areas`; of one pose the metrics give the sums over the faces. What
+    several poses see of a face together is at least the largest of their values, and at most
+    their sum and the face's area.
+
+    Parameters
+    ----------
+    image
+        AOV image of the pose.
+    part
+        The part that the image shows.
+    include
+        Status codes of the rays that count; 0 and 5 are possible.
+
+    Returns
+    -------
+    (m,) array, mm^2
+        At most `part.face_areas`.
+
+    Raises
+    ------
+    InputError
+        `include` names rays without a displacement, or a ray has no face.
+    """
+    camera = Camera.from_dict(image.header["camera"])
+    return pose_coverage(part, camera, rays_that_count(image, camera, include)).face_footprints
+
+
+def pose_coverage(part: Part, camera: Camera, rays: PoseRays) -> Coverage:
+    """Coverage by the rays of one pose."""
+    footprints = footprint_areas(camera, rays.pixels, rays.distance, rays.incidence)
+    return measure_coverage(part, camera, rays.face, footprints)
+
+
+def measure_coverage(part: Part, camera: Camera, face: IntArray, footprint: FloatArray) -> Coverage:
+    """Add up what the rays see, for each face and region.
+
+    Parameters
+    ----------
+    part
+        The part.
+    camera
+        The camera that sees it.
+    face
+        (n,) face numbers of the rays' hits.
+    footprint
+        (n,) areas, mm^2.
+    """
+    count = len(part.region_names)
+    region = part.region_of_face
+    areas = part.face_areas
+    seen = np.zeros(len(areas), dtype=np.bool_)
+    seen[face] = True
+    on_face = share_out(
+        _summed(face, footprint, len(areas)),
+        areas,
+        seen | _facing(part, camera),
+        part.face_blocks,
+    )
+    return Coverage(
+        face_footprints=on_face,
+        faces=_summed(region[seen], areas[seen], count),
+        footprints=_summed(region, on_face, count),
+        total=part.region_areas,
+        visible_faces=int(np.count_nonzero(seen)),
+    )
+
+
+def _facing(part: Part, camera: Camera) -> BoolArray:
+    """(m,) whether the camera is on the outer side of a face's plane."""
+    if not part.closed:
+        # An open surface may be seen from both sides.
+        return np.ones(len(part.faces), dtype=np.bool_)
+    normals = part.face_normals
+    if camera.projection == "orthographic":
+        towards: FloatArray = np.einsum("ij,j->i", normals, -camera.forward)
+        return towards > 0
+    height: FloatArray = np.einsum("ij,j->i", normals, camera.origin)
+    return height > part.face_offsets
+
+
+@lru_cache(maxsize=4)
+def _solid_angles(
+    focal_length_mm: float,
+    sensor_mm: tuple[float, float],
+    resolution: tuple[int, int],
+    principal_point_px: tuple[float, float],
+    distortion: Distortion | None,
+) -> FloatArray:
+    """Solid angles of all pixels, row by row, sr; the same in every pose of a camera."""
+    camera = Camera(
+        focal_length_mm=focal_length_mm,
+        sensor_mm=sensor_mm,
+        resolution=resolution,
+        principal_point_px=principal_point_px,
+        distortion=distortion,
+    )
+    angles = camera.pixel_solid_angle().ravel()
+    angles.setflags(write=False)
+    return angles
+
+
+def _summed(key: IntArray, values: FloatArray, count: int) -> FloatArray:
+    sums: FloatArray = np.bincount(key, values, minlength=count).astype(np.float64)
+    return sums

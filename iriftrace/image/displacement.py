@@ -1,0 +1,144 @@
+"""What hot air does to each pixel: the displacement on the part and the shift in the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.image.aov_image import AovImage, Status
+
+USABLE = (Status.GOOD, Status.INDEX_MISMATCH)
+"""Codes of the rays that have a displacement at all: both the straight and the refracted hit."""
+
+
+@frozen(eq=False)
+class DisplacementMap:
+    """Displacement of every pixel, (height, width) arrays; 0 where `good` is False.
+
+    Attributes
+    ----------
+    norm
+        Distance between the straight and the refracted hit, mm.
+    lateral
+        Its part across the straight line of sight, mm, not negative.
+    axial
+        Its part along the straight line of sight, mm; positive when the refracted hit lies farther
+        from the camera.
+    good
+        Whether the pixel's ray counts.
+    """
+
+    norm: FloatArray
+    lateral: FloatArray
+    axial: FloatArray
+    good: BoolArray
+
+
+@frozen(eq=False)
+class ShiftMap:
+    """Shift of every pixel's picture: `pixels` (height, width, 2), px, x right and y down.
+
+    `good` tells whether the pixel's ray counts; the shift is 0 where it does not.
+    """
+
+    pixels: FloatArray
+    good: BoolArray
+
+
+def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> BoolArray:
+    """(height, width) bool: rays whose status is one of `include`.
+
+    Raises
+    ------
+    InputError
+        `include` names a status whose rays lack one of the two hits, or none at all.
+    """
+    unusable = sorted(set(include) - set(USABLE))
+    if unusable or not include:
+        raise InputError(
+            f"rays of status {', '.join(map(str, unusable)) or 'none'} have no displacement; "
+            f"only {' and '.join(str(int(code)) for code in USABLE)} can be included."
+        )
+    status = image.channels["status.code"]
+    good = np.zeros(status.shape, dtype=np.bool_)
+    for code in include:
+        good |= status == int(code)
+    return good
+
+
+def lines_of_sight(camera: Camera, hits: FloatArray) -> FloatArray:
+    """(n, 3) unit vectors, world, from the camera to n hits ((n, 3) array, mm, world)."""
+    if camera.projection == "orthographic":
+        return np.broadcast_to(camera.forward, hits.shape)
+    return unit_vectors(hits - camera.origin)
+
+
+def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Split displacements into their parts across and along the line of sight.
+
+    Parameters
+    ----------
+    vectors
+        (n, 3) displacements, mm.
+    sight
+        (n, 3) unit vectors.
+
+    Returns
+    -------
+    lateral, axial : (n,) arrays, mm
+        The length across, and the signed length along the line of sight.
+    """
+    axial = np.einsum("ij,ij->i", vectors, sight)
+    across = vectors - axial[:, None] * sight
+    return np.sqrt(np.einsum("ij,ij->i", across, across)), axial
+
+
+def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> DisplacementMap:
+    """Displacement of every pixel, whole and split at the line of sight, for work in Python.
+
+    Exported as `iriftrace.displacement_map`.
+
+    Parameters
+    ----------
+    image
+        AOV image of one pose.
+    include
+        Codes of the rays that count; 0 and 5 are possible.
+
+    Raises
+    ------
+    InputError
+        `include` names rays without a displacement.
+    """
+    good = good_mask(image, include)
+    camera = Camera.from_dict(image.header["camera"])
+    sight = lines_of_sight(camera, image.vector("straight", good))
+    norm, lateral, axial = (np.zeros(good.shape, dtype=np.float64) for _ in range(3))
+    norm[good] = image.channels["displacement.norm"][good]
+    lateral[good], axial[good] = split_displacement(image.vector("displacement", good), sight)
+    return DisplacementMap(norm, lateral, axial, good)
+
+
+def shift_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> ShiftMap:
+    """Shift of every pixel: where its surface point appears minus where it would without hot air.
+
+    Exported as `iriftrace.shift_map`.
+
+    Parameters
+    ----------
+    image, include
+        As for `displacement_map`.
+
+    Raises
+    ------
+    InputError
+        `include` names rays without a displacement.
+    """
+    good = good_mask(image, include)
+    return ShiftMap(np.where(good[..., None], image.vector("shift.px"), 0.0), good)

@@ -1,0 +1,174 @@
+"""Measured pixel shifts between a cold and a hot picture, read from a map or a list of markers.
+
+A shift is where something is seen in the hot picture minus where it is seen in the cold one, in
+pixels, u to the right and v down. Files count as OpenCV does: (0, 0) is the centre of the first
+pixel. Inside the program pixel ``i`` covers ``[i, i + 1)``, as everywhere.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import numpy_reason, sha256_of
+
+COLUMNS = ("u", "v", "du", "dv")
+PAIRS = (("x", "y"), ("u", "v"), ("du", "dv"), ("dx", "dy"), ("r", "g"))
+"""Names of the two channels of a map, in any case, also behind a dot (``shift.px.X``)."""
+
+_SHIFT = ("shift.px.X", "shift.px.Y")
+
+
+@frozen(eq=False)
+class MeasuredShift:
+    """Shifts that were measured at n places of a picture.
+
+    Attributes
+    ----------
+    places : (n, 2) array, px
+        Image positions; pixel ``i`` covers ``[i, i + 1)``.
+    shifts : (n, 2) array, px
+    resolution : (2,) int or None
+        Width and height of a map; None for markers.
+    path : str
+    sha256 : str
+    """
+
+    places: FloatArray
+    shifts: FloatArray
+    resolution: tuple[int, int] | None
+    path: str
+    sha256: str
+
+
+def read_measured_shift(path: str | Path) -> MeasuredShift:
+    """Read measured shifts.
+
+    Parameters
+    ----------
+    path : path
+        ``.exr`` with two channels (see `PAIRS`) or the channels ``shift.px.X`` and ``shift.px.Y``;
+        ``.npy`` with an array (height, width, 2) or (2, height, width); in both, pixels that are
+        not finite were not measured. Or ``.csv`` with the columns u, v, du, dv (others are not
+        read); rows without du or dv were not measured.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, of another kind, or holds no measured shift.
+    """
+    file = Path(path)
+    readers = {".exr": _exr_map, ".npy": _npy_map}
+    kind = file.suffix.lower()
+    if kind not in (*readers, ".csv", ".txt"):
+        raise InputError(
+            f"{file} is no measured shift that can be read; give a two-channel map (.exr, .npy) or "
+            "markers with the columns u, v, du, dv (.csv)."
+        )
+    if not file.is_file():
+        raise InputError(f"there is no file {file}; give the measured shift.")
+    resolution = None
+    if kind in readers:
+        field = readers[kind](file)
+        height, width = field.shape[:2]
+        resolution = (width, height)
+        row, column = np.nonzero(np.isfinite(field).all(axis=2))
+        places = np.stack((column, row), axis=1).astype(np.float64) + 0.5
+        shifts = field[row, column]
+    else:
+        places, shifts = _markers(file)
+    if len(shifts) == 0:
+        raise InputError(f"{file} holds no measured shift: none of its values is finite.")
+    return MeasuredShift(places, shifts, resolution, str(file), sha256_of(file))
+
+
+def _exr_map(file: Path) -> FloatArray:
+    """(h, w, 2) array; NaN where an AOV image has no shift."""
+    if not OpenEXR.isOpenExrFile(str(file)):
+        raise InputError(f"{file} is not an OpenEXR file; write the map again.")
+    try:
+        with OpenEXR.File(str(file), separate_channels=True) as content:
+            channels = {
+                name: np.array(channel.pixels, dtype=np.float64)
+                for name, channel in content.channels().items()
+            }
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"{file} is damaged or incomplete ({error}).") from error
+    names = _SHIFT if set(_SHIFT) <= set(channels) else _pair(sorted(channels), file)
+    field = np.stack([channels[name] for name in names], axis=2)
+    if "status.code" in channels:
+        field[np.rint(channels["status.code"]) != 0] = np.nan
+    return field
+
+
+def _pair(names: list[str], file: Path) -> tuple[str, str]:
+    short = {name.rpartition(".")[2].lower(): name for name in names}
+    for across, down in PAIRS:
+        if len(names) == 2 and set(short) == {across, down}:
+            return short[across], short[down]
+    raise InputError(
+        f"{file} has the channels {', '.join(names)}, but a map of shifts has two, across and "
+        "down, named " + ", ".join(f"{a} and {b}" for a, b in PAIRS) + "; rename them."
+    )
+
+
+def _npy_map(file: Path) -> FloatArray:
+    try:
+        field = np.load(file, allow_pickle=False)
+        numbers = np.asarray(field, dtype=np.float64)
+    except (OSError, ValueError, TypeError, EOFError) as error:
+        raise InputError(f"{file} is no NumPy array of numbers ({numpy_reason(error)}).") from error
+    if numbers.ndim == 3 and numbers.shape[2] == 2:
+        return numbers
+    if numbers.ndim == 3 and numbers.shape[0] == 2:
+        return np.moveaxis(numbers, 0, 2)
+    raise InputError(
+        f"{file} has the shape {numbers.shape}, but a map of shifts is (height, width, 2) or "
+        "(2, height, width): across and down."
+    )
+
+
+def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{file} is no text in UTF-8 ({error.reason}).") from error
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.split("#")[0].strip()]
+    delimiter = next((d for d in ";,\t" if lines and d in lines[0][1]), None)
+    rows = [
+        (k, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
+        if delimiter
+        else (k, line.split())
+        for k, line in lines
+    ]
+    names = [name.lower() for name in rows[0][1]] if rows else []
+    if not set(COLUMNS) <= set(names):
+        raise InputError(
+            f"{file} has the columns {', '.join(names) or 'none'}, but the first line of a list of "
+            "markers names u, v, du, dv: position and shift, px, (0, 0) the first pixel's centre."
+        )
+    wanted = [names.index(name) for name in COLUMNS]
+    values = []
+    for k, cells in rows[1:]:
+        if len(cells) != len(names):
+            raise InputError(
+                f"{file}, line {k} has {len(cells)} columns, but the first one has {len(names)}."
+            )
+        chosen = [cells[column] for column in wanted]
+        if delimiter == ";":
+            chosen = [cell.replace(",", ".") for cell in chosen]
+        try:
+            values.append([float(cell) if cell else np.nan for cell in chosen])
+        except ValueError:
+            raise InputError(
+                f"{file}, line {k}: {', '.join(chosen)} are no four numbers; correct them."
+            ) from None
+    table = np.array(values, dtype=np.float64).reshape(-1, 4)
+    table = table[np.isfinite(table).all(axis=1)]
+    return table[:, :2] + 0.5, table[:, 2:]

@@ -1,0 +1,140 @@
+"""The rays of one pose that count, taken out of its AOV image in double precision.
+
+Everything is kept component by component, (3, n) and not (n, 3): NumPy works through long rows
+several times faster than through many short ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import AovImage
+from iriftrace.image.displacement import good_mask
+
+
+@frozen(eq=False)
+class PoseRays:
+    """Hits of the n rays of one pose that count, in the order of their pixels.
+
+    Attributes
+    ----------
+    pixels
+        (n,) row-major pixel numbers, rising.
+    face
+        (n,) faces under the straight hits.
+    position
+        (3, n) straight hits, mm, camera frame.
+    distance
+        (n,) length of the straight rays, mm.
+    incidence
+        (n,) angles of incidence, rad.
+    """
+
+    pixels: IntArray
+    face: IntArray
+    position: FloatArray
+    distance: FloatArray
+    incidence: FloatArray
+
+
+@frozen(eq=False)
+class Bending:
+    """What hot air does to n rays, (n,) arrays.
+
+    Attributes
+    ----------
+    norm, lateral, axial
+        Length of the displacement, and of its parts across and along the line of sight, mm.
+    shift
+        Length of the pixel shift, px.
+    """
+
+    norm: FloatArray
+    lateral: FloatArray
+    axial: FloatArray
+    shift: FloatArray
+
+
+def rays_that_count(image: AovImage, camera: Camera, include: Collection[int]) -> PoseRays:
+    """Take the rays of some status codes out of an image.
+
+    Raises
+    ------
+    InputError
+        `include` names rays without a displacement, or a ray has no face.
+    """
+    pixels = np.flatnonzero(good_mask(image, include))
+    face = np.rint(image.channels["part.face"].ravel()[pixels]).astype(np.int64) - 1
+    lost = int(np.count_nonzero(face < 0))
+    if lost:
+        raise InputError(
+            f"{lost} good rays have no face in the channel part.face, so the "
+            "image is damaged; render it again."
+        )
+    offset = _components(image, "straight", pixels)
+    offset -= camera.origin[:, None]
+    position = _product(camera.matrix[:3, :3].T, offset)
+    parallel = camera.projection == "orthographic"
+    return PoseRays(
+        pixels=pixels,
+        face=face,
+        position=position,
+        distance=position[2] if parallel else _length(position),
+        incidence=_channel(image, "incidence.angle", pixels),
+    )
+
+
+def bending(image: AovImage, camera: Camera, rays: PoseRays) -> Bending:
+    """Displacement of the rays, split at their lines of sight, and pixel shift."""
+    vector = _product(camera.matrix[:3, :3].T, _components(image, "displacement", rays.pixels))
+    if camera.projection == "orthographic":
+        along, across = vector[2], vector[:2]
+    else:
+        sight = rays.position / rays.distance
+        along = _sum_of_products(vector, sight)
+        sight *= along
+        vector -= sight
+        across = vector
+    return Bending(
+        norm=_channel(image, "displacement.norm", rays.pixels),
+        lateral=_length(across),
+        axial=np.abs(along),
+        shift=_length(_components(image, "shift.px", rays.pixels)),
+    )
+
+
+def _channel(image: AovImage, name: str, pixels: IntArray) -> FloatArray:
+    values: FloatArray = image.channels[name].ravel()[pixels].astype(np.float64)
+    return values
+
+
+def _components(image: AovImage, name: str, pixels: IntArray) -> FloatArray:
+    axes = [f"{name}.{axis}" for axis in "XYZ" if f"{name}.{axis}" in image.channels]
+    vectors = np.empty((len(axes), len(pixels)))
+    for row, axis in zip(vectors, axes, strict=True):
+        row[:] = image.channels[axis].ravel()[pixels]
+    return vectors
+
+
+def _product(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    # Not by BLAS, whose threads wait for cores that the tracer's own threads still hold.
+    product: FloatArray = np.einsum("ij,jn->in", matrix, vectors)
+    return product
+
+
+def _sum_of_products(first: FloatArray, second: FloatArray) -> FloatArray:
+    """(n,) array: scalar products of the columns."""
+    total: FloatArray = first[0] * second[0]
+    for one, other in zip(first[1:], second[1:], strict=True):
+        total += one * other
+    return total
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.sqrt(_sum_of_products(vectors, vectors))

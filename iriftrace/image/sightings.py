@@ -1,0 +1,262 @@
+"""Which faces of the part each pose of a sweep sees, and how well: reduced, stored, read again.
+
+In a sweep's file these are contiguous ragged arrays as the CF conventions (1.11, section 9.3.3)
+describe them: all rows of the first pose, then all of the second.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import Float32Array, Int32Array
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.image.displacement import good_mask
+from iriftrace.part.part import Part
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+COUNTS = "sightings"
+"""Variable with the number of rows of each pose."""
+
+COLUMNS: dict[str, tuple[str, str, str]] = {
+    "face": ("i4", "1", "face number, in the order of the part's file"),
+    "rays": ("i4", "1", "good rays on the face"),
+    "displacement": ("f4", "mm", "mean displacement of these rays"),
+    "incidence": ("f4", "degree", "smallest angle of incidence of these rays"),
+}
+"""Columns, in the file with ``sighting_`` before their names: (type, unit, description)."""
+
+ROW = np.dtype([(name, kind) for name, (kind, _, _) in COLUMNS.items()])
+
+
+@frozen(eq=False)
+class FaceSightings:
+    """The n faces that one pose sees with at least one good ray.
+
+    Attributes
+    ----------
+    face : (n,) array of int32
+        Face numbers, ascending.
+    rays : (n,) array of int32
+        Good rays on each face.
+    displacement : (n,) array of float32, mm
+        Mean over these rays.
+    incidence : (n,) array of float32, degree
+        Smallest angle of incidence of these rays.
+    """
+
+    face: Int32Array
+    rays: Int32Array
+    displacement: Float32Array
+    incidence: Float32Array
+
+    def __len__(self) -> int:
+        return len(self.face)
+
+    def as_rows(self) -> NDArray[Any]:
+        """(n,) structured array of type `ROW`."""
+        rows = np.empty(len(self), dtype=ROW)
+        for name in COLUMNS:
+            rows[name] = getattr(self, name)
+        return rows
+
+    @classmethod
+    def from_rows(cls, rows: NDArray[Any]) -> FaceSightings:
+        """Inverse of :meth:`as_rows`."""
+        return cls(**{name: np.ascontiguousarray(rows[name]) for name in COLUMNS})
+
+
+NOTHING_SEEN = FaceSightings.from_rows(np.empty(0, dtype=ROW))
+
+
+def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> FaceSightings:
+    """Reduce the good rays of one pose to the faces that they hit.
+
+    Parameters
+    ----------
+    image : AovImage
+    include : collection of int
+        Status codes of the rays that count; 0 and 5 are possible.
+
+    Raises
+    ------
+    InputError
+        If `include` names rays without a displacement.
+    """
+    good = good_mask(image, include)
+    face = np.rint(image.channels["part.face"][good]).astype(np.int64) - 1
+    if len(face) == 0:
+        return NOTHING_SEEN
+    first = int(face.min())
+    row = face - first
+    rays = np.bincount(row)
+    moved = np.bincount(row, image.channels["displacement.norm"][good])
+    angle = np.full(len(rays), np.inf, dtype=np.float32)
+    np.minimum.at(angle, row, image.channels["incidence.angle"][good])
+    seen = np.flatnonzero(rays)
+    return FaceSightings(
+        face=(seen + first).astype(np.int32),
+        rays=rays[seen].astype(np.int32),
+        displacement=(moved[seen] / rays[seen]).astype(np.float32),
+        incidence=np.degrees(angle[seen].astype(np.float64)).astype(np.float32),
+    )
+
+
+def sightings_of(dataset: xr.Dataset, pose: int) -> FaceSightings:
+    """What one pose of a sweep sees; only its own rows are read from the file.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A sweep.
+    pose : int
+        Number of the pose.
+
+    Raises
+    ------
+    InputError
+        If the sweep has no such pose, or no face data.
+    """
+    ends = np.cumsum(_counts(dataset))
+    if not 0 <= pose < len(ends):
+        raise InputError(
+            f"The sweep has no pose {pose}; its {len(ends)} poses are numbered from 0."
+        )
+    start = int(ends[pose - 1]) if pose else 0
+    rows = dataset[[f"sighting_{name}" for name in COLUMNS]].isel(
+        sighting=slice(start, int(ends[pose]))
+    )
+    return FaceSightings(**{name: rows[f"sighting_{name}"].values for name in COLUMNS})
+
+
+def seen_by_pose(
+    dataset: xr.Dataset,
+    *,
+    max_displacement_mm: float = math.inf,
+    max_incidence_deg: float = 90.0,
+    min_rays: int = 1,
+) -> NDArray[np.bool_]:
+    """Which faces each pose sees well enough.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A sweep of n poses of a part with m faces.
+    max_displacement_mm : float, mm
+        A face whose mean displacement is larger does not count as seen.
+    max_incidence_deg : float, degree
+        A face whose smallest angle of incidence is larger does not count.
+    min_rays : int
+        A face that fewer good rays hit does not count.
+
+    Returns
+    -------
+    (n, m) array of bool
+
+    Raises
+    ------
+    InputError
+        If a limit lets nothing pass, or the sweep has no face data.
+    """
+    if not max_displacement_mm > 0.0:
+        raise InputError(
+            f"No face has a displacement below {max_displacement_mm:g} mm; give a positive limit."
+        )
+    if not 0.0 < max_incidence_deg <= 90.0:
+        raise InputError(
+            f"The largest angle of incidence is {max_incidence_deg:g} degrees, but rays arrive at "
+            "0 to 90; give a limit in between."
+        )
+    if min_rays < 1:
+        raise InputError(
+            f"With at least {min_rays} rays, faces that no ray hits would count as seen; give 1 or "
+            "more."
+        )
+    poses = len(_counts(dataset))
+    seen = np.zeros((poses, dataset.sizes["face"]), dtype=np.bool_)
+    for pose in range(poses):
+        found = sightings_of(dataset, pose)
+        enough = (
+            (found.displacement <= max_displacement_mm)
+            & (found.incidence <= max_incidence_deg)
+            & (found.rays >= min_rays)
+        )
+        seen[pose, found.face[enough]] = True
+    return seen
+
+
+def _counts(dataset: xr.Dataset) -> NDArray[np.int64]:
+    if COUNTS not in dataset or "face" not in dataset.sizes:
+        raise InputError(
+            "The sweep does not say which faces each pose sees, because an earlier version of "
+            "iriftrace or another program wrote it; run it again."
+        )
+    return np.asarray(dataset[COUNTS].values, dtype=np.int64)
+
+
+# MERGE face_maps: How well a whole sweep sees each face of the part: maps added up pose by pose.
+
+
+def face_maps(sightings: Iterable[FaceSightings], part: Part) -> dict[str, Any]:
+    """Add up what the poses of a sweep see; only one pose is in memory at a time.
+
+    Parameters
+    ----------
+    sightings : iterable of FaceSightings
+        Of n poses, in their order.
+    part : Part
+        With m faces.
+
+    Returns
+    -------
+    dict
+        Variables for the sweep's dataset: ``sightings`` over ``pose`` and, over ``face``, area,
+        region, times seen, mean displacement and smallest angle of incidence. The latter two are
+        NaN for a face that was never seen.
+    """
+    count = len(part.faces)
+    rows_of_pose = []
+    times_seen = np.zeros(count, dtype=np.int32)
+    rays = np.zeros(count, dtype=np.int64)
+    moved = np.zeros(count)
+    incidence = np.full(count, np.nan, dtype=np.float32)
+    for found in sightings:
+        face = found.face
+        rows_of_pose.append(len(found))
+        times_seen[face] += 1
+        rays[face] += found.rays
+        moved[face] += found.rays * found.displacement.astype(np.float64)
+        incidence[face] = np.fmin(incidence[face], found.incidence)
+    displacement = np.full(count, np.nan, dtype=np.float32)
+    seen = rays > 0
+    displacement[seen] = moved[seen] / rays[seen]
+    region = (part.region_of_face + 1).astype(np.int16)
+    of_face = {
+        "face_area": (part.face_areas, "mm2", "area"),
+        "face_region": (region, "1", "number of the face's region in the coordinate region"),
+        "face_times_seen": (times_seen, "1", "poses that see the face"),
+        "face_displacement": (displacement, "mm", "mean displacement of all rays of all poses"),
+        "face_incidence": (incidence, "degree", "smallest angle of incidence in any pose"),
+    }
+    rows = np.array(rows_of_pose, dtype=np.int64)
+    text = "faces that the pose sees: rows of the variables over sighting"
+    return {
+        COUNTS: (
+            ("pose",),
+            rows,
+            {"units": "1", "long_name": text, "sample_dimension": "sighting"},
+        ),
+        **{
+            name: (("face",), values, {"units": unit, "long_name": text})
+            for name, (values, unit, text) in of_face.items()
+        },
+    }

@@ -1,0 +1,1 @@
+"""The measured part, its files, regions and parametric shapes."""

@@ -1,0 +1,398 @@
+"""The measured part: a triangle surface in millimetres with named regions."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from attrs import evolve, frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.units import length_factor
+from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
+from iriftrace.geometry.topology import faces_to_flip, find_neighbours, weld
+from iriftrace.geometry.triangles import face_crosses, unit_vectors
+from iriftrace.part.files import load_mesh_file, write_ply
+from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
+
+# MERGE part_check: Checks of a part's surface: unit, orientation and closedness.
+
+# Parts outside these sizes are rarely real; a metre read as a millimetre is common.
+_PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
+_SHORT_UNITS = {
+    "meters": "m",
+    "meter": "m",
+    "millimeters": "mm",
+    "millimeter": "mm",
+    "centimeters": "cm",
+    "centimeter": "cm",
+    "inches": "inch",
+    "inch": "inch",
+    "microns": "um",
+}
+
+
+def check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: str) -> None:
+    """Warn when the unit is not the one that the file declares, or makes an unlikely size."""
+    short = _SHORT_UNITS.get(declared, declared) if declared else chosen
+    if short != chosen:
+        warnings.warn(
+            f"{path} declares its unit as {short} but is read as {chosen}; "
+            f"pass --length-unit {short} if the file is right.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+        return
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    smallest, largest = _PLAUSIBLE_SIZE_MM
+    if size < smallest or size > largest:  # not for NaN, which is refused later
+        warnings.warn(
+            f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
+            "measured part; check --length-unit.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+
+
+def oriented(
+    path: Path, vertices: FloatArray, faces: IntArray, welded: IntArray
+) -> tuple[IntArray, bool]:
+    """Faces with one orientation, outward for a closed surface, and whether it is closed."""
+    neighbours = find_neighbours(welded[faces])
+    if not neighbours.opposed.all():
+        areas = np.linalg.norm(face_crosses(vertices, faces), axis=1)
+        flip = faces_to_flip(neighbours, areas)
+        faces = np.where(flip[:, None], faces[:, ::-1], faces)
+        warnings.warn(
+            f"{path} has {np.count_nonzero(flip)} triangles that face the other way than their "
+            "neighbours; they were turned over.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    if neighbours.open_edges:
+        warnings.warn(
+            f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
+            "surface that is there, rays may pass through the holes, and what lies inside the part "
+            "cannot be told; rays through a hole count what they find behind it.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+        return faces, False
+    centred = vertices - vertices.mean(axis=0)
+    volume = np.einsum("ij,ij->", centred[faces[:, 0]], face_crosses(centred, faces))
+    if volume < 0:
+        faces = faces[:, ::-1]
+        warnings.warn(
+            f"{path} has its inside out (negative volume); all triangles were turned over.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    return faces, True
+
+
+MOST_FACES = 2**24 - 2
+"""The EXR channel ``part.face`` is float32, which holds face number + 1 exactly up to here."""
+
+
+@frozen(eq=False)
+class Part:
+    """Triangle surface of the measured part.
+
+    Attributes
+    ----------
+    vertices
+        (n, 3) array, mm, world.
+    faces
+        (m, 3) vertex numbers, counter-clockwise seen from outside, in the order of the file.
+    region_of_face
+        (m,) number of each face's region, an index into `region_names`.
+    region_names
+        Names of the regions.
+    smooth_group
+        (m,) number of the smoothly connected patch that each face belongs to.
+    path, sha256
+        The file and the SHA-256 of its bytes.
+    length_unit
+        The unit in which the file was read.
+    closed
+        Whether every edge belongs to an even number of triangles.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+    region_of_face: IntArray
+    region_names: tuple[str, ...]
+    smooth_group: IntArray
+    path: str
+    sha256: str
+    length_unit: str
+    closed: bool
+
+    @cached_property
+    def _crosses(self) -> FloatArray:
+        return face_crosses(self.vertices, self.faces)
+
+    @cached_property
+    def face_areas(self) -> FloatArray:
+        """(m,) array, mm^2."""
+        areas: FloatArray = 0.5 * np.linalg.norm(self._crosses, axis=1)
+        return areas
+
+    @cached_property
+    def face_normals(self) -> FloatArray:
+        """(m, 3) unit vectors, outward for a closed part; zero for a face without area."""
+        return unit_vectors(self._crosses)
+
+    @cached_property
+    def face_centres(self) -> FloatArray:
+        """(m, 3) array, mm, world."""
+        centres: FloatArray = self.vertices[self.faces].mean(axis=1)
+        return centres
+
+    @cached_property
+    def face_offsets(self) -> FloatArray:
+        """(m,) array, mm: distance of each face's plane from the origin, along its normal."""
+        offsets: FloatArray = np.einsum("ij,ij->i", self.face_normals, self.face_centres)
+        return offsets
+
+    @cached_property
+    def face_blocks(self) -> FaceBlocks:
+        """Blocks of faces that lie close together on one smooth patch of one region."""
+        # A region of the file may hold only a piece of a smooth patch.
+        piece = self.smooth_group * len(self.region_names) + self.region_of_face
+        return nest_faces(piece, self.face_centres)
+
+    @cached_property
+    def region_areas(self) -> FloatArray:
+        """(r,) array, mm^2: area of each region."""
+        count = len(self.region_names)
+        areas = np.bincount(self.region_of_face, self.face_areas, minlength=count)
+        return areas.astype(np.float64)
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the whole surface, mm^2."""
+        return float(self.face_areas.sum())
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume inside a closed part, mm^3: the sum of the tetrahedra from its middle."""
+        a, b, c = (self.vertices - self.centre)[self.faces].transpose(1, 0, 2)
+        return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0
+
+    @cached_property
+    def bounds(self) -> FloatArray:
+        """(2, 3) array, mm, world: lowest and highest coordinates."""
+        used = self.vertices[self.faces.ravel()]
+        return np.stack((used.min(axis=0), used.max(axis=0)))
+
+    @property
+    def centre(self) -> FloatArray:
+        """(3,) array, mm, world: middle of `bounds`."""
+        middle: FloatArray = self.bounds.mean(axis=0)
+        return middle
+
+    def transformed(self, matrix: ArrayLike) -> Part:
+        """The same part elsewhere; a mirrored one keeps its outward orientation.
+
+        Parameters
+        ----------
+        matrix
+            (4, 4) array, old to new coordinates, mm.
+
+        Raises
+        ------
+        InputError
+            The matrix is not an invertible affine one.
+        """
+        affine = _affine(matrix)
+        mirrored = np.linalg.det(affine[:3, :3]) < 0
+        return evolve(
+            self,
+            vertices=self.vertices @ affine[:3, :3].T + affine[:3, 3],
+            faces=self.faces[:, ::-1] if mirrored else self.faces,
+        )
+
+
+def read_part(
+    path: str | Path,
+    *,
+    length_unit: str = "mm",
+    transform: ArrayLike | None = None,
+    expansion: float | None = None,
+    reference_temperature_k: float = 293.15,
+    hot_temperature_k: float | None = None,
+    region_angle_deg: float = 30.0,
+) -> Part:
+    """Read a part's surface, check it and find its regions.
+
+    The coordinates are taken in `length_unit`, then expanded about the file's origin, then
+    transformed.
+
+    Parameters
+    ----------
+    path
+        A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
+    length_unit
+        Unit of the file's coordinates.
+    transform
+        (4, 4) array, part to world, mm.
+    expansion
+        Linear thermal expansion, 1/K. The file describes the part at `reference_temperature_k`.
+    reference_temperature_k, hot_temperature_k
+        Temperatures of the file and of the hot part, K; the second is needed with `expansion`.
+    region_angle_deg
+        Faces whose normals differ by less are smoothly connected.
+
+    Returns
+    -------
+    Part
+        Regions come from the PLY face property ``region`` (or ``region_0``) with names from
+        comments ``region NUMBER NAME``, otherwise from `iriftrace.part.regions.name_regions`.
+
+    Raises
+    ------
+    InputError
+        The file cannot be used, or an argument is wrong.
+
+    Warns
+    -----
+    IriftraceWarning
+        The surface is not closed, was turned over, or its unit is doubtful.
+    """
+    path = Path(path)
+    factor = length_factor(length_unit) * _growth(
+        expansion, reference_temperature_k, hot_temperature_k
+    )
+    file = load_mesh_file(path)
+    vertices = file.vertices * factor
+    check_unit(path, vertices, file.unit, length_unit)
+    return part_of_mesh(
+        vertices,
+        file.faces,
+        name=str(path),
+        sha256=file.sha256,
+        length_unit=length_unit,
+        regions=file.regions,
+        transform=transform,
+        region_angle_deg=region_angle_deg,
+    )
+
+
+def part_of_mesh(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    *,
+    name: str,
+    sha256: str = "",
+    length_unit: str = "mm",
+    regions: Regions | None = None,
+    transform: ArrayLike | None = None,
+    region_angle_deg: float = 30.0,
+) -> Part:
+    """Check a triangle mesh and find its regions.
+
+    Parameters
+    ----------
+    vertices
+        (n, 3) array, mm.
+    faces
+        (m, 3) vertex numbers.
+    name
+        Where the mesh comes from, for messages and provenance.
+    sha256, length_unit
+        Of the file behind it, where there is one.
+    regions
+        Named regions, where they are known.
+    transform, region_angle_deg
+        As for `read_part`, which see for errors and warnings too.
+    """
+    if not 0 < region_angle_deg < 180:
+        raise InputError(
+            f"a region angle of {region_angle_deg} degrees separates nothing; "
+            "give one between 0 and 180."
+        )
+    points = np.asarray(vertices, dtype=np.float64)
+    triangles = np.asarray(faces, dtype=np.int64)
+    if len(triangles) > MOST_FACES:
+        raise InputError(
+            f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be told apart "
+            "in the EXR; simplify the mesh."
+        )
+    if not np.isfinite(points).all():
+        raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
+    welded = weld(points)
+    triangles, closed = oriented(Path(name), points, triangles, welded)
+    neighbours = find_neighbours(welded[triangles])
+    crosses = face_crosses(points, triangles)
+    normals, areas = unit_vectors(crosses), 0.5 * np.linalg.norm(crosses, axis=1)
+    if areas.sum() <= 0:
+        raise InputError(f"{name} has triangles but no area; export the part's surface again.")
+    groups = find_smooth_groups(neighbours, normals, region_angle_deg)
+    # Directions in the names are those of the world, in which the user sees the part.
+    seen = normals if transform is None else _turned(normals, _affine(transform))
+    named = regions or name_regions(groups, seen, areas)
+    part = Part(
+        vertices=points,
+        faces=triangles,
+        region_of_face=named.of_face,
+        region_names=named.names,
+        smooth_group=groups,
+        path=name,
+        sha256=sha256,
+        length_unit=length_unit,
+        closed=closed,
+    )
+    return part if transform is None else part.transformed(transform)
+
+
+def save_part(part: Part, path: str | Path) -> None:
+    """Write a part as binary PLY (float32, millimetre) that keeps its faces' order and regions.
+
+    Mitsuba, trimesh and ParaView read the file; `read_part` gives the regions back.
+
+    Raises
+    ------
+    InputError
+        The folder does not exist.
+    """
+    regions = Regions(part.region_of_face, part.region_names)
+    write_ply(Path(path), part.vertices, part.faces, regions)
+
+
+def _turned(normals: FloatArray, affine: FloatArray) -> FloatArray:
+    # Normals transform with the inverse transpose; the determinant's sign does not matter for it.
+    return unit_vectors(normals @ np.linalg.inv(affine[:3, :3]))
+
+
+def _affine(matrix: ArrayLike) -> FloatArray:
+    affine = np.asarray(matrix, dtype=np.float64)
+    if affine.shape != (4, 4) or not np.array_equal(affine[3:], [[0, 0, 0, 1]]):
+        raise InputError("a transform must be a 4 x 4 matrix whose last row is 0 0 0 1.")
+    # A singular matrix would squash the part onto a plane.
+    scale = float(np.abs(affine[:3, :3]).max())
+    if not (np.isfinite(affine).all() and abs(np.linalg.det(affine[:3, :3])) > 1e-9 * scale**3):
+        raise InputError(
+            "a transform must be finite and invertible, because a part without volume cannot be "
+            "measured; check its numbers."
+        )
+    return affine
+
+
+def _growth(expansion: float | None, reference_k: float, hot_k: float | None) -> float:
+    if expansion is None:
+        return 1.0
+    if hot_k is None:
+        raise InputError(
+            "thermal expansion needs the part's hot temperature as well; give both or neither."
+        )
+    if not (np.isfinite([expansion, reference_k, hot_k]).all() and abs(expansion) < 1e-3):
+        raise InputError(
+            f"thermal expansion of {expansion} per kelvin from {reference_k} K to {hot_k} K is not "
+            "that of a solid; steel has about 14e-6/K."
+        )
+    return 1.0 + expansion * (hot_k - reference_k)

@@ -1,0 +1,1 @@
+"""Parametric parts with named regions: cylinder, bevel gear, wishbone."""

@@ -1,0 +1,322 @@
+"""Straight bevel gear with involute teeth, hub and bore."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.part.regions import Regions
+from iriftrace.part.shapes.solid import (
+    between_rings,
+    check_count,
+    check_less,
+    check_positive,
+    circle,
+)
+
+# MERGE parts.involute: The outline of a gear's teeth: involute flanks between a root and a tip ci
+
+FLANK_POINTS, TIP_STEPS, ROOT_STEPS = 10, 4, 4
+PER_TOOTH = 2 * FLANK_POINTS + TIP_STEPS + ROOT_STEPS - 2
+"""Points of the outline of one tooth with the gap after it."""
+
+_WIDER_ROOT = 0.10
+"""Share of half a tooth's pitch by which a flank is wider at the root, in place of a fillet."""
+
+
+@frozen(slots=False)
+class Involute:
+    """Outline of a gear's teeth in the plane across its axis.
+
+    The flanks are involutes of the base circle (radius of the pitch circle times the cosine of the
+    pressure angle) from the pitch circle to the tip. Below the pitch circle they widen towards the
+    root, and below the base circle they are radial besides.
+
+    Attributes
+    ----------
+    teeth : int
+    pitch_radius, root_radius, tip_radius : float, mm
+    pressure_angle : float, rad
+    """
+
+    teeth: int
+    pitch_radius: float
+    root_radius: float
+    tip_radius: float
+    pressure_angle: float
+
+    @property
+    def base_radius(self) -> float:
+        """Radius of the circle of which the flanks are involutes, mm."""
+        return self.pitch_radius * float(np.cos(self.pressure_angle))
+
+    def half_angle(self, radius: ArrayLike) -> FloatArray:
+        """Half the angle, rad, that a tooth takes at given radii, mm."""
+        r = np.asarray(radius, dtype=np.float64)
+        half_pitch = np.pi / (2 * self.teeth)
+        rolled = np.arccos(np.clip(self.base_radius / r, 0.0, 1.0))
+        half = half_pitch + _involute(self.pressure_angle) - _involute(rolled)
+        depth = (self.pitch_radius - r) / (self.pitch_radius - self.root_radius)
+        wider = _WIDER_ROOT * half_pitch * np.clip(depth, 0.0, 1.0) ** 2
+        return np.asarray(half + wider)
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """(teeth * PER_TOOTH, 2) array: radius, mm, and angle, rad, counter-clockwise.
+
+        Tooth k is symmetric about the angle 2 pi k / teeth and holds the points from k PER_TOOTH
+        on: flank upwards, tip, flank downwards, root of the gap after it.
+        """
+        radii = np.linspace(self.root_radius, self.tip_radius, FLANK_POINTS)
+        half = self.half_angle(radii)
+        pitch = 2.0 * np.pi / self.teeth
+        tip = np.linspace(-half[-1], half[-1], TIP_STEPS + 1)[1:-1]
+        root = half[0] + np.linspace(0.0, 1.0, ROOT_STEPS + 1)[1:-1] * (pitch - 2.0 * half[0])
+        radius = np.concatenate(
+            (
+                radii,
+                np.full(len(tip), self.tip_radius),
+                radii[::-1],
+                np.full(len(root), self.root_radius),
+            )
+        )
+        angle = np.concatenate((-half, tip, half[::-1], root))
+        turns = pitch * np.repeat(np.arange(self.teeth), len(radius))
+        return np.column_stack((np.tile(radius, self.teeth), np.tile(angle, self.teeth) + turns))
+
+
+def _involute(angle: ArrayLike) -> FloatArray:
+    """The involute function, tan a - a."""
+    return np.asarray(np.tan(angle) - angle)
+
+
+REGIONS = ("teeth", "front", "back", "hub", "bore")
+TOOTH = "tooth"
+"""Name of the region that one tooth becomes."""
+
+_ADDENDUM, _DEDENDUM = 1.0, 1.25
+"""Height of a tooth above and below the pitch cone, in modules, along the back cone."""
+
+_BORE_ROWS, _FACE_ROWS, _TOOTH_ROWS, _HUB_ROWS = 8, 3, 10, 3
+
+
+def bevel_gear(
+    teeth: int = 20,
+    module_mm: float = 2.895,
+    *,
+    pitch_angle_deg: float = 45.0,
+    pressure_angle_deg: float = 20.0,
+    face_width_mm: float | None = None,
+    bore_diameter_mm: float = 18.0,
+    hub_diameter_mm: float = 40.0,
+    hub_length_mm: float = 12.0,
+    rim_mm: float = 1.5,
+    tooth: int | None = None,
+) -> Part:
+    """Straight bevel gear, axis z, large end and hub below, centred between its ends.
+
+    All tooth lines meet in the pitch cone's apex. At the large end the teeth have the involute
+    outline of a spur gear of the same pitch circle, laid onto the back cone with the addendum and
+    dedendum (1 and 1.25 modules) along it; so flanks are involutes seen along the axis, and not
+    those of Tredgold's virtual gear.
+
+    Parameters
+    ----------
+    teeth
+    module_mm
+        Pitch diameter at the large end over the number of teeth.
+    pitch_angle_deg
+        Half the opening angle of the pitch cone; 45 for two equal gears.
+    pressure_angle_deg
+    face_width_mm
+        Length of the teeth along the pitch cone; by default a third of the way to the apex.
+    bore_diameter_mm, hub_diameter_mm
+    hub_length_mm
+        From the plane of the large end's pitch circle to the hub's end.
+    rim_mm
+        Thickness of the rim below the teeth, along the axis and across it.
+    tooth
+        Number of a tooth, counted counter-clockwise from the one towards +x, 0, that becomes the
+        region `TOOTH`.
+
+    Returns
+    -------
+    Part
+        Regions `REGIONS`, and `TOOTH` first where one is asked for. Front and back are the ends
+        with the teeth's end faces.
+
+    Raises
+    ------
+    InputError
+        The sizes make no gear.
+    """
+    check_count("bevel gear", "teeth", teeth, 8, 400)
+    check_positive(
+        "bevel gear",
+        module=module_mm,
+        bore_diameter=bore_diameter_mm,
+        hub_diameter=hub_diameter_mm,
+        hub_length=hub_length_mm,
+        rim=rim_mm,
+    )
+    _check_angle("pitch angle", pitch_angle_deg, 10.0, 80.0)
+    _check_angle("pressure angle", pressure_angle_deg, 14.0, 30.0)
+    if tooth is not None and not 0 <= tooth < teeth:
+        raise InputError(
+            f"There is no tooth {tooth} on a bevel gear with {teeth} teeth; give 0 to {teeth - 1}."
+        )
+    cone = np.radians(pitch_angle_deg)
+    pitch_radius = 0.5 * teeth * module_mm
+    outline = Involute(
+        teeth,
+        pitch_radius,
+        root_radius=pitch_radius - _DEDENDUM * module_mm * float(np.cos(cone)),
+        tip_radius=pitch_radius + _ADDENDUM * module_mm * float(np.cos(cone)),
+        pressure_angle=float(np.radians(pressure_angle_deg)),
+    )
+    reach = pitch_radius / float(np.sin(cone))
+    width = reach / 3.0 if face_width_mm is None else face_width_mm
+    check_positive("bevel gear", face_width=width)
+    check_less(
+        "bevel gear",
+        ("face width", width),
+        ("cone distance", reach),
+        "its teeth end before the apex",
+    )
+    if not outline.half_angle(outline.tip_radius) > 0.0:
+        raise InputError(
+            f"Teeth of {pressure_angle_deg:g} degrees pressure angle come to a point below the tip "
+            f"of a bevel gear with {teeth} teeth; give more teeth or a smaller angle."
+        )
+    rings = _rings(
+        outline,
+        slope=float(np.tan(cone)),
+        small_end=1.0 - width / reach,
+        bore=0.5 * bore_diameter_mm,
+        hub=0.5 * hub_diameter_mm,
+        hub_end=-hub_length_mm,
+        rim=rim_mm,
+    )
+    vertices, faces = between_rings(rings, closed=True)
+    vertices[:, 2] -= 0.5 * (vertices[:, 2].max() + vertices[:, 2].min())
+    # The rings run up the bore and down the teeth, about the axis from below.
+    return part_of_mesh(vertices, faces[:, ::-1], name="bevel gear", regions=_regions(teeth, tooth))
+
+
+def _check_angle(name: str, degrees: float, low: float, high: float) -> None:
+    if not low <= degrees <= high:
+        raise InputError(
+            f"A {name} of {degrees:g} degrees makes no usable gear; give {low:g} to {high:g}."
+        )
+
+
+def _rings(
+    outline: Involute,
+    *,
+    slope: float,
+    small_end: float,
+    bore: float,
+    hub: float,
+    hub_end: float,
+    rim: float,
+) -> list[FloatArray]:
+    """Closed curves along the gear's section: bore, front, teeth, back, hub and its end.
+
+    The pitch circle of the large end lies in z = 0.
+    """
+    radius, angle = outline.points.T
+    back_cone = circle(1.0, 0.0, angle) * radius[:, None]
+    back_cone[:, 2] = (radius - outline.pitch_radius) * slope
+    apex = np.array((0.0, 0.0, outline.pitch_radius / slope))
+    even = angle[0] + 2.0 * np.pi * np.arange(len(angle)) / len(angle)
+
+    def tooth_ring(share: float) -> FloatArray:
+        return np.asarray(apex + share * (back_cone - apex))
+
+    def plain_ring(size: float, height: float, evenness: float) -> FloatArray:
+        # Away from the teeth the points spread evenly, which makes better triangles.
+        return circle(size, height, (1.0 - evenness) * angle + evenness * even)
+
+    front = float(tooth_ring(small_end)[:, 2].min())
+    back = float(back_cone[:, 2].min()) - rim
+    small_root = outline.root_radius * small_end
+    _check_section(outline, bore, hub, hub_end, rim, small_root, back)
+    rings = [plain_ring(bore, z, 1.0) for z in np.linspace(hub_end, front, _BORE_ROWS + 1)]
+    for k in range(1, _FACE_ROWS):
+        size = bore + (small_root - bore) * k / _FACE_ROWS
+        rings.append(plain_ring(size, front, 1.0 - 0.33 * k))
+    rings += [tooth_ring(share) for share in np.linspace(small_end, 1.0, _TOOTH_ROWS + 1)]
+    rings += [plain_ring(outline.root_radius - rim, back, 0.3), plain_ring(hub, back, 0.8)]
+    rings += [plain_ring(hub, z, 1.0) for z in np.linspace(back, hub_end, _HUB_ROWS + 1)[1:]]
+    for k in range(1, _FACE_ROWS):
+        rings.append(plain_ring(hub + (bore - hub) * k / _FACE_ROWS, hub_end, 1.0))
+    return rings
+
+
+def _check_section(
+    outline: Involute,
+    bore: float,
+    hub: float,
+    hub_end: float,
+    rim: float,
+    small_root: float,
+    back: float,
+) -> None:
+    """Refuse a section whose curves would cross."""
+    bore_size = ("bore diameter", 2.0 * bore)
+    check_less(
+        "bevel gear", bore_size, ("hub diameter", 2.0 * hub), "a wall has to be left between them"
+    )
+    check_less(
+        "bevel gear",
+        bore_size,
+        ("root diameter of the small end", 2.0 * small_root),
+        "the bore would cut the teeth",
+    )
+    check_less(
+        "bevel gear",
+        ("hub diameter", 2.0 * hub),
+        ("rim's diameter", 2.0 * (outline.root_radius - rim)),
+        "the hub stands on the rim's back",
+    )
+    check_less(
+        "bevel gear",
+        ("depth of the rim", -back),
+        ("hub length", -hub_end),
+        "the hub ends behind the rim",
+    )
+
+
+def _regions(teeth: int, tooth: int | None) -> Regions:
+    """Regions of the faces, in the order of the strips between `_rings`."""
+    rows = {
+        "bore": _BORE_ROWS,
+        "front": _FACE_ROWS,
+        "teeth": _TOOTH_ROWS,
+        "back": 2,
+        "hub": _HUB_ROWS,
+        "hub's end": _FACE_ROWS,
+    }
+    of_row = np.repeat(list(rows), list(rows.values()))
+    of_row[of_row == "hub's end"] = "back"
+    per_row = 2 * teeth * PER_TOOTH
+    named = np.repeat(of_row, per_row).astype(object)
+    names: tuple[str, ...] = REGIONS
+    if tooth is not None:
+        row, place = np.divmod(np.arange(len(named)), per_row)
+        # From the middle of the gap before the tooth to the middle of the gap after it.
+        before = (place // 2 + ROOT_STEPS // 2) // PER_TOOTH % teeth
+        end_face = _BORE_ROWS + _FACE_ROWS - 1
+        flank = 2 * FLANK_POINTS + TIP_STEPS - 2
+        on_tooth = (place // 2) % PER_TOOTH < flank - 1
+        own = (before == tooth) & ((of_row[row] == "teeth") | ((row == end_face) & on_tooth))
+        named[own] = TOOTH
+        names = (TOOTH, *REGIONS)
+    number = {name: i for i, name in enumerate(names)}
+    return Regions(np.array([number[name] for name in named], dtype=np.int64), names)

@@ -1,0 +1,140 @@
+"""Cylinders: of one material, and of two joined end to end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.part.regions import Regions
+from iriftrace.part.shapes.solid import between_rings, check_count, check_positive, circle, fan
+
+_HEAD_RINGS = 3
+"""Rings of triangles on a head."""
+
+HYBRID_REGIONS = ("head -x", "lateral -x", "transition", "lateral +x", "head +x")
+"""Regions of the hybrid cylinder, from its cold end to its hot one."""
+
+
+def cylinder(
+    diameter_mm: float = 27.0,
+    length_mm: float = 170.0,
+    *,
+    segments: int = 60,
+    stations: int = 12,
+) -> Part:
+    """Cylinder along x.
+
+    Parameters
+    ----------
+    diameter_mm
+        Of the circle through the polygon's corners.
+    length_mm
+    segments
+        Sides of the polygon.
+    stations
+        Rows of triangles along the axis.
+
+    Returns
+    -------
+    Part
+        Regions ``lateral``, ``head -x`` and ``head +x``.
+
+    Raises
+    ------
+    InputError
+        A length is not positive or there are too few segments.
+    """
+    check_positive("cylinder", diameter=diameter_mm, length=length_mm)
+    check_count("cylinder", "stations", stations, 1, 1000)
+    ends = 0.5 * length_mm * np.linspace(-1.0, 1.0, stations + 1)
+    vertices, faces, place = _turned(diameter_mm, ends, segments)
+    number = np.where(place < 0, 1, np.where(place >= stations, 2, 0))
+    regions = Regions(number, ("lateral", "head -x", "head +x"))
+    return part_of_mesh(vertices, faces, name="cylinder", regions=regions)
+
+
+def hybrid_cylinder(
+    diameter_mm: float = 27.0,
+    length_mm: float = 170.0,
+    *,
+    transition_mm: float = 10.0,
+    interface_mm: float = 0.0,
+    segments: int = 60,
+    stations: int = 32,
+) -> Part:
+    """Cylinder along x of two materials, of which the one at x > interface is meant to be hotter.
+
+    Parameters
+    ----------
+    diameter_mm, length_mm, segments
+        As for `cylinder`.
+    transition_mm
+        Length of the region around the interface in which the temperature changes.
+    interface_mm
+        Where the materials meet, x.
+    stations
+        Rows of triangles along the axis, besides those of the transition.
+
+    Returns
+    -------
+    Part
+        Regions `HYBRID_REGIONS`.
+
+    Raises
+    ------
+    InputError
+        A length is not positive, the transition is not on the cylinder, or there are too few
+        segments.
+    """
+    check_positive("hybrid cylinder", diameter=diameter_mm, length=length_mm)
+    check_positive("hybrid cylinder", transition=transition_mm)
+    check_count("hybrid cylinder", "stations", stations, 2, 1000)
+    half = 0.5 * length_mm
+    start, stop = interface_mm - 0.5 * transition_mm, interface_mm + 0.5 * transition_mm
+    if not -half < start < stop < half:
+        raise InputError(
+            f"The hybrid cylinder's transition from x = {start:g} to {stop:g} mm is not within its "
+            f"length from {-half:g} to {half:g} mm; move the interface or shorten the transition."
+        )
+    cold = max(1, round(stations * (start + half) / (length_mm - transition_mm)))
+    hot = max(1, stations - cold)
+    # A row for every few millimetres, so that the transition's own faces can tell where it is hot.
+    rows = max(2, round(transition_mm / 2.5))
+    ends = np.concatenate(
+        (
+            np.linspace(-half, start, cold + 1)[:-1],
+            np.linspace(start, stop, rows + 1),
+            np.linspace(stop, half, hot + 1)[1:],
+        )
+    )
+    vertices, faces, place = _turned(diameter_mm, ends, segments)
+    # Row number from the cold end; -1 and one more than the last are the heads.
+    number = np.searchsorted((0, cold, cold + rows, cold + rows + hot), place, side="right")
+    regions = Regions(number.astype(np.int64), HYBRID_REGIONS)
+    return part_of_mesh(vertices, faces, name="hybrid cylinder", regions=regions)
+
+
+def _turned(
+    diameter: float, ends: FloatArray, segments: int
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """Vertices, outward faces and the row of each face along x; -1 and the last are heads."""
+    check_count("cylinder", "segments", segments, 8, 2000)
+    radius = 0.5 * diameter
+    angle = 2.0 * np.pi * np.arange(segments) / segments
+    inner = radius * np.arange(1, _HEAD_RINGS) / _HEAD_RINGS
+    rings = [
+        *(circle(r, ends[0], angle) for r in inner),
+        *(circle(radius, x, angle) for x in ends),
+        *(circle(r, ends[-1], angle) for r in inner[::-1]),
+    ]
+    vertices, faces = between_rings(rings, closed=False)
+    first, last = len(vertices), len(vertices) + 1
+    vertices = np.vstack((vertices, (0.0, 0.0, ends[0]), (0.0, 0.0, ends[-1])))
+    near = np.arange(segments)
+    faces = np.vstack((faces, fan(first, near[::-1]), fan(last, first - segments + near)))
+    strip = np.repeat(np.arange(len(rings) - 1), 2 * segments) - len(inner)
+    row = np.concatenate((strip, np.full(segments, -1), np.full(segments, len(ends))))
+    # Circles were drawn around z; cyclic exchange of the axes keeps the orientation.
+    return vertices[:, [2, 0, 1]], faces, np.clip(row, -1, len(ends) - 1)

@@ -1,0 +1,146 @@
+"""The files of a made part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.part.part import Part, save_part
+
+SUFFIXES = (".ply", ".stl")
+
+
+def check_file(path: Path) -> None:
+    """Refuse a name that is none of a part's file.
+
+    Raises
+    ------
+    InputError
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        proposed = path.with_name((path.stem or "part") + ".ply")
+        raise InputError(
+            f"The output {path} must end in .ply, which keeps the named regions, or .stl; name it "
+            f"{proposed}, for example."
+        )
+
+
+def save_solid(part: Part, path: str | Path) -> None:
+    """Write a part as PLY with its regions, or as STL without, which many programs want.
+
+    Raises
+    ------
+    InputError
+        The name has another ending, or the folder does not exist.
+    """
+    file = Path(path)
+    check_file(file)
+    if file.suffix.lower() == ".ply":
+        save_part(part, file)
+        return
+    mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
+    with whole_file(file) as temporary:
+        mesh.export(temporary, file_type="stl")
+
+
+# MERGE parts.rings: Surfaces made of rings: the triangles between closed curves of equally many p
+
+
+def circle(radius: float, height: float, angle: FloatArray) -> FloatArray:
+    """(n, 3) array: points at n angles (rad) on a circle around z, at a height; mm."""
+    return np.column_stack(
+        (radius * np.cos(angle), radius * np.sin(angle), np.full(len(angle), height))
+    )
+
+
+def between_rings(rings: Sequence[FloatArray], *, closed: bool) -> tuple[FloatArray, IntArray]:
+    """Triangles between each ring and the next, across the shorter diagonal.
+
+    Parameters
+    ----------
+    rings
+        (n, 3) arrays, mm, equally long; point j of a ring faces point j of the next. Where the
+        rings run counter-clockwise about the direction from one to the next, the triangles' normals
+        point away from the axis.
+    closed
+        Whether the last ring is joined to the first.
+
+    Returns
+    -------
+    vertices : (r n, 3) array, mm
+    faces : (2 s n, 3) array
+        Strip by strip, s of them; two triangles for each of a strip's n places.
+    """
+    points = np.asarray(rings, dtype=np.float64)
+    count, length, _ = points.shape
+    strip = np.arange(count if closed else count - 1)[:, None]
+    place = np.arange(length)[None, :]
+    above, beside = (strip + 1) % count, (place + 1) % length
+    a, b = strip * length + place, strip * length + beside
+    c, d = above * length + place, above * length + beside
+    vertices = points.reshape(-1, 3)
+    first = np.linalg.norm(vertices[a] - vertices[d], axis=-1)
+    second = np.linalg.norm(vertices[b] - vertices[c], axis=-1)
+    # Equal diagonals of a symmetric part must not differ by their rounding.
+    shorter = first <= second * (1.0 + 1e-9)
+    along = np.stack((np.stack((a, b, d), -1), np.stack((a, d, c), -1)), axis=2)
+    across = np.stack((np.stack((a, b, c), -1), np.stack((b, d, c), -1)), axis=2)
+    faces = np.where(shorter[:, :, None, None], along, across)
+    return vertices, faces.reshape(-1, 3)
+
+
+def fan(centre: int, ring: IntArray) -> IntArray:
+    """(n, 3) array: triangles from one vertex to a ring of n, counter-clockwise as the ring is."""
+    return np.column_stack((np.full(len(ring), centre), ring, np.roll(ring, -1)))
+
+
+# MERGE parts.sizes: Checks of a part's parameters.
+
+
+def check_positive(part: str, **lengths: float) -> None:
+    """Refuse lengths (mm) that are not positive.
+
+    Raises
+    ------
+    InputError
+    """
+    for name, value in lengths.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(
+                f"The {part}'s {name.replace('_', ' ')} of {value:g} mm makes no solid; give a "
+                "positive length."
+            )
+
+
+def check_less(part: str, smaller: tuple[str, float], larger: tuple[str, float], why: str) -> None:
+    """Refuse two lengths (name, mm) of which the first is not the smaller one.
+
+    Raises
+    ------
+    InputError
+    """
+    if not smaller[1] < larger[1]:
+        raise InputError(
+            f"The {part}'s {smaller[0]} of {smaller[1]:.4g} mm must be less than its {larger[0]} "
+            f"of {larger[1]:.4g} mm, because {why}."
+        )
+
+
+def check_count(part: str, name: str, count: int, least: int, most: int) -> None:
+    """Refuse a number of pieces that makes no such part, or more triangles than are of use.
+
+    Raises
+    ------
+    InputError
+    """
+    if not least <= count <= most:
+        raise InputError(
+            f"A {part} with {count} {name} cannot be made; give {least} to {most} {name}."
+        )

@@ -1,0 +1,1 @@
+"""Which poses are best, and how sure that is."""

@@ -1,0 +1,156 @@
+"""One metric of all poses of a sweep as plans, figures and reports show it: named, with a unit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.planning.candidates import Statistic
+from iriftrace.planning.rank import Plan
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.figures.style import Limits
+
+
+_STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th percentile of the"}
+_READINGS = {
+    "step": "step to the next pixel",
+    "nn3d": "nearest neighbour in space",
+    "nnxy": "nearest neighbour in the picture's plane",
+}
+# Values that span more than this are read on a logarithmic scale.
+_WIDE = 20.0
+
+
+@frozen(eq=False)
+class Quantity:
+    """One metric of all n poses.
+
+    Attributes
+    ----------
+    key : str
+        Short name, for files.
+    title : str
+        What it is.
+    name : str
+        The same with the reading, for axes.
+    unit : str
+        For axes.
+    values : (n,) array
+        In that unit; NaN for a pose without a number.
+    limits : (2,) tuple
+        In that unit: ends of the normalisation; of the score its smallest and largest value.
+    normalised : (n,) array
+        0 at the lower limit and 1 at the upper one and beyond; the score as it is.
+    logarithmic : bool
+        Whether colours and axes are.
+    """
+
+    key: str
+    title: str
+    name: str
+    unit: str
+    values: FloatArray
+    limits: Limits
+    normalised: FloatArray
+    logarithmic: bool
+
+    @property
+    def label(self) -> str:
+        """Name and unit for an axis."""
+        return f"{self.name} ({self.unit})"
+
+    @property
+    def known(self) -> BoolArray:
+        """(n,) mask of the poses that have a number."""
+        return np.isfinite(self.values)
+
+
+def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
+    """A metric of a ranking, as it is shown.
+
+    Parameters
+    ----------
+    plan
+        The ranking.
+    key
+        One of `iriftrace.planning.METRICS`.
+    enough
+        (n,) mask of the poses whose values rest on enough rays.
+    """
+    name = _name(plan, key)
+    values = np.where(enough, plan.metrics[key], np.nan)
+    low, high = plan.limits[key]
+    factor, unit = 1e3, "µm"
+    if key == "coverage":
+        factor, unit = 100.0, "%"
+    elif high >= 10.0:
+        factor, unit = 1.0, "mm"
+    # Only the displacement goes over orders of magnitude; zero has no place on its scale.
+    wide = key == "displacement" and bool(np.nanmin(values) > 0.0)
+    return Quantity(
+        key=key,
+        title=name.partition(",")[0],
+        name=name,
+        unit=unit,
+        values=factor * values,
+        limits=(factor * low, factor * high),
+        normalised=plan.normalised[key],
+        logarithmic=wide and bool(np.nanmax(values) > _WIDE * np.nanmin(values)),
+    )
+
+
+def _name(plan: Plan, key: str) -> str:
+    match key:
+        case "displacement":
+            return f"{_STATISTICS[plan.statistic]} displacement"
+        case "coverage":
+            return "Coverage"
+    return f"{key.capitalize()} resolution, {_READINGS[plan.resolution]}"
+
+
+def scatter_quantity(view: xr.Dataset, statistic: Statistic, enough: BoolArray) -> Quantity | None:
+    """Standard deviation over the members of an ensemble; None for a single field.
+
+    Parameters
+    ----------
+    view
+        One region of a sweep.
+    statistic
+        Of the standard deviations in one view.
+    enough
+        (n,) mask of the poses whose values rest on enough rays.
+    """
+    if f"scatter_{statistic}" not in view:
+        return None
+    values = np.where(enough, 1e3 * view[f"scatter_{statistic}"].values, np.nan)
+    if not np.isfinite(values).any():
+        return None
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    span = high - low or 1.0
+    title = f"{_STATISTICS[statistic]} scatter"
+    wide = low > 0.0 and high > _WIDE * low
+    return Quantity(
+        key="scatter",
+        title=title,
+        name=f"{title}, standard deviation over the members",
+        unit="µm",
+        values=values,
+        limits=(low, high),
+        normalised=np.clip((values - low) / span, 0.0, 1.0),
+        logarithmic=wide,
+    )
+
+
+def score_quantity(plan: Plan) -> Quantity:
+    """The combined score of a ranking, as it is shown."""
+    limits = float(np.nanmin(plan.score)), float(np.nanmax(plan.score))
+    unit = "dimensionless, the smaller the better"
+    return Quantity(
+        "score", "Combined score", "Combined score", unit, plan.score, limits, plan.score, False
+    )

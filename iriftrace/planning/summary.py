@@ -1,0 +1,394 @@
+"""What plans, figures and reports show of a sweep: its ranked poses, where they are and saw."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.field.origin import synthetic_mark
+from iriftrace.image.aov_image import AovImage, Status, read_exr
+from iriftrace.image.resolution import FRONTAL, seen_frontally
+from iriftrace.planning.candidates import pareto_front
+from iriftrace.planning.quantities import (
+    Quantity,
+    metric_quantity,
+    scatter_quantity,
+    score_quantity,
+)
+from iriftrace.planning.rank import Plan
+from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
+from iriftrace.sweep.faces import faces_seen
+from iriftrace.sweep.store import attribute, scene_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@frozen(eq=False)
+class SweepSummary:
+    """What is shown of a sweep of n poses.
+
+    Attributes
+    ----------
+    displacement, coverage, axial, lateral, score : Quantity
+    matrices : (n, 4, 4) array, mm, world
+    distance : (n,) array, mm
+        From the camera to what it looks at.
+    azimuth, elevation : (n,) array, degree
+    angles_of : str
+        What azimuth and elevation belong to.
+    rays : dict of (n,) arrays
+        Rays of each status that occurs and hit the part, by status; -1 where unknown.
+    polygons : (n,) array
+        Triangles of the shells in view; -1 where unknown.
+    faces : (n,) array or None
+        Faces of the region that the pose sees; None where an older sweep does not say.
+    varied : tuple of Varied
+        What differs between the poses besides position and direction.
+    front : (k,) array of int
+        Poses on the Pareto front.
+    plan : Plan
+    subtitle : str
+        Scene, region and number of poses.
+    scatter : Quantity or None
+        Standard deviation over the members of an ensemble; None for a single field.
+    """
+
+    displacement: Quantity
+    coverage: Quantity
+    axial: Quantity
+    lateral: Quantity
+    score: Quantity
+    matrices: FloatArray
+    distance: FloatArray
+    azimuth: FloatArray
+    elevation: FloatArray
+    angles_of: str
+    rays: dict[Status, IntArray]
+    polygons: IntArray
+    faces: IntArray | None
+    varied: tuple[Varied, ...]
+    front: IntArray
+    plan: Plan
+    subtitle: str
+    scatter: Quantity | None = None
+
+    @property
+    def metrics(self) -> tuple[Quantity, ...]:
+        """What the score is made of."""
+        return self.displacement, self.coverage, self.axial, self.lateral
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The metrics, of an ensemble the scatter, and the score."""
+        scatter = () if self.scatter is None else (self.scatter,)
+        return *self.metrics, *scatter, self.score
+
+    def value_text(self, quantity: Quantity, pose: int) -> str:
+        """A metric of a pose with four digits; what is only rounding of a resolution is 0."""
+        frontal = quantity is self.axial and self.sees_frontally(pose)
+        return "0" if frontal else f"{quantity.values[pose]:.4g}"
+
+    def sees_frontally(self, pose: int) -> bool:
+        """Whether all that a pose sees is a plane across its axis; only steps can tell that."""
+        lateral, axial = (float(self.plan.metrics[key][pose]) for key in ("lateral", "axial"))
+        known = bool(self.axial.known[pose]) and self.plan.resolution == "step"
+        return known and seen_frontally(lateral, axial)
+
+    @property
+    def origins(self) -> FloatArray:
+        """(n, 3) array, mm, world: where the cameras stand."""
+        return self.matrices[:, :3, 3]
+
+    @property
+    def targets(self) -> FloatArray:
+        """(n, 3) array, mm, world: where the optical axes point."""
+        return self.origins + self.distance[:, None] * self.matrices[:, :3, 2]
+
+    @cached_property
+    def series(self) -> dict[str, IntArray]:
+        """Poses that differ in nothing but position: a description, which may be empty; numbers."""
+        return series_of(self.varied, len(self.distance))
+
+    def grid(self, members: IntArray) -> IntArray | None:
+        """Pose of each elevation (rows) and azimuth (columns); None if the poses are no grid.
+
+        The one pose at a pole stands for all azimuths.
+
+        Parameters
+        ----------
+        members
+            Numbers of the poses to arrange.
+        """
+        azimuths, column = np.unique(self.azimuth[members], return_inverse=True)
+        elevations, row = np.unique(self.elevation[members], return_inverse=True)
+        poses = np.full((len(elevations), len(azimuths)), -1, dtype=np.int64)
+        if min(poses.shape) < 2:
+            return None
+        poses[row, column] = members
+        used = len(row)
+        for pole in np.flatnonzero(np.abs(elevations) == 90.0):
+            (there,) = np.nonzero(row == pole)
+            if len(there) == 1:
+                poses[pole] = members[there[0]]
+                used += len(azimuths) - 1
+        return poses if (poses >= 0).all() and used == poses.size else None
+
+
+def summarise(dataset: xr.Dataset, plan: Plan) -> SweepSummary:
+    """Collect what plans, figures and reports of a sweep show.
+
+    Parameters
+    ----------
+    dataset
+        A sweep.
+    plan
+        Its ranking, by `iriftrace.planning.rank.rank_poses`.
+
+    Raises
+    ------
+    InputError
+        The dataset is not a sweep.
+    """
+    front = pareto_front(
+        dataset,
+        statistic=plan.statistic,
+        resolution=plan.resolution,
+        region=plan.region,
+        min_hits=plan.min_hits,
+        min_coverage=plan.min_coverage,
+    )
+    view = dataset.sel(region=plan.region)
+    enough = np.asarray(view["rays_good"].values) >= plan.min_hits
+    azimuth, elevation, angles_of = _angles(dataset)
+    return SweepSummary(
+        displacement=metric_quantity(plan, "displacement", enough),
+        coverage=metric_quantity(plan, "coverage", enough),
+        axial=metric_quantity(plan, "axial", enough),
+        lateral=metric_quantity(plan, "lateral", enough),
+        score=score_quantity(plan),
+        matrices=np.asarray(_variable(dataset, "matrix"), dtype=np.float64),
+        distance=_variable(dataset, "distance"),
+        azimuth=azimuth,
+        elevation=elevation,
+        angles_of=angles_of,
+        rays=_rays(view),
+        polygons=np.asarray(_variable(dataset, "shell_triangles_in_view"), dtype=np.int64),
+        faces=faces_seen(dataset, plan.region),
+        varied=varied_of(dataset),
+        front=front,
+        plan=plan,
+        subtitle=_subtitle(dataset, plan.region, len(enough), len(plan.unranked)),
+        scatter=scatter_quantity(view, plan.statistic, enough),
+    )
+
+
+def _variable(dataset: xr.Dataset, name: str) -> NDArray[Any]:
+    if name not in dataset:
+        raise InputError(
+            f"This is not a sweep of iriftrace: {name} is missing; give the file that "
+            "`iriftrace sweep` wrote."
+        )
+    return np.asarray(dataset[name].values)
+
+
+def _angles(dataset: xr.Dataset) -> tuple[FloatArray, FloatArray, str]:
+    """Angles of the orbit; of the line of sight where poses come from somewhere else."""
+    azimuth, elevation = (_variable(dataset, name) for name in ("azimuth", "elevation"))
+    if np.isfinite(azimuth).all() and np.isfinite(elevation).all():
+        return azimuth, elevation, "on the orbit"
+    # Rounded, so that straight down is azimuth 0 and not the angle of two rounding errors.
+    x, y, z = 0.0 - np.round(_variable(dataset, "matrix")[:, :3, 2], 12).T
+    across = np.degrees(np.arctan2(y, x))
+    return across, np.degrees(np.arctan2(z, np.hypot(x, y))), "of the line of sight"
+
+
+def _rays(view: xr.Dataset) -> dict[Status, IntArray]:
+    counts = {
+        status: np.asarray(_variable(view, f"rays_{status.key}"), dtype=np.int64)
+        for status in Status
+        if status is not Status.MISSED
+    }
+    return {status: count for status, count in counts.items() if (count > 0).any()}
+
+
+def _subtitle(dataset: xr.Dataset, region: str, poses: int, unranked: int) -> str:
+    parts = [
+        synthetic_mark(attribute(dataset, "field").get("origin")),
+        scene.parent.name + "/" + scene.name if (scene := scene_of(dataset)[0]) else None,
+        "whole part" if region == "part" else f"region {region}",
+        f"{poses} poses",
+        f"{unranked} without a rank" if unranked else None,
+    ]
+    return "  ·  ".join(part for part in parts if part)
+
+
+# MERGE sweep_extremes: What the poses of smallest and largest displacement of a sweep see.
+
+
+def extreme_poses(summary: SweepSummary) -> dict[str, int]:
+    """Numbers of the poses of ``smallest`` and ``largest`` displacement."""
+    values = summary.displacement.values
+    return {"smallest": int(np.nanargmin(values)), "largest": int(np.nanargmax(values))}
+
+
+def extreme_images(
+    dataset: xr.Dataset, summary: SweepSummary, beside: Path
+) -> Iterator[tuple[str, AovImage]]:
+    """Images of the poses of smallest and largest displacement, with their names.
+
+    Read where the sweep kept them, else rendered again.
+
+    Parameters
+    ----------
+    dataset, summary
+        The sweep.
+    beside
+        Folder that the names of the EXRs start from.
+
+    Raises
+    ------
+    InputError
+        An EXR is damaged, or there is none and the scene is gone or has changed.
+    SetupError
+        There is no EXR, and no usable LLVM or CUDA either.
+    """
+    from iriftrace.sweep.reload import load_swept_scene
+
+    for name, pose in extreme_poses(summary).items():
+        file = str(dataset["exr"].values[pose]) if "exr" in dataset else ""
+        if file and (beside / file).is_file():
+            yield name, read_exr(beside / file)
+        else:
+            yield name, load_swept_scene(dataset, pose).render(summary.matrices[pose]).image
+
+
+# MERGE plan_table: The ranking of a sweep's poses as rows of text: the same in the terminal and i
+
+
+@frozen
+class RankingTable:
+    """The best poses and their numbers.
+
+    Attributes
+    ----------
+    headings, short_headings : tuple of str
+        With units; the short ones fit into a terminal.
+    rows : tuple of tuples of str
+        The best pose first.
+    note : str
+        What a number in them means, a sentence; empty where there is nothing to say.
+    """
+
+    headings: tuple[str, ...]
+    short_headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+
+def ranking_table(summary: SweepSummary, top: int) -> RankingTable:
+    """Write down the best poses.
+
+    Parameters
+    ----------
+    summary
+        What is known of the sweep.
+    top
+        Number of rows, at least 1; fewer if fewer poses are ranked.
+
+    Raises
+    ------
+    InputError
+        If no row is wanted.
+    """
+    if top < 1:
+        raise InputError(f"A ranking of {top} rows shows no pose; give at least 1.")
+    return _table(summary, summary.plan.order[:top].tolist())
+
+
+def front_table(summary: SweepSummary) -> RankingTable:
+    """Write down the poses on the Pareto front, by rank; those without a rank come last."""
+    front = set(summary.front.tolist())
+    ranked = [pose for pose in summary.plan.order.tolist() if pose in front]
+    return _table(summary, [*ranked, *sorted(front - set(ranked))])
+
+
+def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
+    ranks = {pose: str(rank) for rank, pose in enumerate(summary.plan.order.tolist(), start=1)}
+    rows = [
+        (
+            ranks.get(pose, ""),
+            str(pose),
+            f"{summary.azimuth[pose]:.1f}",
+            f"{summary.elevation[pose]:.1f}",
+            *(one.values[pose] for one in summary.varied),
+            f"{summary.score.values[pose]:.3f}" if pose in ranks else "",
+            *(summary.value_text(quantity, pose) for quantity in summary.metrics),
+        )
+        for pose in poses
+    ]
+    short = (summary.plan.statistic, "cover", "axial", "lat.")
+    return RankingTable(
+        (
+            *("rank", "pose", "azimuth (°)", "elevation (°)"),
+            *(one.name for one in summary.varied),
+            "score",
+            *(quantity.label for quantity in summary.metrics),
+        ),
+        (
+            *("rank", "pose", "az. °", "el. °"),
+            *(one.short_name for one in summary.varied),
+            "score",
+            *(f"{name} {metric.unit}" for name, metric in zip(short, summary.metrics, strict=True)),
+        ),
+        tuple(rows),
+        f"Axial resolution 0: {FRONTAL}." if any(map(summary.sees_frontally, poses)) else "",
+    )
+
+
+def stability_text(summary: SweepSummary) -> str:
+    """How the best pose fares with other weights, one sentence."""
+    from iriftrace.planning.rank import stability
+
+    varied = stability(summary.plan)
+    rivals = len(varied.rivals)
+    return (
+        f"When one weight varies by +-50 %, the best pose ranks {varied.worst_rank} at worst; "
+        f"when all do, {rivals} other {'pose' if rivals == 1 else 'poses'} can beat it."
+    )
+
+
+def alternative_text(summary: SweepSummary) -> str | None:
+    """That the winner is not clear, one sentence; None if it is."""
+    from iriftrace.planning.rank import close_alternative
+
+    found = close_alternative(summary.plan)
+    if found is None:
+        return None
+    return (
+        f"The winner is not clear: pose {found.pose} scores only {found.behind:.3f} more and sees "
+        f"{100 * found.coverage:.1f} % of the {_what(summary.plan.region)} instead of "
+        f"{100 * found.best_coverage:.1f} %; choose by what has to be measured, change the "
+        "weights or ask for a --min-coverage."
+    )
+
+
+def front_text(summary: SweepSummary) -> str:
+    """The poses on the Pareto front, one sentence."""
+    return (
+        "Not beaten in displacement, coverage and resolution at once (Pareto front): poses "
+        + ", ".join(map(str, summary.front.tolist()))
+        + "."
+    )
+
+
+def _what(region: str) -> str:
+    return "part" if region == "part" else f"region {region}"

@@ -1,0 +1,1 @@
+"""Which Mitsuba variant and which LLVM or CUDA library."""

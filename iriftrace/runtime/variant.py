@@ -1,0 +1,213 @@
+"""Chooses Mitsuba's variant and makes sure, before it can do harm, that its LLVM or CUDA works.
+
+Everything that other modules need to know of LLVM, CUDA and variants is here. Importing it imports
+neither Mitsuba nor Dr.Jit.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from attrs import frozen
+
+from iriftrace.core.errors import InputError, SetupError
+from iriftrace.runtime.llvm import (
+    OLDEST_MAJOR,
+    PATH_VARIABLE,
+    llvm_install_command,
+    require_llvm,
+    run_probe,
+)
+
+#: Single-channel, as a ray has one wavelength. "ad" is not needed, but no wheel comes without.
+VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
+DEFAULT_VARIANT = "llvm_ad_mono"
+VARIANT_VARIABLE = "IRIFTRACE_VARIANT"
+
+
+@frozen
+class CudaState:
+    """The CUDA devices of this machine by name, and why there are none."""
+
+    devices: tuple[str, ...]
+    why: str
+
+
+def cuda_state() -> CudaState:
+    """Ask the CUDA driver for its devices, in another process."""
+    answer = run_probe("cuda")
+    return CudaState(devices=tuple(answer["devices"]), why=answer["error"])
+
+
+def current_variant() -> str | None:
+    """Return the variant that is set in this process, or None; does not import Mitsuba."""
+    if "mitsuba" not in sys.modules:
+        return None
+    name: str | None = _mitsuba().variant()
+    return name
+
+
+def wanted_variant(variant: str | None = None) -> str:
+    """Return the variant that `ensure(variant)` would set.
+
+    In this order: the argument, the variant that is set already, the environment variable
+    `IRIFTRACE_VARIANT`, `llvm_ad_mono`.
+
+    Raises
+    ------
+    InputError
+        It is not one of `VARIANTS`, scalar ones among them.
+    """
+    already = current_variant()
+    if variant is not None:
+        name, origin = variant, "The variant"
+    elif already is not None:
+        name, origin = already, "Mitsuba's current variant"
+    elif os.environ.get(VARIANT_VARIABLE):
+        name, origin = os.environ[VARIANT_VARIABLE], f"{VARIANT_VARIABLE} ="
+    else:
+        name, origin = DEFAULT_VARIANT, "The variant"
+    if name in VARIANTS:
+        return name
+    if name.startswith("scalar"):
+        reason = "scalar variants trace one ray at a time in single precision"
+    else:
+        reason = "rays here have one wavelength and are traced as arrays"
+    raise InputError(
+        f"{origin} {name!r} cannot be used, because {reason}; choose {' or '.join(VARIANTS)}."
+    )
+
+
+def ensure(variant: str | None = None) -> str:
+    """Set a variant that works, register iriftrace's plugins with it and return its name.
+
+    Call it before anything that traces rays; calling it again costs nothing. `wanted_variant` says
+    what is chosen. Exactly this variant is set: there is no fallback, least of all to a scalar one.
+
+    Before Mitsuba is imported for the first time, and only when `DRJIT_LIBLLVM_PATH` is unset, the
+    variable is set to the newest LLVM found that is 17 or newer, in this process and its children.
+    Otherwise Dr.Jit might pick an older one, and LLVM 15 and 16 abort the process.
+
+    Raises
+    ------
+    InputError
+        The variant is a scalar one or otherwise not among `VARIANTS`.
+    SetupError
+        No usable LLVM or CUDA, or Mitsuba was imported earlier and took an LLVM that is not usable.
+    """
+    name = wanted_variant(variant)
+    if name != current_variant():
+        _set_variant(name)
+    if name.startswith("llvm"):
+        _check_loaded_llvm()
+    _register_plugins()
+    return name
+
+
+@contextmanager
+def using(variant: str) -> Iterator[str]:
+    """Work with `variant` inside the `with` block and set the former variant again afterwards.
+
+    Objects of one variant are of no use in another: what a block loads ends with it. When no
+    variant was set before, this one stays, because Mitsuba cannot unset one.
+
+    Raises
+    ------
+    InputError, SetupError
+        As `ensure`.
+    """
+    former = current_variant()
+    name = ensure(variant)
+    try:
+        yield name
+    finally:
+        if former is not None and former != current_variant():
+            _mitsuba().set_variant(former)
+
+
+def _set_variant(name: str) -> None:
+    imported_before = "mitsuba" in sys.modules
+    if not imported_before:
+        _point_to_llvm(required=name.startswith("llvm"))
+    if name.startswith("cuda"):
+        _require_cuda()
+    mitsuba = _import_mitsuba()
+    if name not in mitsuba.variants():
+        raise SetupError(
+            f"This Mitsuba ({mitsuba.__version__}) was built without {name}; "
+            'install the published one: pip install "mitsuba>=3.9,<3.10"'
+        )
+    try:
+        mitsuba.set_variant(name)
+    except ImportError as error:
+        cause = str(error).splitlines()[0]
+        if imported_before and name.startswith("llvm"):
+            require_llvm()  # says what to install, should there still be none
+            raise SetupError(
+                f"Mitsuba was imported before it could find a usable LLVM and cannot look again "
+                f"({cause}); restart Python and call iriftrace.runtime.ensure() before importing "
+                "mitsuba."
+            ) from error
+        raise SetupError(f"Mitsuba cannot work with {name}: {cause}") from error
+
+
+def _point_to_llvm(*, required: bool) -> None:
+    """Set `DRJIT_LIBLLVM_PATH` when it is unset; without a usable LLVM raise only if required."""
+    try:
+        library = require_llvm()
+    except SetupError:
+        if required:
+            raise
+        return
+    if not os.environ.get(PATH_VARIABLE):
+        os.environ[PATH_VARIABLE] = library.path
+
+
+def _require_cuda() -> None:
+    state = cuda_state()
+    if not state.devices:
+        raise SetupError(
+            f"cuda_ad_mono needs an NVIDIA GPU with its driver, and none answers ({state.why}); "
+            f"install the driver or use {DEFAULT_VARIANT}."
+        )
+
+
+def _check_loaded_llvm() -> None:
+    """Ask Dr.Jit what it has really loaded: someone else may have imported Mitsuba first."""
+    version = importlib.import_module("drjit.detail").llvm_version()
+    if version[0] < OLDEST_MAJOR:
+        raise SetupError(
+            f"Mitsuba was imported earlier and has loaded LLVM {'.'.join(map(str, version))}, and "
+            f"versions before {OLDEST_MAJOR} can abort the whole process; restart Python and call "
+            f"iriftrace.runtime.ensure() before importing mitsuba, or set {PATH_VARIABLE} first."
+        )
+
+
+def _register_plugins() -> None:
+    importlib.import_module("iriftrace.plugins").register()
+
+
+def _import_mitsuba() -> Any:
+    try:
+        return _mitsuba()
+    except (ImportError, NameError) as error:  # Dr.Jit stumbles over its own ImportError
+        cause: BaseException = error
+        while cause.__context__ is not None:
+            cause = cause.__context__
+        if isinstance(cause, KeyboardInterrupt):
+            # Ctrl-C within the import arrives wrapped; it says nothing about the installation.
+            raise KeyboardInterrupt from error
+        if isinstance(cause, ModuleNotFoundError):
+            remedy = 'pip install "mitsuba>=3.9,<3.10"'
+        else:
+            remedy = llvm_install_command()
+        raise SetupError(f"Mitsuba cannot be imported ({cause}); to mend it: {remedy}") from error
+
+
+def _mitsuba() -> Any:
+    return importlib.import_module("mitsuba")

@@ -1,0 +1,1 @@
+"""Scene folders written, read and loaded."""

@@ -1,0 +1,141 @@
+"""The members of an ensemble's scene: which fields they are and where their files lie."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from attrs import asdict, frozen
+
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+
+MEMBER = "member"
+"""Parameter of an ensemble's scene: number of the member that is traced alone, from 1."""
+
+FOLDER = "members"
+"""Folder beside the scene's XML, with a folder for each member, named by its number."""
+
+TABLE = "members.json"
+INCLUDED = "shells.xml"
+SCHEMA = "iriftrace.members/1"
+
+
+@frozen
+class FieldMember:
+    """One field of an ensemble.
+
+    Attributes
+    ----------
+    number : int
+        From 1.
+    label : str
+        What tells it from the others: a time step, a parameter, a file's name.
+    time : float or None
+        In the file's own unit, where it states one.
+    source : dict
+        Its file; see `iriftrace.index_field.FieldSource`.
+    """
+
+    number: int
+    label: str
+    time: float | None
+    source: dict[str, Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+
+def member_folder(scene: Path, number: int | str) -> Path:
+    """Folder of one member's shells and field, beside the scene's XML file."""
+    return scene.parent / FOLDER / str(number)
+
+
+def is_ensemble(scene: Path) -> bool:
+    """Whether a scene's XML file has the parameter ``member``."""
+    try:
+        text = scene.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        # Whoever reads the scene says what is wrong with it.
+        return False
+    return re.search(rf'<default\s+name="{MEMBER}"', text) is not None
+
+
+def read_members(scene: Path) -> tuple[FieldMember, ...]:
+    """Members of an ensemble's scene.
+
+    Raises
+    ------
+    InputError
+        The table is missing, damaged, or names members whose shells are not there.
+    """
+    path = scene.parent / FOLDER / TABLE
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))
+        if table["schema"] != SCHEMA:
+            raise ValueError(f"schema {table['schema']!r}")
+        members = tuple(FieldMember(**row) for row in table["members"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f'{scene} is the scene of an ensemble (it has the parameter "{MEMBER}"), but its table '
+            f"{path} is missing or damaged ({error}); write the scene again, or choose one member "
+            f"with -D {MEMBER}=1."
+        ) from error
+    if len(members) < 2:
+        raise InputError(f"{path} lists {len(members)} members, but scatter needs at least two.")
+    for member in members:
+        if not (member_folder(scene, member.number) / INCLUDED).is_file():
+            raise InputError(
+                f"{path} lists the member {member.number}, but "
+                f"{member_folder(scene, member.number) / INCLUDED} is missing; write the scene "
+                "again."
+            )
+    return members
+
+
+def write_members(folder: Path, members: tuple[FieldMember, ...]) -> None:
+    """Write the table that `read_members` reads into the folder of the members."""
+    rows = [member.as_dict() for member in members]
+    with whole_file(folder / TABLE) as temporary:
+        text = json.dumps({"schema": SCHEMA, "members": rows}, indent=2)
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def members_of(scene: Path, values: Mapping[str, str]) -> tuple[FieldMember, ...]:
+    """Members that are to be traced together; none where one was chosen or the scene has one field.
+
+    Parameters
+    ----------
+    scene : Path
+        The XML file.
+    values : mapping of str
+        Values for its ``<default>`` parameters.
+
+    Raises
+    ------
+    InputError
+        As `read_members`; or the member that was chosen does not exist.
+    """
+    if not is_ensemble(scene):
+        return ()
+    if MEMBER not in values:
+        return read_members(scene)
+    number = str(values[MEMBER])
+    # Another way to the same folder, ./1, would have results name a member that is not listed.
+    if not (number.isdecimal() and (member_folder(scene, number) / INCLUDED).is_file()):
+        raise InputError(
+            f'{scene} has no member "{number}"; give -D {MEMBER}=1 to '
+            f"{MEMBER}={len(read_members(scene))}, or leave it out to trace them all."
+        )
+    return ()
+
+
+def member_files(scene: Path) -> tuple[Path, ...]:
+    """The table and what the scene includes for each member."""
+    folder = scene.parent / FOLDER
+    included = [member_folder(scene, m.number) / INCLUDED for m in read_members(scene)]
+    return (folder / TABLE, *included)

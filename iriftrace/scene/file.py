@@ -1,0 +1,312 @@
+"""What a scene's XML file says of its meshes, read by Mitsuba's own parser."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.files import check_readable
+from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.scene.wavelength import WAVELENGTH, of_the_file
+from iriftrace.shells.hessian import PLY_COLUMNS
+
+_HEAD = 100_000
+"""Bytes of a file among which a scene begins, whatever comments it has before."""
+
+SHELL_BSDFS = ("iso_shell", "dielectric")
+
+_NAMED_FILES = {"calibrated_camera": ("calibration", None), "gradient_path": ("field", FIELD_FILE)}
+"""Properties of plugins that name files, beside the filenames of meshes, and their defaults."""
+
+
+@frozen(eq=False)
+class SceneFile:
+    """Files and placement of the meshes of a scene.
+
+    Attributes
+    ----------
+    part_path : Path
+        Mesh file of the shape with id ``part``.
+    part_to_world : (4, 4) array
+    shell_paths : tuple of Path
+    file_paths : tuple of Path
+        All files that the scene names: meshes of the part, shells and other objects, fields.
+    """
+
+    part_path: Path
+    part_to_world: NDArray[np.float64]
+    shell_paths: tuple[Path, ...]
+    file_paths: tuple[Path, ...]
+
+
+def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
+    """Parse a scene's XML without loading it, and refuse or warn of what would spoil the result.
+
+    Parameters
+    ----------
+    path : Path
+    values : mapping of str
+        Values for the file's ``<default>`` parameters.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or malformed, a variable is unknown, there is no part, or a mesh is
+        mirrored.
+    """
+    import mitsuba as mi
+
+    require_scene(path)
+    check_readable(path)
+    with path.open("rb") as opened:
+        if b"<scene" not in opened.read(_HEAD):
+            raise InputError(
+                f"{path} is no scene of Mitsuba's; give the XML file that `iriftrace scene` makes "
+                "of a field and a part."
+            )
+    _check_variables(path, values)
+    values = of_the_file(values)
+    try:
+        config = mi.parser.ParserConfig(str(mi.variant()))
+        state = mi.parser.parse_file(config, str(path), **values)
+        mi.parser.transform_resolve_references(config, state)
+    except RuntimeError as error:
+        raise InputError(readable(error)) from error
+    nodes = list(state.nodes)
+    shapes = [node.props for node in nodes if node.type == mi.ObjectType.Shape]
+    files = _files(nodes, path)
+    for file in files:
+        check_readable(file)
+    for node in nodes:
+        _check_named_file(node, path)
+    parts = [props for props in shapes if props.id() == "part"]
+    if len(parts) != 1:
+        raise InputError(
+            f'{path} has {len(parts)} shapes with id="part", but the measured part is known by it; '
+            "give exactly one shape this id."
+        )
+    part_path = _mesh_file(parts[0], path)
+    if part_path is None:
+        raise InputError(
+            f'The shape with id="part" in {path} is a {parts[0].plugin_name()}, but faces and '
+            "regions need a mesh file; use type ply."
+        )
+    _check_there(part_path, path)
+    for props in shapes:
+        mesh = _mesh_file(props, path)
+        # Mitsuba also looks in the current folder.
+        if mesh is not None and not os.path.isfile(str(props["filename"])):
+            _check_there(mesh, path)
+    shell_paths = []
+    flat = []
+    for props in shapes:
+        if not _is_shell(props, nodes):
+            continue
+        placement = _placement(props, f"Shell '{props.id()}'")
+        mesh = _mesh_file(props, path)
+        if mesh is None:
+            continue
+        if _bends_in_layers(nodes) and _changes_lengths(placement) and _is_steep(mesh):
+            raise InputError(
+                f"Shell '{props.id()}' in {path} has a to_world that changes lengths, but its file "
+                "says how steep the index is per mm of its own; make the scene anew with "
+                "--field-transform, or bend rays at the shells alone (-D bending=shells)."
+            )
+        shell_paths.append(mesh)
+        if not _flag(props, "face_normals") and not _has_normals(mesh):
+            flat.append(mesh.name)
+    if flat:
+        raise InputError(
+            f"{', '.join(flat)} in {path} has no vertex normals, so Mitsuba would invent some that "
+            'know nothing of grad(n); add <boolean name="face_normals" value="true"/> to the shape.'
+        )
+    if any(_plugin(node) == "dielectric" for node in nodes):
+        warnings.warn(
+            f"{path} has shells with Mitsuba's dielectric, whose single-precision index ratio "
+            "costs up to 0.6 % of the deflection; use iso_shell.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    if shell_paths and not any(_flag(n.props, "embree_use_robust_intersections") for n in nodes):
+        warnings.warn(
+            f"{path} does not set embree_use_robust_intersections, so single rays can slip between "
+            'triangles; add <boolean name="embree_use_robust_intersections" value="true"/>.',
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    return SceneFile(
+        part_path=part_path,
+        part_to_world=_placement(parts[0], "The part"),
+        shell_paths=tuple(shell_paths),
+        file_paths=files,
+    )
+
+
+def require_scene(path: Path) -> None:
+    """Refuse the name of a scene that is not there.
+
+    Raises
+    ------
+    InputError
+    """
+    if not path.is_file():
+        raise InputError(f"There is no scene file {path}; `iriftrace scene` writes one.")
+
+
+def _check_variables(path: Path, values: Mapping[str, str]) -> None:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path} is no text in UTF-8 ({error.reason}); is it a scene's XML file?"
+        ) from error
+    known = re.findall(r'<default\s+name="([^"]+)"', text)
+    if WAVELENGTH in values and WAVELENGTH in known:
+        raise InputError(
+            f'{path} has a parameter "{WAVELENGTH}" of its own, so it is not clear which one is '
+            "meant; give the file's another name."
+        )
+    unknown = [name for name in of_the_file(values) if name not in known]
+    if unknown:
+        raise InputError(
+            f"{path} has no parameter {', '.join(unknown)}, so -D would change nothing; it has "
+            f"{', '.join(known) or 'none'}."
+        )
+    # An included file may use what the file itself does not.
+    unneeded = [] if "<include" in text else [name for name in known if f"${name}" not in text]
+    if unneeded:
+        raise InputError(
+            f'{path} has <default name="{unneeded[0]}">, but nothing in it uses ${unneeded[0]}, so '
+            "setting it would change nothing; remove it or use it."
+        )
+
+
+def readable(error: Exception) -> str:
+    """Mitsuba's message on one line, without colours, tracebacks and positions in its source."""
+    text = re.sub(r"\[[\w.]+\.(cpp|h):\d+\]\s*|\x1b\[[0-9;]*m", "", str(error))
+    # A plugin in Python that refuses its properties comes with a traceback before its message.
+    text = re.sub(r"Traceback \(most recent call last\):\n(?:[ \t].*\n)*(?:[\w.]+: )?", "", text)
+    return re.sub(r"\s*\n\s*", " ", text).strip()
+
+
+def _plugin(node: Any) -> str:
+    name: str = node.props.plugin_name()
+    return name
+
+
+def _flag(props: Any, name: str) -> bool:
+    return name in props and props[name] is True
+
+
+def _is_shell(props: Any, nodes: list[Any]) -> bool:
+    import mitsuba as mi
+
+    children = [props[key] for key in list(props.keys())]
+    return any(
+        isinstance(child, mi.Properties.ResolvedReference)
+        and _plugin(nodes[child.index()]) in SHELL_BSDFS
+        for child in children
+    )
+
+
+def _mesh_file(props: Any, scene: Path) -> Path | None:
+    if "filename" not in props:
+        return None
+    named = Path(str(props["filename"]))
+    return named if named.is_absolute() else scene.parent / named
+
+
+def _check_named_file(node: Any, scene: Path) -> None:
+    """Refuse a file of the current folder, where Mitsuba also looks, in place of the scene's."""
+    name, default = _NAMED_FILES.get(_plugin(node), ("", None))
+    named = node.props.get(name, default) if name else None
+    # What is nowhere is missed by whoever needs it, which says more of it.
+    if isinstance(named, str) and os.path.isfile(named):
+        _check_there(scene.parent / named, scene)
+
+
+def _check_there(file: Path, scene: Path) -> None:
+    if file.is_file():
+        return
+    if file.is_relative_to(scene.parent):
+        raise InputError(
+            f"{file.relative_to(scene.parent)} is not beside {scene}; move the whole folder."
+        )
+    raise InputError(f"The file {file}, which {scene} names, is not there; correct its path.")
+
+
+def _files(nodes: list[Any], scene: Path) -> tuple[Path, ...]:
+    """Every file that a property names, once."""
+    words = [
+        str(node.props[key])
+        for node in nodes
+        for key in list(node.props.keys())
+        if isinstance(node.props[key], str)
+    ]
+    # A name that is none, such as a long text, is no file either.
+    return tuple(
+        file for word in dict.fromkeys(words) if os.path.isfile(file := scene.parent / word)
+    )
+
+
+def _placement(props: Any, what: str) -> NDArray[np.float64]:
+    if "to_world" not in props:
+        return np.eye(4)
+    matrix = np.array(props["to_world"].matrix, dtype=np.float64).reshape(4, 4)
+    if np.linalg.det(matrix[:3, :3]) <= 0:
+        raise InputError(
+            f"{what} has a to_world that mirrors it, which would turn its triangles inside out; "
+            "mirror the mesh itself instead."
+        )
+    return matrix
+
+
+def _bends_in_layers(nodes: list[Any]) -> bool:
+    # Without one the scene may be traced by the default one.
+    integrators = [node.props for node in nodes if _plugin(node) == "first_hit"] or [{}]
+    return any(
+        props.get("bending", "layers") == "layers"
+        and props.get("normals", "gradient") == "gradient"
+        for props in integrators
+    )
+
+
+def _changes_lengths(placement: NDArray[np.float64]) -> bool:
+    turn = placement[:3, :3]
+    return not np.allclose(turn.T @ turn, np.eye(3), atol=1e-6)
+
+
+def _ply_head(mesh: Path) -> bytes | None:
+    """What a PLY says before its numbers; None for what is no PLY."""
+    with mesh.open("rb") as file:
+        head, end, _ = file.read(4096).partition(b"end_header")
+    return head if end else None
+
+
+def _is_steep(mesh: Path) -> bool:
+    """Whether a shell's file says how steep the index is."""
+    if not mesh.is_file() or mesh.suffix.lower() != ".ply":
+        return False
+    head = _ply_head(mesh) or b""
+    return all(f" {name}_1".encode() in head for name in PLY_COLUMNS)
+
+
+def _has_normals(mesh: Path) -> bool:
+    if not mesh.is_file():
+        # Mitsuba says so itself.
+        return True
+    kind = mesh.suffix.lower()
+    if kind == ".ply":
+        head = _ply_head(mesh)
+        # Mitsuba also says so of what is no PLY.
+        return head is None or b" nx" in head
+    return kind == ".obj" and b"\nvn " in mesh.read_bytes()

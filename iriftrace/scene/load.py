@@ -1,0 +1,327 @@
+"""A scene's XML file, loaded into Mitsuba for tracing."""
+
+from __future__ import annotations
+
+import time
+import weakref
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import Factory, evolve, field, frozen
+from numpy.typing import NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import InputError
+from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.part.part import Part, read_part
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.air import (
+    field_table,
+    other_shells,
+    shells_table_of,
+    stated_bending,
+    stated_index_rule,
+    stated_normals,
+    warn_of_another_part,
+)
+from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, members_of
+from iriftrace.scene.file import read_scene_file, readable
+from iriftrace.scene.wavelength import (
+    dispersion,
+    of_the_file,
+    set_shells,
+    table_at,
+    wanted_wavelength,
+)
+
+# MERGE ensemble.loaded: The members of an ensemble in memory: as many as fit, the others loaded w
+
+KEPT_TRIANGLES = 10_000_000
+"""Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
+
+
+class LoadedEnsemble:
+    """Members of an ensemble's scene, ready to be traced one after the other.
+
+    Parameters
+    ----------
+    members : tuple of FieldMember
+    load : callable
+        Loads the scene of one member, by its number.
+    """
+
+    def __init__(
+        self, members: tuple[FieldMember, ...], load: Callable[[int], LoadedScene]
+    ) -> None:
+        self.members = members
+        self._load = load
+        self._kept: dict[int, LoadedScene] = {}
+        self._triangles = 0
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def scenes(self) -> Iterator[LoadedScene]:
+        """Every member's scene, in their order; what does not fit is let go after its turn."""
+        for member in self.members:
+            if member.number in self._kept:
+                yield self._kept[member.number]
+                continue
+            scene = self._load(member.number)
+            triangles = sum(row.get("triangles", 0) for row in scene.shells_table.get("shells", []))
+            if self._triangles + triangles <= KEPT_TRIANGLES:
+                self._triangles += triangles
+                self._kept[member.number] = scene
+                yield scene
+            else:
+                try:
+                    yield scene
+                finally:
+                    scene.integrator.forget()
+
+
+ENGINES = ("shells", "continuous")
+
+
+@frozen(eq=False)
+class _Lease:
+    """Frees the scene when no `LoadedScene` has it any more.
+
+    Mitsuba's scene holds its integrator, whose tables hold the scene: only one of them letting go
+    frees both.
+    """
+
+    integrator: Any
+
+    def __attrs_post_init__(self) -> None:
+        weakref.finalize(self, self.integrator.forget).atexit = False
+
+
+@frozen(eq=False)
+class LoadedScene:
+    """A scene in memory, ready to be rendered at any number of poses.
+
+    Attributes
+    ----------
+    path : Path
+        The XML file.
+    part : Part
+        The measured part, mm, world.
+    part_to_world : (4, 4) array
+        What the XML does to the part's file.
+    camera : Camera
+        The scene's own (first) sensor.
+    full_resolution : (2,) tuple of int, px
+        Of that sensor's film before ``scale`` changed it.
+    variables : dict of str
+        Values that were given for the file's ``<default>`` parameters.
+    engine : str
+        ``"shells"`` or ``"continuous"``.
+    normals : str
+        ``"gradient"`` or ``"facet"``, and for how many shells if not for all; for the continuous
+        engine where its gradient comes from.
+    bending : str
+        Where rays are bent: all along the layers, at the shells alone (and why), or continuously.
+    index_rule : str
+        How surfaces and layers were chosen, and whether the scene still has all of them.
+    shells_table : dict
+        The shells' JSON table (air, source, index rule); empty when the scene has none. For the
+        continuous engine air and source of its field, and the notes of the shells' table.
+    load_s, build_s : float
+        Seconds for files and Mitsuba's acceleration structure, and for the tables.
+    ensemble : LoadedEnsemble or None
+        The members that are traced together, where the scene has several fields and none of them
+        was chosen. All else is then that of the first member.
+    """
+
+    path: Path
+    part: Part
+    part_to_world: NDArray[np.float64]
+    camera: Camera
+    full_resolution: tuple[int, ...]
+    variables: dict[str, str]
+    engine: str
+    normals: str
+    bending: str
+    index_rule: str
+    shells_table: dict[str, Any]
+    load_s: float
+    build_s: float
+    variant: str
+    mitsuba_scene: Any = field(repr=False)
+    integrator: Any = field(repr=False)
+    ensemble: LoadedEnsemble | None = field(default=None, repr=False)
+    _lease: _Lease = field(
+        repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
+    )
+
+    @property
+    def wavelength_nm(self) -> float | None:
+        """Wavelength of the light in vacuum, nm; None where no file of the scene states it."""
+        stated = (self.shells_table.get("air") or {}).get("wavelength_nm")
+        return None if stated is None else float(stated)
+
+
+def load_scene(
+    path: str | Path,
+    variables: Mapping[str, Any] | None = None,
+    *,
+    variant: str | None = None,
+    engine: str | None = None,
+) -> LoadedScene:
+    """Load a scene's XML file into Mitsuba and build what every pose needs.
+
+    Parameters
+    ----------
+    path : path
+        The XML file; its integrator must be ``first_hit`` or ``gradient_path``.
+    variables : mapping, optional
+        Values for the file's ``<default>`` parameters, as Mitsuba's ``-D name=value``; and
+        ``wavelength`` ("450 nm"), if it shall be another than the one the scene was made for.
+    variant : str, optional
+        Mitsuba variant; see :func:`iriftrace.runtime.variant.ensure`.
+    engine : str, optional
+        ``"shells"`` or ``"continuous"``, whatever the XML's own integrator is.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, Mitsuba cannot read it, or it is no scene that can be traced.
+    SetupError
+        If no usable LLVM or CUDA is there.
+
+    Warns
+    -----
+    IriftraceWarning
+        If something in the file costs accuracy.
+    """
+    values = {name: _text(value) for name, value in (variables or {}).items()}
+    members = members_of(Path(path), values)
+    if not members:
+        return _load_one(Path(path), values, variant, engine)
+    ensemble = LoadedEnsemble(
+        members,
+        lambda number: _load_one(Path(path), {**values, MEMBER: str(number)}, variant, engine),
+    )
+    # Closed at once, the others are loaded when they are traced.
+    first = next(ensemble.scenes())
+    return evolve(first, variables=values, ensemble=ensemble)
+
+
+def _load_one(
+    path: Path, values: dict[str, str], variant: str | None, engine: str | None
+) -> LoadedScene:
+    """A scene with one field, or with one member of several."""
+    chosen = runtime.ensure(variant)
+    import mitsuba as mi
+
+    from iriftrace.plugins.aov_integrator import camera_of
+
+    started = time.perf_counter()
+    file = read_scene_file(path, values)
+    try:
+        scene = mi.load_file(
+            str(path),
+            optimize=False,
+            **of_the_file(values),  # type: ignore[arg-type]
+        )
+    except (RuntimeError, ValueError) as error:
+        raise InputError(readable(error)) from error
+    loaded = time.perf_counter()
+    air = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
+    integrator = _integrator(scene.integrator(), engine, path, air / FIELD_FILE)
+    if not scene.sensors():
+        raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
+    table = shells_table_of(file)
+    wavelength = wanted_wavelength(values)
+    if wavelength is not None:
+        if integrator.engine == "continuous":
+            integrator.wavelength_nm = wavelength
+        else:
+            set_shells(scene, dispersion(table.get("air") or {}, wavelength))
+            table = table_at(table, wavelength)
+    prepared = integrator.prepare(scene)
+    part = read_part(file.part_path).transformed(file.part_to_world)
+    warn_of_another_part(file, part, table)
+    _check_same_part(part, *prepared.tables.part_arrays())
+    built = time.perf_counter()
+    sensor = camera_of(scene.sensors()[0])
+    continuous = integrator.engine == "continuous"
+    if continuous:
+        table = field_table(integrator.air.cells, table, path)
+    return LoadedScene(
+        path=path,
+        part=part,
+        part_to_world=file.part_to_world,
+        camera=_seen_by(scene.sensors()[0].film(), Camera.from_dict(sensor.description())),
+        full_resolution=sensor.full_resolution(),
+        variables=values,
+        engine=integrator.engine,
+        normals=f"none, {integrator.gradient} gradient"
+        if continuous
+        else stated_normals(integrator.normals, prepared.tables),
+        bending="continuously" if continuous else stated_bending(integrator, prepared.tables),
+        index_rule="none, linear in each tetrahedron"
+        if continuous
+        else stated_index_rule(path, table, prepared.tables, other_shells(file, table)),
+        shells_table=table,
+        load_s=loaded - started,
+        build_s=built - loaded,
+        variant=chosen,
+        mitsuba_scene=scene,
+        integrator=integrator,
+    )
+
+
+def _seen_by(film: Any, camera: Camera) -> Camera:
+    """The camera, of the film's crop window alone."""
+    (left, top), (width, height) = film.crop_offset(), film.crop_size()
+    if (width, height) == camera.resolution:
+        return camera
+    return camera.cropped(int(left), int(top), int(width), int(height))
+
+
+def _integrator(own: Any, engine: str | None, path: Path, field_file: Path) -> Any:
+    """The scene's own integrator, or one for the engine that is asked for."""
+    import mitsuba as mi
+
+    if engine is not None and engine not in ENGINES:
+        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(ENGINES)}.")
+    if not hasattr(own, "image"):
+        raise InputError(
+            f"{path} has the integrator {own.class_name()}, which computes light and not hits; use "
+            '<integrator type="first_hit"/>.'
+        )
+    if engine is None or engine == own.engine:
+        return own
+    # The two kinds of normals have their counterparts: each kind converges to its gradient.
+    smooth = own.normals == "gradient" if engine == "continuous" else own.gradient == "recovered"
+    if engine == "shells":
+        chosen = {"type": "first_hit", "normals": "gradient" if smooth else "facet"}
+    else:
+        chosen = {
+            "type": "gradient_path",
+            "field": str(field_file.resolve()),
+            "gradient": "recovered" if smooth else "constant",
+        }
+    return mi.load_dict({**chosen, "trace_all": own.trace_all})
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _check_same_part(part: Part, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+    """Face numbers mean the same in Mitsuba's mesh and in ours, or the metrics would lie."""
+    same = len(faces) == len(part.faces) and np.allclose(
+        vertices[faces], part.vertices[part.faces], rtol=1e-5, atol=1e-4
+    )
+    if not same:
+        raise InputError(
+            f"Mitsuba reads {part.path} with other triangles than iriftrace does, so that faces "
+            "and regions would be confused; write the part anew with `iriftrace scene`."
+        )

@@ -1,0 +1,92 @@
+"""A scene in light of another wavelength than the one it was made for.
+
+n - 1 of all the air, hot or not, is proportional to that of the ambient air (Gladstone and Dale),
+so another wavelength multiplies every n - 1 of the scene by one number; shells stay where they
+are, because each lies at one temperature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from attrs import evolve
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.errors import InputError
+from iriftrace.core.units import parse_quantity
+
+WAVELENGTH = "wavelength"
+"""Parameter that every scene has, whatever its file says."""
+
+
+def wanted_wavelength(values: Mapping[str, str]) -> float | None:
+    """Wavelength that a scene's parameters ask for, nm; None for the scene's own.
+
+    Raises
+    ------
+    InputError
+        If it is no length.
+    """
+    return parse_quantity(values[WAVELENGTH], "nm") if WAVELENGTH in values else None
+
+
+def of_the_file(values: Mapping[str, str]) -> dict[str, str]:
+    """The parameters that are the scene file's own."""
+    return {name: value for name, value in values.items() if name != WAVELENGTH}
+
+
+def dispersion(air: Mapping[str, Any], wavelength_nm: float) -> float:
+    """By how much n - 1 of an air (`iriftrace.air.Air.as_dict`) is larger at another wavelength.
+
+    Raises
+    ------
+    InputError
+        If nothing is known of the air, or the wavelength is outside its model's range.
+    """
+    if not air:
+        raise InputError(
+            f"The scene does not state its air, so n - 1 at {wavelength_nm:g} nm is not known; "
+            "make the scene with `iriftrace scene ... --wavelength` instead."
+        )
+    own = Air(**air)
+    there = evolve(own, wavelength_nm=wavelength_nm)
+    return there.ambient_refractivity / own.ambient_refractivity
+
+
+def table_at(table: Mapping[str, Any], wavelength_nm: float) -> dict[str, Any]:
+    """The shells' JSON table at another wavelength."""
+    factor = dispersion(table.get("air") or {}, wavelength_nm)
+    rows = []
+    for row in table.get("shells", []):
+        scaled = {key: factor * row[key] for key in ("refractivity", "ext", "int")}
+        rows.append({**row, **scaled, "index": 1.0 + scaled["refractivity"]})
+    return {**table, "air": {**table["air"], "wavelength_nm": wavelength_nm}, "shells": rows}
+
+
+def set_shells(scene: Any, factor: float) -> None:
+    """Multiply n - 1 on both sides of all shells of a Mitsuba scene.
+
+    Raises
+    ------
+    InputError
+        If a shell is Mitsuba's dielectric, whose indices cannot be told apart.
+    """
+    from iriftrace.plugins.kernels.tables import shell_indices
+
+    shells = {}
+    for shape in scene.shapes():
+        bsdf = shape.bsdf()
+        if shell_indices(bsdf) is None:
+            continue
+        if not hasattr(bsdf, "ext_ior"):
+            raise InputError(
+                "The scene has shells with Mitsuba's dielectric, whose indices are not stated, so "
+                "they cannot be turned to another wavelength; use iso_shell."
+            )
+        # Several shapes may share one bsdf.
+        shells[id(bsdf)] = bsdf
+    for bsdf in shells.values():
+        bsdf.ext_ior = 1.0 + factor * (bsdf.ext_ior - 1.0)
+        bsdf.int_ior = 1.0 + factor * (bsdf.int_ior - 1.0)
+        bsdf.iso_ior = 1.0 + factor * (bsdf.iso_ior - 1.0)

@@ -1,0 +1,319 @@
+"""The text of a scene's XML file, for Mitsuba and for those who edit it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.field.path_data import FIELD_FILE, save_field_file
+from iriftrace.part.part import Part, save_part
+from iriftrace.shells.files import PartFile, save_shells
+from iriftrace.shells.stack import Shell, ShellStack
+
+if TYPE_CHECKING:
+    from iriftrace.field.index_field import IndexField
+    from iriftrace.shells.report import ShellReport
+
+
+PART_FILE = "part.ply"
+
+
+def require_pinhole(camera: Camera) -> None:
+    """Refuse a camera that ``calibrated_camera`` is not.
+
+    Raises
+    ------
+    InputError
+    """
+    if camera.projection != "pinhole":
+        raise InputError(
+            "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
+            "hand."
+        )
+
+
+def scene_xml(
+    camera: Camera,
+    scale: float,
+    normals: str,
+    shapes: Sequence[str],
+    remark: str = "",
+    parameters: Mapping[str, str] | None = None,
+    *,
+    inside_hit: str = "refract",
+) -> str:
+    """XML of a scene: integrator, camera, part and what bends the light.
+
+    Parameters
+    ----------
+    camera : Camera
+        At its full resolution.
+    scale : float
+        Default of the parameter ``scale``.
+    normals : str
+        Default of the parameter ``normals``.
+    shapes : sequence of str
+        Lines after the part: shells, or what includes them.
+    remark : str
+        Shown at the top as a comment.
+    parameters : mapping of str, optional
+        Further parameters that the shapes use, and their defaults.
+    inside_hit : str
+        Of the integrator ``first_hit``; said only where it is not the usual ``"refract"``.
+    """
+    near, far = camera.focus_mm
+    distance = max(1.0, float(np.linalg.norm(camera.origin)))
+    lines = [
+        '<?xml version="1.0" encoding="utf-8"?>',
+        "<!-- Lengths in mm. Move the camera, drop a shell or set -D scale=..., then run",
+        "     iriftrace render on this file again. -->",
+        *([f"<!-- {remark.replace('--', '-').rstrip('-')} -->"] if remark else []),
+        '<scene version="3.0.0">',
+        f'    <default name="scale" value="{scale!r}"/>',
+        f'    <default name="normals" value={quoteattr(normals)}/>',
+        '    <default name="bending" value="layers"/>',
+        *(
+            f'    <default name="{name}" value={quoteattr(value)}/>'
+            for name, value in (parameters or {}).items()
+        ),
+        '    <boolean name="embree_use_robust_intersections" value="true"/>',
+        "",
+        '    <integrator type="first_hit">',
+        '        <string name="normals" value="$normals"/>',
+        '        <string name="bending" value="$bending"/>',
+        *(
+            [f'        <string name="inside_hit" value={quoteattr(inside_hit)}/>']
+            if inside_hit != "refract"
+            else []
+        ),
+        "    </integrator>",
+        "",
+        '    <sensor type="calibrated_camera" id="camera">',
+        f'        <float name="focal_length" value="{camera.focal_length_mm!r}"/>',
+        f'        <float name="sensor_width" value="{camera.sensor_mm[0]!r}"/>',
+        f'        <float name="sensor_height" value="{camera.sensor_mm[1]!r}"/>',
+        f'        <float name="principal_point_x" value="{camera.principal_point_px[0]!r}"/>',
+        f'        <float name="principal_point_y" value="{camera.principal_point_px[1]!r}"/>',
+        *(
+            f'        <float name="{name}" value="{value!r}"/>'
+            for name, value in (camera.distortion.as_dict() if camera.distortion else {}).items()
+            if value
+        ),
+        f'        <float name="focus_near" value="{near!r}"/>',
+        *([f'        <float name="focus_far" value="{far!r}"/>'] if np.isfinite(far) else []),
+        '        <float name="scale" value="$scale"/>',
+        '        <transform name="to_world">',
+        f'            <lookat origin="{_vector(camera.origin)}"',
+        f'                    target="{_vector(camera.origin + distance * camera.forward)}"',
+        f'                    up="{_vector(-camera.matrix[:3, 1])}"/>',
+        "        </transform>",
+        '        <film type="hdrfilm">',
+        f'            <integer name="width" value="{camera.resolution[0]}"/>',
+        f'            <integer name="height" value="{camera.resolution[1]}"/>',
+        '            <string name="pixel_format" value="luminance"/>',
+        '            <string name="component_format" value="float32"/>',
+        '            <rfilter type="box"/>',
+        "        </film>",
+        "    </sensor>",
+        "",
+        '    <shape type="ply" id="part">',
+        f'        <string name="filename" value={quoteattr(PART_FILE)}/>',
+        '        <boolean name="face_normals" value="true"/>',
+        '        <bsdf type="diffuse"/>',
+        "    </shape>",
+    ]
+    return "\n".join([*lines, *shapes, "</scene>", ""])
+
+
+def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list[str]:
+    """Lines of the shells.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    meshes : sequence of Path
+        Their files, in the same order.
+    folder : str
+        Where these lie, seen from the scene's file.
+    """
+    lines = []
+    for shell, mesh in zip(stack.shells, meshes, strict=True):
+        lines += [
+            "",
+            f'    <shape type="ply" id="{mesh.stem}">',
+            f'        <string name="filename" value={quoteattr(f"{folder}/{mesh.name}")}/>',
+            *(
+                ['        <boolean name="face_normals" value="true"/>']
+                if shell.normals is None
+                else []
+            ),
+            '        <bsdf type="iso_shell">',
+            f'            <float name="ext_ior" value="{float(1 + shell.ext)!r}"/>',
+            f'            <float name="int_ior" value="{float(1 + shell.int_)!r}"/>',
+            *(
+                [f'            <float name="iso_ior" value="{float(1 + shell.refractivity)!r}"/>']
+                if _off_the_middle(shell)
+                else []
+            ),
+            f'            <string name="layer" value="{shell.layer}"/>',
+            "        </bsdf>",
+            "    </shape>",
+        ]
+    return lines
+
+
+def _off_the_middle(shell: Shell) -> bool:
+    """Whether the air on the surface is not that midway between its two sides."""
+    middle = 0.5 * (shell.ext + shell.int_)
+    return abs(shell.refractivity - middle) > 1e-9 * abs(shell.ext - shell.int_)
+
+
+def included_xml(shapes: Sequence[str]) -> str:
+    """XML of a file that scenes include."""
+    head = ['<?xml version="1.0" encoding="utf-8"?>', '<scene version="3.0.0">']
+    return "\n".join([*head, *shapes, "</scene>", ""])
+
+
+def _vector(values: NDArray[np.float64]) -> str:
+    # Rounded far below what matters, so that an edited file shows 0 and not 1e-14.
+    return ", ".join(repr(round(float(v), 12) + 0.0) for v in values)
+
+
+# MERGE scene_folder: Writes scene folders from part, shells and camera.
+
+SHELLS_FOLDER = "shells"
+
+
+def write_scene(
+    folder: str | Path,
+    part: Part,
+    shells: ShellStack,
+    camera: Camera,
+    *,
+    name: str = "scene.xml",
+    scale: float = 1.0,
+    normals: str = "gradient",
+    inside_hit: str = "refract",
+    report: Sequence[ShellReport] | None = None,
+    notes: Mapping[str, str] | None = None,
+    paraview: bool = True,
+    field: IndexField | None = None,
+) -> Path:
+    """Write a complete scene folder: XML, part, shells and what the continuous engine needs.
+
+    Parameters
+    ----------
+    folder : path
+        Created when missing; files of the same names are replaced.
+    part : Part
+    shells : ShellStack
+    camera : Camera
+        At its full resolution.
+    name : str
+        Name of the XML file.
+    scale : float
+        Default of the XML's parameter ``scale``, a factor on the resolution.
+    normals : str
+        Default of the XML's parameter ``normals``: ``"gradient"`` or ``"facet"``.
+    inside_hit : str
+        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
+    report : sequence of ShellReport, optional
+        Added to the shells' table.
+    notes : mapping of str, optional
+        What is known of the field, such as ``{"time": "snapshot"}``; kept beside the shells.
+    paraview : bool
+        Whether to write ``shells.vtm`` too.
+    field : IndexField, optional
+        Written too, as `continuous_field.FIELD_FILE`, for the continuous engine.
+
+    Returns
+    -------
+    Path
+        The XML file.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written or the camera is not a pinhole camera.
+    """
+    require_pinhole(camera)
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {target}: {error.strerror}.") from error
+    save_part(part, target / PART_FILE)
+    shapes = save_air(
+        target,
+        SHELLS_FOLDER,
+        shells,
+        field,
+        part=PartFile(target / PART_FILE, sha256_of(target / PART_FILE)),
+        report=report,
+        notes=notes,
+        paraview=paraview,
+    )
+    origin = shells.source.origin if shells.source else ""
+    with whole_file(target / name) as temporary:
+        temporary.write_text(
+            scene_xml(
+                camera,
+                scale,
+                normals,
+                shapes,
+                f"Field: {origin}" if origin else "",
+                inside_hit=inside_hit,
+            ),
+            encoding="utf-8",
+        )
+    return target / name
+
+
+def save_air(
+    folder: Path,
+    shown: str,
+    shells: ShellStack,
+    field: IndexField | None,
+    *,
+    part: PartFile,
+    report: Sequence[ShellReport] | None,
+    notes: Mapping[str, str] | None,
+    paraview: bool,
+) -> list[str]:
+    """Write the shells, and the field for the continuous engine, of one state of the air.
+
+    Parameters
+    ----------
+    folder : Path
+        Where `SHELLS_FOLDER` and `continuous_field.FIELD_FILE` go.
+    shown : str
+        The shells' folder, seen from the scene's file.
+    part : PartFile
+        The scene's part; another one in its place is noticed.
+    shells, field, report, notes, paraview
+        As for `write_scene`.
+
+    Returns
+    -------
+    list of str
+        Lines of the shells for the scene's XML.
+    """
+    files = save_shells(
+        shells,
+        folder / SHELLS_FOLDER,
+        report,
+        notes=notes,
+        paraview=paraview,
+        part=part,
+    )
+    if field is not None:
+        save_field_file(field, folder / FIELD_FILE)
+    return shell_shapes(shells, [path for path in files if path.suffix == ".ply"], shown)

@@ -1,0 +1,179 @@
+"""The scene folder of an ensemble: one part, one camera, the shells of every member."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from attrs import asdict, frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.part.part import Part, save_part
+from iriftrace.scene.ensemble import FOLDER, INCLUDED, MEMBER, TABLE, FieldMember, write_members
+from iriftrace.scene.write import (
+    PART_FILE,
+    SHELLS_FOLDER,
+    included_xml,
+    require_pinhole,
+    save_air,
+    scene_xml,
+)
+from iriftrace.shells.files import PartFile
+from iriftrace.shells.stack import ShellStack
+
+if TYPE_CHECKING:
+    from iriftrace.field.index_field import IndexField
+    from iriftrace.shells.report import ShellReport
+
+
+@frozen(eq=False)
+class MemberAir:
+    """What is written of one member.
+
+    Attributes
+    ----------
+    label : str
+        What tells it from the others.
+    time : float or None
+        In the file's unit.
+    shells : ShellStack
+        With the field's source.
+    field : IndexField or None
+        For the continuous engine.
+    report : sequence of ShellReport or None
+        Added to the shells' table.
+    """
+
+    label: str
+    time: float | None
+    shells: ShellStack
+    field: IndexField | None = None
+    report: Sequence[ShellReport] | None = None
+
+
+def write_ensemble_scene(
+    folder: str | Path,
+    part: Part,
+    members: Iterable[MemberAir],
+    camera: Camera,
+    *,
+    name: str = "scene.xml",
+    scale: float = 1.0,
+    normals: str = "gradient",
+    inside_hit: str = "refract",
+    notes: Mapping[str, str] | None = None,
+    paraview: bool = True,
+) -> tuple[Path, tuple[FieldMember, ...]]:
+    """Write a scene that is rendered once for every member.
+
+    ``-D member=3`` traces the third one alone, in plain Mitsuba too, where member 1 is the default.
+    `iriftrace.trace.render.render_scene` traces all of them when no member is chosen.
+
+    Parameters
+    ----------
+    folder, part, camera, name, scale, normals, inside_hit, notes, paraview
+        See `iriftrace.scene.write.write_scene`.
+    members : iterable of MemberAir
+        At least two; one is in memory at a time.
+
+    Returns
+    -------
+    path : Path
+        The XML file.
+    members : tuple of FieldMember
+
+    Raises
+    ------
+    InputError
+        There are fewer than two members, one has no source, or the folder cannot be written or
+        holds files of somebody else where the members are to go.
+    """
+    require_pinhole(camera)
+    scene = Path(folder) / name
+    _refuse_files_of_others(scene.parent / FOLDER)
+    building = scene.parent / f".{FOLDER}.{os.getpid()}"
+    try:
+        building.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {building}: {error.strerror}.") from error
+    try:
+        save_part(part, building / PART_FILE)
+        placed = PartFile(scene.parent / PART_FILE, sha256_of(building / PART_FILE))
+        listed = tuple(
+            _write_member(building / str(number), number, member, placed, notes, paraview)
+            for number, member in enumerate(members, start=1)
+        )
+        if len(listed) < 2:
+            raise InputError(
+                f"An ensemble of {len(listed)} field has no scatter; give at least two."
+            )
+        write_members(building, listed)
+        (building / PART_FILE).replace(scene.parent / PART_FILE)
+        # Members of an earlier, larger ensemble would be taken for this one's.
+        shutil.rmtree(scene.parent / FOLDER, ignore_errors=True)
+        building.rename(scene.parent / FOLDER)
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+    origins = dict.fromkeys(m.source["origin"] for m in listed if m.source["origin"])
+    remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
+    shapes = ["", f'    <include filename="{FOLDER}/${MEMBER}/{INCLUDED}"/>']
+    text = scene_xml(
+        camera,
+        scale,
+        normals,
+        shapes,
+        ". ".join((remark, *origins)),
+        {MEMBER: "1"},
+        inside_hit=inside_hit,
+    )
+    with whole_file(scene) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return scene, listed
+
+
+def _refuse_files_of_others(folder: Path) -> None:
+    """The folder of the members is replaced as a whole."""
+    if not folder.exists():
+        return
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else {""}
+    if names and (TABLE not in names or not all(n.isdecimal() for n in names - {TABLE})):
+        raise InputError(
+            f"{folder} holds other files than those of an ensemble's scene, which would replace "
+            "them; give the scene a folder of its own."
+        )
+
+
+def _write_member(
+    folder: Path,
+    number: int,
+    member: MemberAir,
+    part: PartFile,
+    notes: Mapping[str, str] | None,
+    paraview: bool,
+) -> FieldMember:
+    if member.shells.source is None:
+        raise InputError(
+            f"The shells of member {number} do not say from which field they come, so results "
+            "could not name it; make them of a field."
+        )
+    folder.mkdir()
+    told = {**(notes or {}), "member": f"{number}: {member.label}"}
+    shapes = save_air(
+        folder,
+        # Files are looked for from the scene's folder, also those that an included file names.
+        f"{FOLDER}/{number}/{SHELLS_FOLDER}",
+        member.shells,
+        member.field,
+        part=part,
+        report=member.report,
+        notes=told,
+        paraview=paraview,
+    )
+    with whole_file(folder / INCLUDED) as temporary:
+        temporary.write_text(included_xml(shapes), encoding="utf-8")
+    return FieldMember(number, member.label, member.time, asdict(member.shells.source))

@@ -1,0 +1,1 @@
+"""Surfaces of equal index between layers of air."""

@@ -1,0 +1,179 @@
+"""Shells: a field of hot air cut into layers along its own surfaces of equal index."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.geometry.topology import (
+    drop_degenerate,
+    face_along,
+    normals_along,
+    used_vertices,
+)
+from iriftrace.geometry.topology import (
+    shell_mesh_weld as weld,
+)
+from iriftrace.shells.hessian import outer_derivatives, steepness_rows
+from iriftrace.shells.levels import check_range, index_levels, layers_between
+from iriftrace.shells.stack import Crumbs, Shell, ShellStack
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+    from iriftrace.field.index_field import IndexField
+
+
+def contour_shells(
+    field: IndexField,
+    layers: int = 13,
+    *,
+    index_range: tuple[float, float] | None = None,
+    levels: Sequence[float] | None = None,
+    rule: str = "midpoint",
+    min_size_mm: float = 1.0,
+) -> ShellStack:
+    """Cut a field into layers along its own surfaces of equal index.
+
+    The surfaces are contoured on the solver's cells without resampling, rounded to float32 (the
+    precision of the renderer's geometry), welded, freed of degenerate triangles and of crumbs, and
+    wound so that facets face the cooler air. Vertex normals are ``field.fitting_gradient``,
+    interpolated along the cell edges and normalised. Each vertex knows how steep the index is there
+    and how that changes (``field.second_derivatives``; at the outermost shell what describes the
+    air outside it, see :func:`iriftrace.shells.hessian.outer_derivatives`); not with the rule
+    ``"outer"``, which is about steps at the shells.
+
+    Levels that the field does not reach are left out with a warning, and no other step changes:
+    there is no such air. Should a level in between be left without triangles (all of it crumbs),
+    its step is added to the next shell inwards, so that the steps still sum up to the difference of
+    the layers.
+
+    Parameters
+    ----------
+    field : IndexField
+    layers : int
+        Number of shells; ignored when ``levels`` is given.
+    index_range : (2,) tuple, optional
+        n - 1 of the ambient and of the hottest air, so that studies over several fields use the
+        same levels; by default the field's own.
+    levels : sequence, optional
+        n - 1 of the surfaces, in any order, instead of those of a rule. The layers follow from
+        :func:`layers_between`.
+    rule : str
+        See :func:`index_levels`.
+    min_size_mm : float, mm
+        Pieces whose bounding box has a smaller diagonal are dropped; 0 keeps all.
+
+    Returns
+    -------
+    ShellStack
+
+    Raises
+    ------
+    InputError
+        Levels, range or size are wrong, or the field reaches no level.
+    """
+    ambient, hottest = index_range or (field.ambient_refractivity, field.hottest_refractivity)
+    check_range(ambient, hottest)
+    if levels is None:
+        surfaces, e = index_levels(ambient, hottest, layers, rule)
+    else:
+        surfaces, e = layers_between(levels, ambient, hottest)
+        rule = "custom"
+    grid = _bare_grid(field)
+    found: dict[int, tuple[Float32Array, IntArray, Float32Array, FloatArray]] = {}
+    crumbs = []
+    for layer, level in enumerate(surfaces.tolist(), start=1):
+        vertices, faces, gradient, derivatives = _contour(grid, level)
+        towards = gradient[faces].mean(axis=1)
+        faces, pieces, triangles = face_along(vertices, faces, towards, min_size_mm)
+        crumbs += [Crumbs(layer, pieces, triangles)] if pieces else []
+        if len(faces):
+            used, faces = used_vertices(len(vertices), faces)
+            vertices = vertices[used]
+            gradient, derivatives = gradient[used], derivatives[used]
+            if not found:
+                derivatives = outer_derivatives(
+                    grid, vertices, gradient, level, float(e[layer - 1])
+                )
+            normals = normals_along(vertices, faces, gradient)
+            length = np.linalg.norm(gradient, axis=1)
+            found[layer] = vertices, faces, normals, steepness_rows(length, derivatives)
+    if not found:
+        raise InputError(
+            f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
+            "check the index range, the levels and the ambient air."
+            + _size_advice(field, min_size_mm)
+        )
+    _warn_of_missing(field, surfaces, found.keys())
+    shells = []
+    inside = None
+    for layer, (vertices, faces, normals, per_mm) in found.items():
+        ext = e[layer - 1] if inside is None else inside
+        inside = float(e[layer])
+        steepness = None if rule == "outer" else per_mm / (ext - inside)
+        level = float(surfaces[layer - 1])
+        shells.append(Shell(layer, level, float(ext), inside, vertices, faces, normals, steepness))
+    return ShellStack(shells, field.air, rule, field.source, crumbs)
+
+
+def _size_advice(field: IndexField, min_size_mm: float) -> str:
+    """A field hardly larger than a crumb was probably read in another unit."""
+    size = float(np.linalg.norm(np.ptp(field.grid.points, axis=0)))
+    if size > 20 * min_size_mm:
+        return ""
+    return (
+        f" The whole field is {size:.3g} mm across and pieces below {min_size_mm:g} mm are "
+        "dropped: if it is in metres, give --field-length-unit m."
+    )
+
+
+def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
+    """The field's cells with nothing but what is interpolated along their edges."""
+    import pyvista as pv
+
+    grid = pv.UnstructuredGrid()
+    grid.copy_structure(field.grid)
+    grid.point_data["refractivity"] = field.refractivity
+    grid.point_data["gradient"] = field.fitting_gradient
+    grid.point_data["derivatives"] = field.second_derivatives.reshape(-1, 9)
+    return grid
+
+
+def _contour(
+    grid: pv.UnstructuredGrid, level: float
+) -> tuple[Float32Array, IntArray, FloatArray, FloatArray]:
+    """One surface, welded, without degenerate triangles.
+
+    Vertices, faces, and at the vertices the gradient and the second derivatives.
+    """
+    surface = grid.contour([level], scalars="refractivity", method="contour")
+    if surface.n_cells == 0:
+        nothing = np.zeros((0, 3))
+        return nothing.astype(np.float32), nothing.astype(np.int64), nothing, np.zeros((0, 3, 3))
+    if not surface.is_all_triangles:
+        surface = surface.triangulate()
+    points = np.asarray(surface.points, dtype=np.float32)
+    gradient = np.asarray(surface.point_data["gradient"], dtype=np.float64)
+    faces = weld(points, np.asarray(surface.regular_faces, dtype=np.int64))
+    derivatives = np.asarray(surface.point_data["derivatives"], dtype=np.float64)
+    return points, drop_degenerate(points, faces), gradient, derivatives.reshape(-1, 3, 3)
+
+
+def _warn_of_missing(field: IndexField, surfaces: FloatArray, found: Iterable[int]) -> None:
+    missing = [layer for layer in range(1, len(surfaces) + 1) if layer not in found]
+    if missing:
+        names = ", ".join(str(layer) for layer in missing)
+        temperature = field.air.temperature(surfaces[np.array(missing) - 1])
+        warnings.warn(
+            f"No surface for level {names} ({np.min(temperature):.0f} to "
+            f"{np.max(temperature):.0f} K): the field has no such air, or only pieces below the "
+            "size limit; these shells are left out.",
+            IriftraceWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,246 @@
+"""Changes to finished shells for studies: trim to a view, smooth, subdivide."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from attrs import evolve
+from scipy.sparse import csr_array
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import AnyIntArray, FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.geometry.topology import open_edges, used_vertices
+from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.shells.stack import Shell, ShellStack
+
+
+def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> ShellStack:
+    """Leave out triangles that lie wholly beside or behind a camera's view.
+
+    A triangle stays unless all its corners are beyond the same side of the view by more than the
+    margin, so that none is lost which a ray of the camera could meet. Shells are open where they
+    are cut, and shells without any triangle in view are left out.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    camera : Camera
+    margin_mm : float, mm
+        Room for refracted rays and for other cameras near this one.
+
+    Returns
+    -------
+    ShellStack
+
+    Raises
+    ------
+    InputError
+        The margin is negative or no triangle is in view.
+    """
+    if not (margin_mm >= 0.0 and np.isfinite(margin_mm)):
+        raise InputError(
+            f"The margin of the view is {margin_mm} mm; give 0 or a positive length, else rays at "
+            "the picture's edge miss shells."
+        )
+    anchors, inward = _sides_of_view(camera)
+
+    def trimmed(shell: Shell) -> Shell | None:
+        points = shell.vertices.astype(np.float64)
+        kept = np.ones(len(shell.faces), dtype=bool)
+        for anchor, normal in zip(anchors, inward, strict=True):
+            beyond = (points - anchor) @ normal < -margin_mm
+            kept &= ~beyond[shell.faces].all(axis=1)
+        if not kept.any():
+            return None
+        used, faces = used_vertices(len(points), shell.faces[kept])
+        normals = None if shell.normals is None else shell.normals[used]
+        steepness = None if shell.steepness is None else shell.steepness[used]
+        return evolve(
+            shell,
+            vertices=shell.vertices[used],
+            faces=faces,
+            normals=normals,
+            steepness=steepness,
+        )
+
+    shells = [shell for shell in map(trimmed, stack.shells) if shell is not None]
+    if not shells:
+        raise InputError(
+            "No shell is in the camera's view, so nothing would bend its rays; check the pose."
+        )
+    return evolve(stack, shells=shells)
+
+
+def without_inner(stack: ShellStack, count: int, levels: int | None = None) -> ShellStack:
+    """Leave out the innermost levels, and their index steps with them.
+
+    Rays then run on to the part in the air of the last shell that is kept. Kern et al. (2025) did
+    so where shells of a coarse field cut the part; it is for studies only.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    count : int
+        Levels to leave out.
+    levels : int, optional
+        Number of levels, whether the field reaches them or not; by default as many as there are.
+
+    Raises
+    ------
+    InputError
+        The count is negative, or no shell is left.
+    """
+    last = max(shell.layer for shell in stack.shells) if levels is None else levels
+    kept = [shell for shell in stack.shells if shell.layer <= last - count]
+    if count < 0 or not kept:
+        raise InputError(
+            f"{count} inner shells of {last} cannot be left out, because some must remain; give a "
+            "number from 0 on, or more layers."
+        )
+    return evolve(stack, shells=kept)
+
+
+def smooth_taubin(
+    stack: ShellStack, iterations: int, lambda_: float = 0.20, mu: float = -0.21
+) -> ShellStack:
+    """Smooth shells without shrinking them (Taubin 1995, "A signal processing approach").
+
+    Each iteration moves every vertex by ``lambda_`` and then by ``mu`` times the way to the mean of
+    its neighbours. Vertices on a border stay, so that shells still end on the wall or the data's
+    edge. Gradient normals and steepness belong to the surface before, so the result has none.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    iterations : int
+    lambda_, mu : float
+        ``0 < lambda_ < -mu``; the pass-band ends at ``1 / lambda_ + 1 / mu``.
+
+    Returns
+    -------
+    ShellStack
+
+    Raises
+    ------
+    InputError
+        Iterations are negative or the factors would shrink or amplify.
+    """
+    if iterations < 0:
+        raise InputError(f"{iterations} smoothing iterations cannot be done; give 0 or more.")
+    if not 0.0 < lambda_ < -mu < 1.0:
+        raise InputError(
+            f"Taubin smoothing with lambda {lambda_} and mu {mu} shrinks or breaks the shells; "
+            "choose 0 < lambda < -mu < 1."
+        )
+    if iterations == 0:
+        return stack
+
+    def smoothed(shell: Shell) -> Shell:
+        points = shell.vertices.astype(np.float64)
+        mean = _neighbour_mean(shell.faces, len(points))
+        free = np.ones((len(points), 1))
+        free[open_edges(shell.faces).ravel()] = 0.0
+        for _ in range(iterations):
+            for factor in (lambda_, mu):
+                points += factor * free * (mean @ points - points)
+        return evolve(shell, vertices=points, normals=None, steepness=None)
+
+    return _with_each(stack, smoothed)
+
+
+def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
+    """Split every triangle into four at the middles of its edges.
+
+    The surface stays where it is but for the rounding of the new vertices to float32 (4e-6 mm at
+    100 mm), which turns facets by that over their size. Normals and steepness are interpolated.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    times : int
+        The number of triangles grows by ``4**times``.
+
+    Returns
+    -------
+    ShellStack
+
+    Raises
+    ------
+    InputError
+        ``times`` is negative.
+    """
+    if times < 0:
+        raise InputError(f"Shells cannot be subdivided {times} times; give 0 or more.")
+    for _ in range(times):
+        stack = _with_each(stack, _subdivided)
+    return stack
+
+
+def _with_each(stack: ShellStack, change: Callable[[Shell], Shell]) -> ShellStack:
+    return evolve(stack, shells=[change(shell) for shell in stack.shells])
+
+
+def _sides_of_view(camera: Camera) -> tuple[FloatArray, FloatArray]:
+    """A point on each plane around a camera's view and the planes' unit normals, inward.
+
+    The four sides, and the plane through the origin across the line of sight. Works for pinhole and
+    orthographic cameras: a side holds the rays through two neighbouring corners of the picture (of
+    the smallest picture without distortion that holds all, where the lens distorts).
+    """
+    camera = camera.without_distortion()
+    width, height = camera.resolution
+    corners = np.array([(0, 0), (width, 0), (width, height), (0, height)], dtype=float)
+    origins, directions = camera.rays(corners)
+    tips = origins + directions
+    sides = unit_vectors(np.cross(np.roll(tips, -1, axis=0) - tips, directions))
+    middle = tips.mean(axis=0)
+    inward = np.sign(np.einsum("ij,ij->i", middle - tips, sides))[:, None]
+    return (
+        np.vstack((origins, camera.origin)),
+        np.vstack((sides * inward, camera.forward)),
+    )
+
+
+def _neighbour_mean(faces: AnyIntArray, count: int) -> csr_array:
+    """Matrix (n, n) that gives the mean of the vertices joined to each vertex by an edge."""
+    start = np.concatenate((faces, faces[:, ::-1]), axis=1).ravel()
+    end = np.concatenate((np.roll(faces, -1, 1), np.roll(faces[:, ::-1], -1, 1)), axis=1).ravel()
+    joined = csr_array((np.ones(len(start)), (start, end)), shape=(count, count))
+    joined.sum_duplicates()
+    # An edge of two triangles was counted twice.
+    joined.data[:] = 1.0
+    degree = np.asarray(joined.sum(axis=1)).ravel()
+    joined.data /= np.repeat(np.maximum(degree, 1.0), np.diff(joined.indptr))
+    return joined
+
+
+def _subdivided(shell: Shell) -> Shell:
+    faces = shell.faces.astype(np.int64)
+    ends = np.sort(np.stack((faces, np.roll(faces, -1, axis=1)), axis=2).reshape(-1, 2), axis=1)
+    key, edge = np.unique((ends[:, 0] << 32) | ends[:, 1], return_inverse=True)
+    one, two = key >> 32, key & 0xFFFFFFFF
+    points = shell.vertices.astype(np.float64)
+    vertices = np.vstack((points, 0.5 * (points[one] + points[two])))
+    a, b, c = faces.T
+    ab, bc, ca = (edge.reshape(-1, 3) + len(points)).T
+    quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    normals = None
+    if shell.normals is not None:
+        old = shell.normals.astype(np.float64)
+        between = unit_vectors(old[one] + old[two])
+        # Opposite normals leave no mean; either is then as good.
+        between = np.where(np.any(between, axis=1)[:, None], between, old[one])
+        normals = np.vstack((old, between))
+    steepness = None
+    if shell.steepness is not None:
+        known = shell.steepness.astype(np.float64)
+        steepness = np.concatenate((known, 0.5 * (known[one] + known[two])))
+    return evolve(
+        shell,
+        vertices=vertices,
+        faces=np.stack([np.stack(quarter, axis=1) for quarter in quarters], axis=1).reshape(-1, 3),
+        normals=normals,
+        steepness=steepness,
+    )

@@ -1,0 +1,329 @@
+"""Shells on disk: one PLY each for the renderer, `shells.vtm` for ParaView, a JSON table."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from attrs import asdict, frozen
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.arrays import AnyIntArray, Float32Array
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.geometry.ply import NARROW, WIDE, CornerType, corner_type
+from iriftrace.geometry.topology import polydata
+from iriftrace.shells.hessian import PLY_COLUMNS
+from iriftrace.shells.stack import Crumbs, Shell, ShellStack
+
+if TYPE_CHECKING:
+    from iriftrace.shells.report import ShellReport
+
+
+SCHEMA = "iriftrace.shells/1"
+TABLE = "shells.json"
+PARAVIEW = "shells.vtm"
+
+_POSITION = ("x", "y", "z")
+_NORMAL = ("nx", "ny", "nz")
+_STEEPNESS = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
+
+
+@frozen
+class PartFile:
+    """The part's file beside which shells are written.
+
+    path : where it will be
+    sha256 : of its content
+    """
+
+    path: Path
+    sha256: str
+
+    def seen_from(self, folder: Path) -> dict[str, str]:
+        """As the table of shells in that folder names it."""
+        return {
+            "file": Path(os.path.relpath(self.path, folder)).as_posix(),
+            "sha256": self.sha256,
+        }
+
+
+def save_shells(
+    stack: ShellStack,
+    directory: str | Path,
+    report: Sequence[ShellReport] | None = None,
+    *,
+    notes: Mapping[str, str] | None = None,
+    paraview: bool = True,
+    part: PartFile | None = None,
+) -> list[Path]:
+    """Write a stack of shells into a folder.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    directory : path
+        Made when missing. Files of an earlier stack with more shells are removed.
+    report : sequence of ShellReport, optional
+        Its numbers are added to the JSON table.
+    notes : mapping, optional
+        What else is known of the field, such as ``{"time": "snapshot"}``; kept in the table.
+    paraview : bool
+        Whether to write ``shells.vtm`` too, which doubles the size.
+    part : PartFile, optional
+        The part of the scene that they are written for; kept in the table.
+
+    Returns
+    -------
+    list of Path
+        ``shell_01.ply`` and so on (numbered by layer, outermost first), ``shells.vtm``,
+        ``shells.json``. Each is complete or absent; the table comes last.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made, or the report belongs to other shells.
+    """
+    if report is not None and [r.layer for r in report] != [s.layer for s in stack.shells]:
+        raise InputError("The report does not list the shells of this stack; report on it anew.")
+    folder = Path(directory)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {folder}: {error.strerror}.") from error
+    written = [folder / f"shell_{shell.layer:02d}.ply" for shell in stack.shells]
+    for path, shell in zip(written, stack.shells, strict=True):
+        write_ply(path, shell.vertices, shell.faces, shell.normals, shell.steepness)
+    if paraview:
+        written.append(_write_paraview(folder, stack))
+    _remove_stale(folder, {path.name for path in written})
+    table = _table(stack, written, report, notes or {})
+    table["part"] = None if part is None else part.seen_from(folder)
+    with whole_file(folder / TABLE) as temporary:
+        temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+    return [*written, folder / TABLE]
+
+
+def load_shells(directory: str | Path) -> ShellStack:
+    """Read a stack of shells that :func:`save_shells` wrote.
+
+    Raises
+    ------
+    InputError
+        The table or a mesh is missing, damaged or of another kind.
+    """
+    from iriftrace.field.index_field import FieldSource
+
+    path = Path(directory) / TABLE
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"cannot read {path} ({error.strerror}); give a folder that `iriftrace shells` wrote."
+        ) from error
+    except ValueError as error:
+        raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
+    if not isinstance(table, dict) or table.get("schema") != SCHEMA:
+        raise InputError(
+            f"{path} is no table of shells of the kind {SCHEMA}; write the shells again with this "
+            "version."
+        )
+    try:
+        shells = [
+            Shell(
+                row["layer"],
+                row["refractivity"],
+                row["ext"],
+                row["int"],
+                *read_ply(path.parent / row["file"]),
+            )
+            for row in table["shells"]
+        ]
+        source = None if table["source"] is None else FieldSource(**table["source"])
+        crumbs = [Crumbs(**row) for row in table["crumbs"]]
+        return ShellStack(shells, Air(**table["air"]), table["rule"], source, crumbs)
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path} lacks or misnames {error}; write the shells again.") from error
+
+
+def write_ply(
+    path: str | Path,
+    vertices: Float32Array,
+    faces: AnyIntArray,
+    normals: Float32Array | None = None,
+    steepness: Float32Array | None = None,
+) -> None:
+    """Write triangles as binary little-endian PLY, float32.
+
+    With normals, if they are given, and with them how steep the index is.
+    """
+    columns: list[Float32Array] = [vertices]
+    names: tuple[str, ...] = _POSITION
+    if normals is not None:
+        columns, names = [*columns, normals], names + _NORMAL
+        if steepness is not None:
+            gradient = normals * steepness[:, :1]
+            columns, names = [*columns, gradient, steepness[:, 1:]], names + _STEEPNESS
+    kind = corner_type(len(vertices))
+    records = np.empty(len(faces), dtype=_face_dtype(kind))
+    records["count"], records["corners"] = 3, faces
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        file.write(_header(names, len(vertices), len(faces), kind))
+        file.write(np.hstack(columns).astype("<f4").tobytes())
+        file.write(records.tobytes())
+
+
+def read_ply(
+    path: str | Path,
+) -> tuple[Float32Array, AnyIntArray, Float32Array | None, Float32Array | None]:
+    """Vertices, faces, normals and steepness (or None) of a PLY that :func:`write_ply` wrote.
+
+    Raises
+    ------
+    InputError
+        The file is missing, cut short or has another layout.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read the shell {path}: {error.strerror}.") from error
+    end = content.find(b"end_header\n")
+    words = [line.split() for line in content[: max(end, 0)].decode("ascii", "replace").split("\n")]
+    counts = {w[1]: int(w[2]) for w in words if w[:1] == ["element"] and w[-1].isdecimal()}
+    sizes = counts.get("vertex", 0), counts.get("face", 0)
+    layouts = (_POSITION, _POSITION + _NORMAL, _POSITION + _NORMAL + _STEEPNESS)
+    for names, kind in product(layouts, (NARROW, WIDE)):
+        header = _header(names, *sizes, kind)
+        body = content[len(header) :]
+        split = sizes[0] * 4 * len(names)
+        face = _face_dtype(kind)
+        if content.startswith(header) and len(body) == split + sizes[1] * face.itemsize:
+            points = np.frombuffer(body[:split], dtype="<f4").reshape(-1, len(names))
+            corners = np.frombuffer(body[split:], dtype=face)["corners"].astype(np.int32)
+            normals = points[:, 3:6] if len(names) > 3 else None
+            if normals is None or len(names) == 6:
+                return points[:, :3], corners, normals, None
+            length = np.linalg.norm(points[:, 6:9], axis=1, keepdims=True)
+            return points[:, :3], corners, normals, np.hstack((length, points[:, 9:]))
+    raise InputError(
+        f"{path} is cut short or was written by another program; write the shells again, or use "
+        "import_shells for surfaces from elsewhere."
+    )
+
+
+def _face_dtype(kind: CornerType) -> np.dtype[np.void]:
+    return np.dtype([("count", "u1"), ("corners", kind.numpy, 3)])
+
+
+def _header(names: Sequence[str], vertices: int, faces: int, kind: CornerType) -> bytes:
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment iriftrace shell, mm",
+        f"element vertex {vertices}",
+        *(f"property float {name}" for name in names),
+        f"element face {faces}",
+        kind.line,
+        "end_header",
+        "",
+    ]
+    return "\n".join(lines).encode("ascii")
+
+
+def _table(
+    stack: ShellStack,
+    files: Sequence[Path],
+    report: Sequence[ShellReport] | None,
+    notes: Mapping[str, str],
+) -> dict[str, Any]:
+    rows = []
+    temperatures = stack.temperature_k.tolist()
+    for i, (shell, temperature) in enumerate(zip(stack.shells, temperatures, strict=True)):
+        row = {
+            "layer": shell.layer,
+            "file": files[i].name,
+            "sha256": sha256_of(files[i]),
+            "refractivity": shell.refractivity,
+            "ext": shell.ext,
+            "int": shell.int_,
+            "temperature_k": temperature,
+            "triangles": len(shell.faces),
+        }
+        rows.append(row if report is None else {**row, **report[i].as_dict()})
+    return {
+        "schema": SCHEMA,
+        "length_unit": "mm",
+        "rule": stack.rule,
+        "air": stack.air.as_dict(),
+        "source": None if stack.source is None else asdict(stack.source),
+        "notes": dict(notes),
+        "crumbs": [c._asdict() for c in stack.crumbs],
+        "shells": rows,
+    }
+
+
+def _write_paraview(folder: Path, stack: ShellStack) -> Path:
+    """A multi-block file that ParaView opens, and its pieces in a folder of the same name."""
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    target = folder / PARAVIEW
+    pieces = folder / target.stem
+    pieces.mkdir(exist_ok=True)
+    lines = []
+    for i, (shell, temperature) in enumerate(zip(stack.shells, stack.temperature_k, strict=True)):
+        mesh = polydata(shell.vertices, shell.faces)
+        if shell.normals is not None:
+            mesh.point_data["Normals"] = shell.normals
+        if shell.steepness is not None:
+            mesh.point_data["steepness_1_mm"] = shell.steepness[:, 0]
+            mesh.point_data["second_derivatives_1_mm2"] = shell.steepness[:, 1:]
+        count = mesh.n_cells
+        mesh.cell_data["layer"] = np.full(count, shell.layer, dtype=np.int32)
+        mesh.cell_data["refractivity"] = np.full(count, shell.refractivity)
+        mesh.cell_data["temperature_k"] = np.full(count, temperature)
+        name = f"shell_{shell.layer:02d}"
+        with whole_file(pieces / f"{name}.vtp") as temporary:
+            writer = vtkXMLPolyDataWriter()
+            writer.SetFileName(str(temporary))
+            writer.SetInputData(mesh)
+            writer.SetDataModeToAppended()
+            writer.EncodeAppendedDataOff()
+            writer.SetCompressorTypeToLZ4()
+            writer.Write()
+        file = quoteattr(f"{pieces.name}/{name}.vtp")
+        lines.append(f'    <DataSet index="{i}" name="{name}" file={file}/>')
+    with whole_file(target) as temporary:
+        temporary.write_text(
+            "\n".join(
+                (
+                    '<?xml version="1.0"?>',
+                    '<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">',
+                    "  <vtkMultiBlockDataSet>",
+                    *lines,
+                    "  </vtkMultiBlockDataSet>",
+                    "</VTKFile>",
+                    "",
+                )
+            ),
+            encoding="utf-8",
+        )
+    return target
+
+
+def _remove_stale(folder: Path, written: set[str]) -> None:
+    """Remove shells of an earlier, larger stack, which a user would take for this one's."""
+    stems = {Path(name).stem for name in written}
+    for pattern in ("shell_*.ply", "shells/shell_*.vtp"):
+        for path in folder.glob(pattern):
+            if path.stem not in stems:
+                path.unlink()
+    if PARAVIEW not in written and (folder / PARAVIEW).is_file():
+        (folder / PARAVIEW).unlink()
+        for path in folder.glob("shells/shell_*.vtp"):
+            path.unlink()

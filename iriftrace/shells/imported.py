@@ -1,0 +1,379 @@
+"""Ready-made iso-surfaces as shells, such as COMSOL and ParaView export them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from attrs import evolve, frozen
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonCore import vtkObject
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of
+from iriftrace.core.units import length_factor
+from iriftrace.field import arrays
+from iriftrace.field.arrays import unit_of
+from iriftrace.field.index_field import FieldSource
+from iriftrace.field.origin import origin_of
+from iriftrace.geometry import transform as motion
+from iriftrace.geometry.topology import (
+    area_vectors,
+    drop_degenerate,
+    face_along,
+    normals_along,
+    used_vertices,
+)
+from iriftrace.geometry.topology import (
+    shell_mesh_weld as weld,
+)
+from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.shells.levels import layers_between
+from iriftrace.shells.stack import Crumbs, Shell, ShellStack
+
+# MERGE surface_file: Triangles of a file with the refractivity of each: iso-surfaces from other p
+
+SUFFIXES = (".vtu", ".vtm", ".vtp")
+
+_FLAT_CELLS = (5, 6, 7, 8, 9)
+"""VTK's numbers of triangle, strip, polygon, pixel and quadrilateral."""
+
+
+@frozen(eq=False)
+class Soup:
+    """Triangles of all surfaces of a file together.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float32, mm, world
+    faces : (m, 3) array
+    refractivity : (m,) array
+        n - 1 of every triangle's surface.
+    gradient : (n, 3) array or None
+        Along grad(n) at the vertices; its length has no meaning.
+    choice : Choice
+        The array that was used.
+    origin : str
+        What the file says of its own making; "" where it says nothing.
+    """
+
+    vertices: Float32Array
+    faces: IntArray
+    refractivity: FloatArray
+    gradient: FloatArray | None
+    choice: arrays.Choice
+    origin: str
+
+
+def read_surfaces(
+    path: Path,
+    array: str | None,
+    quantity: str | None,
+    gradient: str | None,
+    temperature_unit: str | None,
+    length_factor: float,
+    air: Air,
+    transform: ArrayLike | None,
+) -> Soup:
+    """Read all triangles of a file; see :func:`iriftrace.shells.imported.import_shells`."""
+    blocks, origin = _read(path)
+    choice = _choose(blocks, array, quantity, path)
+    name = gradient or _gradient_name(blocks[0])
+    starts = np.cumsum([0] + [block.n_points for block in blocks])
+    faces = [np.asarray(block.regular_faces, dtype=np.int64) for block in blocks]
+    values = np.concatenate(
+        [_triangle_values(b, f, choice.name, path) for b, f in zip(blocks, faces, strict=True)]
+    )
+    if not np.isfinite(values).all():
+        raise InputError(
+            f"The array {choice.name!r} in {path} has values that are not finite, so its surfaces "
+            "have no index; export it without gaps."
+        )
+    points = np.concatenate([np.asarray(b.points, dtype=np.float64) for b in blocks])
+    points *= length_factor
+    vectors = None
+    if name is not None:
+        # The index falls where the temperature rises.
+        sign = -1.0 if choice.quantity == "temperature" else 1.0
+        vectors = sign * np.concatenate([_vectors(block, name, path) for block in blocks])
+    if transform is not None:
+        matrix = np.asarray(transform, dtype=np.float64)
+        points = motion.apply(matrix, points)
+        # A gradient is a covector: it turns with the inverse transposed.
+        vectors = None if vectors is None else vectors @ np.linalg.inv(matrix[:3, :3])
+    if not np.isfinite(points).all():
+        raise InputError(f"{path} has points that are not finite numbers; export it again.")
+    return Soup(
+        vertices=points.astype(np.float32),
+        faces=np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
+        refractivity=arrays.to_refractivity(
+            values,
+            choice,
+            unit_of(choice.name, choice.quantity, None, temperature_unit, str(path)),
+            air,
+            str(path),
+        ),
+        gradient=vectors,
+        choice=choice,
+        origin=origin,
+    )
+
+
+def _read(path: Path) -> tuple[list[pv.PolyData], str]:
+    """Blocks of a file as triangles with their data, and what the file says of its origin."""
+    if not path.is_file():
+        raise InputError(f"The file of surfaces {path} does not exist; check the path.")
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path} cannot be read as surfaces; export it as {', '.join(SUFFIXES)}.")
+    shown = vtkObject.GetGlobalWarningDisplay()
+    # VTK writes its complaints about damaged files to stderr; ours follows from the result.
+    vtkObject.SetGlobalWarningDisplay(0)
+    try:
+        data = pv.read(path)
+    except (OSError, ValueError, RuntimeError, TypeError, IndexError, KeyError) as error:
+        raise InputError(
+            f"{path} cannot be read ({error}); is it a complete file of its type?"
+        ) from error
+    finally:
+        vtkObject.SetGlobalWarningDisplay(shown)
+    found = [mesh for mesh in map(_triangles, _leaves(data)) if mesh is not None]
+    if not found:
+        raise InputError(
+            f"{path} has no triangles; volume data are contoured by `iriftrace shells` instead."
+        )
+    return found, origin_of(data)
+
+
+def _leaves(data: Any) -> Iterator[Any]:
+    if isinstance(data, pv.MultiBlock):
+        for block in data:
+            yield from _leaves(block)
+    elif data is not None:
+        yield data
+
+
+def _triangles(block: Any) -> pv.PolyData | None:
+    if isinstance(block, pv.UnstructuredGrid):
+        flat: Any = np.flatnonzero(np.isin(block.celltypes, _FLAT_CELLS))
+        if len(flat) == 0:
+            return None
+        block = block.extract_cells(flat).extract_surface(algorithm="geometry")
+    if not isinstance(block, pv.PolyData):
+        return None
+    mesh = block.triangulate()
+    return mesh if mesh.n_cells else None
+
+
+def _choose(
+    blocks: list[pv.PolyData], array: str | None, quantity: str | None, path: Path
+) -> arrays.Choice:
+    """The array with the surfaces' values, by option, by name or because it is the only one."""
+    first = blocks[0]
+    names = [
+        name
+        for data in (first.point_data, first.cell_data)
+        for name in data
+        if data[name].ndim == 1 and data[name].dtype.kind in "fiu" and not name.startswith("vtk")
+    ]
+    name = array if array is not None else names[0] if len(set(names)) == 1 else None
+    if name in names and quantity is None and arrays.quantity_of(str(name)) is None:
+        # Room air has some 290 K and an index near 1, so the two cannot be confused.
+        quantity = "temperature" if np.min(first[name]) > 150.0 else "index"
+    if name is not None and quantity is not None:
+        array = name
+    return arrays.choose_array(first, array, quantity, str(path))
+
+
+def _gradient_name(block: pv.PolyData) -> str | None:
+    names = [
+        name
+        for name in block.point_data
+        if re.match("grad", name, re.IGNORECASE) and block.point_data[name].shape[1:] == (3,)
+    ]
+    return names[0] if len(names) == 1 else None
+
+
+def _vectors(block: pv.PolyData, name: str, path: Path) -> FloatArray:
+    if name not in block.point_data or block.point_data[name].shape[1:] != (3,):
+        raise InputError(
+            f"{path} has no gradient {name!r} with three components at the points; its point "
+            f"arrays are {', '.join(block.point_data) or 'none'}."
+        )
+    return np.asarray(block.point_data[name], dtype=np.float64)
+
+
+def _triangle_values(block: pv.PolyData, faces: IntArray, name: str, path: Path) -> FloatArray:
+    if name in block.cell_data:
+        return np.asarray(block.cell_data[name], dtype=np.float64)
+    if name not in block.point_data:
+        raise InputError(f"A block of {path} lacks the array {name!r}; export it for all surfaces.")
+    values = np.asarray(block.point_data[name], dtype=np.float64)
+    tolerance = max(1e-3 * float(np.ptp(values)), 1e-6 * float(np.abs(values).max()))
+    if np.any(np.ptp(values[faces], axis=1) > tolerance):
+        raise continuous(name, path)
+    mean: FloatArray = values[faces].mean(axis=1)
+    return mean
+
+
+def continuous(name: str, path: Path) -> InputError:
+    """The error for triangles that are no iso-surfaces."""
+    return InputError(
+        f"The values of {name!r} in {path} change along the triangles, so these are no surfaces of "
+        "equal value; export iso-surfaces, or contour the volume with `iriftrace shells`."
+    )
+
+
+# Values of one surface differ by rounding only, values of two by a visible share of the range.
+_SAME_SURFACE = 1e-4
+
+
+def import_shells(
+    path: str | Path,
+    *,
+    array: str | None = None,
+    quantity: str | None = None,
+    gradient: str | None = None,
+    temperature_unit: str | None = None,
+    length_unit: str = "mm",
+    air: Air | None = None,
+    transform: ArrayLike | None = None,
+    min_size_mm: float = 1.0,
+) -> ShellStack:
+    """Read surfaces of equal temperature, density or index as shells.
+
+    The triangles are split by value into shells. The layers between them follow from the midpoint
+    rule reversed (:func:`iriftrace.shells.contour.layers_between`): ambient outside, midway between
+    neighbouring surfaces, and the same step again inside the innermost. The winding of the file is
+    not trusted: each piece is turned so that it faces the cooler air, which the gradient tells
+    where the file has one, else the neighbouring surfaces, else its own centre.
+
+    Parameters
+    ----------
+    path : path
+        One ``.vtu``, ``.vtm`` or ``.vtp`` with triangles (or polygons) in mm or ``length_unit``.
+    array : str, optional
+        Name of the point or cell array; found by its name, or because it is the only one.
+    quantity : str, optional
+        ``"temperature"``, ``"index"`` (n or n - 1) or ``"density"``. For a name that does not tell
+        (COMSOL's ``Color``): temperature where all values exceed 150, index otherwise.
+    gradient : str, optional
+        Name of a point array with the gradient of the same quantity; by default the only array with
+        three components whose name begins with "grad". Without one the shells have no normals and
+        rays use the facets'.
+    temperature_unit : str, optional
+        Unit of the temperatures; what brackets in the array's name say, else K, when left out.
+    length_unit : str
+        Unit of the file's coordinates.
+    air : Air, optional
+        Ambient air; ``Air()`` when left out.
+    transform : (4, 4) array_like, optional
+        Applied to the coordinates after their conversion to mm.
+    min_size_mm : float, mm
+        Pieces whose bounding box has a smaller diagonal are dropped.
+
+    Returns
+    -------
+    ShellStack
+        With rule ``"imported"``.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged or has no triangles; no array or several could be meant; the
+        values are those of a continuous field; a surface does not lie between ambient and vacuum.
+    """
+    path = Path(path)
+    air = Air() if air is None else air
+    soup = read_surfaces(
+        path,
+        array,
+        quantity,
+        gradient,
+        temperature_unit,
+        length_factor(length_unit),
+        air,
+        transform,
+    )
+    surfaces, of_triangle = _split(soup.refractivity, soup.choice.name, path)
+    _, e = layers_between(surfaces, air.ambient_refractivity)
+    meshes = [_mesh(soup, of_triangle == k) for k in range(len(surfaces))]
+    shells, crumbs = [], []
+    for k, mesh in enumerate(meshes):
+        neighbours = (meshes[i].vertices if 0 <= i < len(meshes) else None for i in (k - 1, k + 1))
+        towards = _outward(mesh, *neighbours)
+        faces, pieces, triangles = face_along(mesh.vertices, mesh.faces, towards, min_size_mm)
+        crumbs += [Crumbs(k + 1, pieces, triangles)] if pieces else []
+        if len(faces) == 0:
+            raise InputError(
+                f"All pieces of the surface at n - 1 = {surfaces[k]:.6g} in {path} are smaller "
+                f"than {min_size_mm:g} mm; check the length unit or allow smaller pieces."
+            )
+        used, faces = used_vertices(len(mesh.vertices), faces)
+        vertices, normals = mesh.vertices[used], None
+        if mesh.gradient is not None:
+            normals = normals_along(vertices, faces, mesh.gradient[used])
+        level = float(surfaces[k])
+        shells.append(Shell(k + 1, level, float(e[k]), float(e[k + 1]), vertices, faces, normals))
+    source = FieldSource(
+        path=str(path),
+        sha256=sha256_of(path),
+        array=soup.choice.name,
+        quantity=soup.choice.quantity,
+        length_unit=length_unit,
+        origin=soup.origin,
+    )
+    return ShellStack(shells, air, "imported", source, crumbs)
+
+
+def _split(refractivity: FloatArray, name: str, path: Path) -> tuple[FloatArray, IntArray]:
+    """Values of the surfaces, from ambient inwards, and the surface of every triangle."""
+    order = np.argsort(-refractivity, kind="stable")
+    ranked = refractivity[order]
+    tolerance = max(_SAME_SURFACE * float(np.ptp(ranked)), 1e-7 * float(ranked[0]))
+    new = np.concatenate(([True], ranked[:-1] - ranked[1:] > tolerance))
+    first = np.flatnonzero(new)
+    last = np.append(first[1:], len(ranked)) - 1
+    wide = np.any(ranked[first] - ranked[last] > 10.0 * tolerance)
+    # A closed surface has at least four triangles, and nobody exports a thousand of the smallest.
+    if wide or len(first) > max(1, len(ranked) // 4):
+        raise continuous(name, path)
+    of_triangle = np.empty(len(ranked), dtype=np.int64)
+    of_triangle[order] = np.cumsum(new) - 1
+    return np.add.reduceat(ranked, first) / np.diff(np.append(first, len(ranked))), of_triangle
+
+
+def _mesh(soup: Soup, chosen: NDArray[np.bool_]) -> Soup:
+    """The triangles of one surface, welded, without degenerate ones."""
+    used, faces = used_vertices(len(soup.vertices), soup.faces[chosen])
+    vertices = soup.vertices[used]
+    return evolve(
+        soup,
+        vertices=vertices,
+        faces=drop_degenerate(vertices, weld(vertices, faces)),
+        refractivity=soup.refractivity[chosen],
+        gradient=None if soup.gradient is None else soup.gradient[used],
+    )
+
+
+def _outward(mesh: Soup, cooler: Float32Array | None, hotter: Float32Array | None) -> FloatArray:
+    """Direction to the cooler air at every triangle: the gradient, or from neighbours' vertices."""
+    if mesh.gradient is not None:
+        gradient: FloatArray = mesh.gradient[mesh.faces].mean(axis=1)
+        return gradient
+    here = mesh.vertices.astype(np.float64)[mesh.faces].mean(axis=1)
+    direction: FloatArray = np.zeros_like(here)
+    if hotter is not None:
+        direction += unit_vectors(here - hotter[cKDTree(hotter).query(here, workers=-1)[1]])
+    if cooler is not None:
+        direction += unit_vectors(cooler[cKDTree(cooler).query(here, workers=-1)[1]] - here)
+    if cooler is None and hotter is None:
+        areas = np.linalg.norm(area_vectors(mesh.vertices, mesh.faces), axis=1)
+        direction += here - np.average(here, axis=0, weights=areas)
+    return direction

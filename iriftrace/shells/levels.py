@@ -1,0 +1,126 @@
+"""Which surfaces of equal index cut hot air into layers, and the index of each layer.
+
+Symbols: ``e_0 .. e_N`` are the refractivities (n - 1) of the N + 1 layers
+from ambient to the hottest air; shell k lies at ``s_k`` and separates layer k - 1 (outside) from
+layer k (inside).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+MOST_LAYERS = 10_000
+
+RULES = ("midpoint", "graded", "outer")
+
+
+def index_levels(
+    ambient: float, hottest: float, layers: int = 13, rule: str = "midpoint"
+) -> tuple[FloatArray, FloatArray]:
+    """Refractivities of shells and layers from ambient to the hottest air.
+
+    Parameters
+    ----------
+    ambient, hottest : float
+        n - 1 outside and of the hottest air.
+    layers : int
+        Number of shells N.
+    rule : str
+        ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, in equal steps of ``e``.
+        ``"graded"``: the same, but the steps of ``e`` are the mean of equal ones (weight 0.3) and
+        of the cosine's: 0.3 equal steps at both ends, 1.4 in the middle. It serves few shells in
+        views through a plume, whose air is in the outermost layers, and rays that are bent at the
+        shells alone, where the innermost and the outermost layer make most of the error; see the
+        accuracy page.
+        ``"outer"``: shell k lies at ``e_k``, in equal steps, so that each layer has the value of
+        its outer surface; first order (5 to 6 % off with 13 shells), for studies only. Its last
+        shell is the hottest air itself and so normally empty.
+
+    Returns
+    -------
+    surfaces : (N,) array
+    layers : (N + 1,) array
+        ``e_0 .. e_N``.
+
+    Raises
+    ------
+    InputError
+        If ``ambient`` does not exceed ``hottest``, ``layers`` is below 1 or above ``MOST_LAYERS``,
+        or the rule is unknown.
+    """
+    check_range(ambient, hottest)
+    if layers < 1:
+        raise InputError(f"{layers} layers bend no ray; give at least 1.")
+    if layers > MOST_LAYERS:
+        raise InputError(
+            f"{layers} layers take longer than their error is worth, which falls with the square "
+            f"of their number; give at most {MOST_LAYERS}."
+        )
+    if rule not in RULES:
+        raise InputError(f"Unknown rule '{rule}' for index steps; use one of {', '.join(RULES)}.")
+    share = np.linspace(0.0, 1.0, layers + 1)
+    if rule == "graded":
+        share = 0.3 * share + 0.35 * (1.0 - np.cos(np.pi * share))
+    e = ambient + (hottest - ambient) * share
+    return e[1:].copy() if rule == "outer" else 0.5 * (e[:-1] + e[1:]), e
+
+
+def layers_between(
+    surfaces: ArrayLike, ambient: float, hottest: float | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Refractivities of the layers between given surfaces: the midpoint rule reversed.
+
+    ``e_0`` is ambient, the layers between surfaces lie midway, and the innermost is extrapolated
+    by the same step (``e_N = 2 s_N - e_{N-1}``) but not beyond ``hottest``. Equal steps give back
+    what :func:`index_levels` says.
+
+    Parameters
+    ----------
+    surfaces : (N,) sequence
+        n - 1 of the shells in any order.
+    ambient : float
+    hottest : float, optional
+        n - 1 of the hottest air; by default the extrapolation has no limit but vacuum.
+
+    Returns
+    -------
+    surfaces : (N,) array
+        From ambient inwards.
+    layers : (N + 1,) array
+
+    Raises
+    ------
+    InputError
+        If there is none, two are equal, or one does not lie between ambient and hottest.
+    """
+    s = np.sort(np.asarray(surfaces, dtype=np.float64).ravel())[::-1]
+    limit = 0.0 if hottest is None else hottest
+    if len(s) == 0 or not np.isfinite(s).all() or np.any(np.diff(s) == 0.0):
+        raise InputError(
+            f"The levels {s.tolist()} are no list of different numbers (n - 1); each shell needs "
+            "its own."
+        )
+    if s[0] >= ambient or s[-1] < limit or s[-1] <= 0.0:
+        raise InputError(
+            f"The levels reach from n - 1 = {s[-1]:.6g} to {s[0]:.6g}, but air lies between "
+            f"{limit:.6g} (hottest) and {ambient:.6g} (ambient); choose levels in between, or "
+            "set the ambient air."
+        )
+    e = np.empty(len(s) + 1)
+    e[0] = ambient
+    e[1:-1] = 0.5 * (s[:-1] + s[1:])
+    e[-1] = max(2.0 * s[-1] - e[-2], limit)
+    return s, e
+
+
+def check_range(ambient: float, hottest: float) -> None:
+    """Raise InputError unless the ambient air has a higher index than the hottest."""
+    if not (np.isfinite(ambient) and np.isfinite(hottest) and ambient > hottest >= 0.0):
+        raise InputError(
+            f"n - 1 of the ambient air is {ambient:.6g} and of the hottest air {hottest:.6g}; the "
+            "ambient air must have the higher index, else there is no hot air to trace through."
+        )

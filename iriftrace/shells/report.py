@@ -1,0 +1,175 @@
+"""What a stack of shells looks like: size, openings, gaps and cuts, shell by shell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from attrs import asdict, frozen
+
+from iriftrace.geometry.query import Surface, gap, inside_closed
+from iriftrace.geometry.topology import open_edges, polydata
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+    from iriftrace.field.index_field import IndexField
+    from iriftrace.part.part import Part
+    from iriftrace.shells.stack import Shell, ShellStack
+
+
+PART_WALL = "part wall"
+DATA_BOUNDARY = "data boundary"
+INTERIOR = "interior"
+UNKNOWN = "unknown"
+
+# A part's own surface stands in for the field's wall up to the gap that the fit of both tolerates.
+_PART_TOLERANCE_MM = 0.2
+
+
+@frozen
+class ShellReport:
+    """Facts about one shell.
+
+    Parameters
+    ----------
+    layer : int
+        1 = outermost.
+    refractivity, index : float
+        n - 1 and n at the surface.
+    temperature_k : float, K
+    ext, int_ : float
+        n - 1 of the layers outside and inside.
+    triangles : int
+    area_mm2 : float, mm^2
+    closed : bool
+        Whether the surface has no border.
+    open_at : tuple of (str, int)
+        Where the border edges lie and how many: ``"part wall"``, ``"data boundary"``,
+        ``"interior"`` (a crack, or cut on purpose), ``"unknown"`` without a field.
+    gap_next_mm : float or None, mm
+        Smallest distance to the next shell inwards; None for the last.
+    gap_part_mm : float or None, mm
+        Smallest distance to the part's surface, 0 where the shell cuts it; None without a part.
+    part_cut_share : float or None
+        Share of the shell's area inside the part; None without a part or when it is not closed.
+    """
+
+    layer: int
+    refractivity: float
+    index: float
+    temperature_k: float
+    ext: float
+    int_: float
+    triangles: int
+    area_mm2: float
+    closed: bool
+    open_at: tuple[tuple[str, int], ...]
+    gap_next_mm: float | None
+    gap_part_mm: float | None
+    part_cut_share: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        values = asdict(self)
+        values["int"] = values.pop("int_")
+        values["open_at"] = dict(self.open_at)
+        return values
+
+
+def report_shells(
+    stack: ShellStack, field: IndexField | None = None, part: Part | None = None
+) -> tuple[ShellReport, ...]:
+    """Report on every shell of a stack.
+
+    Distances are those from the vertices of either surface to the triangles of the other, exact
+    where a k-d tree says that the surfaces are closest. On three solved fields they exceeded the
+    smallest of all such distances by at most 0.3 %. A triangle counts as inside the part when its
+    centre is.
+
+    Parameters
+    ----------
+    stack : ShellStack
+    field : IndexField, optional
+        Tells where the data end, and so why a shell is open.
+    part : Part, optional
+
+    Returns
+    -------
+    tuple of ShellReport
+        Outermost first.
+    """
+    borders = _borders(field, part)
+    surfaces = [Surface(shell.vertices, shell.faces) for shell in stack.shells]
+    gaps: list[float | None] = [gap(outer, inner) for outer, inner in pairwise(surfaces)]
+    surface_of_part = None if part is None else Surface(part.vertices, part.faces)
+    reports = []
+    for shell, surface, gap_next, temperature in zip(
+        stack.shells, surfaces, [*gaps, None], stack.temperature_k.tolist(), strict=True
+    ):
+        open_at = _open_at(shell, borders, INTERIOR if field is not None else UNKNOWN)
+        share = None if part is None or not part.closed else _share_inside(surface, part)
+        gap_part = None if surface_of_part is None else gap(surface, surface_of_part)
+        reports.append(
+            ShellReport(
+                layer=shell.layer,
+                refractivity=shell.refractivity,
+                index=1.0 + shell.refractivity,
+                temperature_k=temperature,
+                ext=shell.ext,
+                int_=shell.int_,
+                triangles=len(shell.faces),
+                area_mm2=float(surface.areas.sum()),
+                closed=not open_at,
+                open_at=open_at,
+                gap_next_mm=gap_next,
+                gap_part_mm=0.0 if share else gap_part,
+                part_cut_share=share,
+            )
+        )
+    return tuple(reports)
+
+
+def _borders(field: IndexField | None, part: Part | None) -> list[tuple[str, pv.PolyData, float]]:
+    """Surfaces on which shells may end, what they are called, and how near is on them (mm)."""
+    borders = []
+    has_wall = field is not None and field.wall.n_cells > 0
+    if part is not None and not has_wall:
+        surface = polydata(part.vertices, part.faces)
+        borders.append((PART_WALL, surface, _PART_TOLERANCE_MM))
+    if field is not None:
+        # Vertices lie on the cells' edges but for the rounding to float32.
+        tolerance = max(1e-4, 2e-6 * float(field.grid.length))
+        if has_wall:
+            borders.append((PART_WALL, field.wall, tolerance))
+        outside = field.grid.extract_surface(algorithm="geometry").triangulate()
+        borders.append((DATA_BOUNDARY, outside, tolerance))
+    return borders
+
+
+def _open_at(
+    shell: Shell, borders: Sequence[tuple[str, pv.PolyData, float]], otherwise: str
+) -> tuple[tuple[str, int], ...]:
+    """Border edges of a shell by the surface on which both their ends lie."""
+    import pyvista as pv
+
+    edges = open_edges(shell.faces)
+    counts = {}
+    for name, surface, tolerance in borders:
+        if len(edges) == 0:
+            break
+        ends = pv.PolyData(shell.vertices[edges.ravel()].astype(np.float64))
+        distance = np.abs(ends.compute_implicit_distance(surface)["implicit_distance"])
+        on = np.all(distance.reshape(-1, 2) <= tolerance, axis=1)
+        counts[name] = int(on.sum())
+        edges = edges[~on]
+    counts[otherwise] = len(edges)
+    return tuple((name, count) for name, count in counts.items() if count)
+
+
+def _share_inside(surface: Surface, part: Part) -> float:
+    centres = surface.vertices[surface.faces].sum(axis=1) / 3.0
+    inside = inside_closed(centres, part.vertices, part.faces)
+    return float(surface.areas[inside].sum() / surface.areas.sum())

@@ -1,0 +1,184 @@
+"""Shells and stacks of shells: surfaces of equal refractive index between layers of air."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from attrs import Attribute, field, frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.arrays import AnyIntArray, Float32Array, FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.shells.hessian import STEEPNESSES
+from iriftrace.shells.levels import RULES
+
+if TYPE_CHECKING:
+    from iriftrace.field.index_field import FieldSource
+
+
+KINDS = (*RULES, "custom", "imported")
+
+
+def _float32(values: ArrayLike) -> Float32Array:
+    return np.ascontiguousarray(values, dtype=np.float32).reshape(-1, 3)
+
+
+def _optional_float32(values: ArrayLike | None) -> Float32Array | None:
+    return None if values is None else _float32(values)
+
+
+def _optional_rows(values: ArrayLike | None) -> Float32Array | None:
+    return None if values is None else np.ascontiguousarray(values, dtype=np.float32)
+
+
+def _shells(values: Iterable[Shell]) -> tuple[Shell, ...]:
+    return tuple(values)
+
+
+def _crumbs(values: Iterable[Crumbs]) -> tuple[Crumbs, ...]:
+    return tuple(values)
+
+
+def _int32(values: ArrayLike) -> AnyIntArray:
+    return np.ascontiguousarray(values, dtype=np.int32).reshape(-1, 3)
+
+
+@frozen(eq=False)
+class Shell:
+    """One surface between two layers of air.
+
+    Parameters
+    ----------
+    layer : int
+        Number of the level, 1 = outermost.
+    refractivity : float
+        n - 1 of the air at the surface.
+    ext, int_ : float
+        n - 1 of the layers outside and inside (the side of the hotter air).
+    vertices : (n, 3) array of float32, mm, world
+    faces : (m, 3) array of int32
+        Counter-clockwise seen from outside, so facet normals point to the ``ext`` side.
+    normals : (n, 3) array of float32 or None, world
+        Unit vectors at the vertices along +grad(n), that is outward. None: only facets are known.
+    steepness : (n, 7) array of float32 or None, 1/mm and 1/mm^2, world
+        Length of grad(n) at the vertices and the second derivatives of n (xx, yy, zz, yz, xz, xy),
+        all over the shell's step ``ext - int_``, by which rays are bent all along the layers. None:
+        rays are bent at this shell alone.
+
+    Raises
+    ------
+    InputError
+        If the surface is empty, a face names no vertex, or a coordinate is not finite.
+    """
+
+    layer: int
+    refractivity: float
+    ext: float
+    int_: float
+    vertices: Float32Array = field(converter=_float32, repr=False)
+    faces: AnyIntArray = field(converter=_int32, repr=False)
+    normals: Float32Array | None = field(default=None, converter=_optional_float32, repr=False)
+    steepness: Float32Array | None = field(default=None, converter=_optional_rows, repr=False)
+
+    @vertices.validator
+    def _check_vertices(self, _: Attribute[Float32Array], vertices: Float32Array) -> None:
+        if not np.isfinite(vertices).all():
+            raise InputError(
+                f"Shell {self.layer} has a vertex that is not finite, so no ray can cross it; "
+                "check the field's points."
+            )
+
+    @faces.validator
+    def _check_faces(self, _: Attribute[AnyIntArray], faces: AnyIntArray) -> None:
+        if len(faces) == 0:
+            raise InputError(f"Shell {self.layer} has no triangle; leave it out of the stack.")
+        if faces.min() < 0 or faces.max() >= len(self.vertices):
+            raise InputError(
+                f"Shell {self.layer} has a triangle with vertex number {faces.max()}, but only "
+                f"{len(self.vertices)} vertices; the mesh is damaged."
+            )
+
+    @normals.validator
+    def _check_normals(
+        self, _: Attribute[Float32Array | None], normals: Float32Array | None
+    ) -> None:
+        if normals is not None and len(normals) != len(self.vertices):
+            raise InputError(
+                f"Shell {self.layer} has {len(normals)} normals for {len(self.vertices)} "
+                "vertices; give one each or none."
+            )
+
+    @steepness.validator
+    def _check_steepness(
+        self, _: Attribute[Float32Array | None], steepness: Float32Array | None
+    ) -> None:
+        if steepness is None:
+            return
+        if self.normals is None or steepness.shape != (len(self.vertices), STEEPNESSES):
+            raise InputError(
+                f"Shell {self.layer} has a steepness of shape {steepness.shape} for "
+                f"{len(self.vertices)} vertices, or no normals beside it; give {STEEPNESSES} "
+                "numbers and a normal for each vertex, or no steepness."
+            )
+
+
+class Crumbs(NamedTuple):
+    """Small pieces left out of one shell."""
+
+    layer: int
+    components: int
+    triangles: int
+
+
+@frozen(eq=False)
+class ShellStack:
+    """Shells of one field, outermost first.
+
+    Parameters
+    ----------
+    shells : tuple of Shell
+    air : Air
+        Relates refractivity and temperature.
+    rule : str
+        How surfaces and layers were chosen: ``"midpoint"``, ``"outer"``, ``"custom"`` or
+        ``"imported"``.
+    source : FieldSource or None
+        The file behind the shells, where there is one.
+    crumbs : tuple of Crumbs
+        What was dropped for its size.
+    """
+
+    shells: tuple[Shell, ...] = field(converter=_shells)
+    air: Air
+    rule: str = field()
+    source: FieldSource | None = None
+    crumbs: tuple[Crumbs, ...] = field(default=(), converter=_crumbs)
+
+    @shells.validator
+    def _check_shells(self, _: Attribute[tuple[Shell, ...]], shells: tuple[Shell, ...]) -> None:
+        if not shells:
+            raise InputError("A shell stack without shells bends no ray; give at least one level.")
+
+    @rule.validator
+    def _check_rule(self, _: Attribute[str], rule: str) -> None:
+        if rule not in KINDS:
+            raise InputError(f"Unknown index rule '{rule}'; use one of {', '.join(KINDS)}.")
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles of all shells."""
+        return sum(len(shell.faces) for shell in self.shells)
+
+    @property
+    def temperature_k(self) -> FloatArray:
+        """(shells,) array, K: temperature of the air at each surface."""
+        values = np.array([shell.refractivity for shell in self.shells])
+        return np.asarray(self.air.temperature(values), dtype=np.float64)
+
+    @property
+    def has_normals(self) -> bool:
+        """Whether every shell knows the direction of grad(n) at its vertices."""
+        return all(shell.normals is not None for shell in self.shells)

@@ -1,0 +1,175 @@
+"""The study ``rays``: what the number of rays costs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from attrs import evolve
+from scipy.spatial import cKDTree
+
+from iriftrace.core.errors import InputError
+from iriftrace.field.index_field import IndexField
+from iriftrace.geometry.topology import polydata
+from iriftrace.scene.load import LoadedScene
+from iriftrace.shells.edit import subdivide_midpoint
+from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.studies.hit_comparison import Axis
+from iriftrace.studies.modes import Mode, some_shells_of
+from iriftrace.studies.picture import View, loaded_shells
+from iriftrace.studies.timing import Timing
+
+
+def rays_study(
+    field: IndexField,
+    view: View,
+    scales: Sequence[float],
+    modes: Sequence[Mode],
+    source: Mapping[str, Any],
+    *,
+    layers: int = 13,
+) -> Timing:
+    """Time the stages of one picture at several resolutions.
+
+    Parameters
+    ----------
+    field : IndexField
+    view : View
+        With the camera at its full resolution.
+    scales : sequence of float
+        Factors on the resolution.
+    modes : sequence of Mode
+    source : mapping
+        See :class:`iriftrace.studies.timing.Timing`.
+    layers : int
+        Number of shells.
+
+    Raises
+    ------
+    InputError
+        If two scales give the same number of rays.
+    """
+    cameras = [view.camera.scaled(scale) for scale in scales]
+    rays = [camera.resolution[0] * camera.resolution[1] for camera in cameras]
+    if not rays or len(set(rays)) < len(rays):
+        raise InputError(
+            f"The scales {', '.join(f'{scale:g}' for scale in scales) or 'none'} give "
+            f"{', '.join(map(str, rays)) or 'no'} rays; give at least one, each different."
+        )
+
+    @contextmanager
+    def scene(mode: Mode, position: int) -> Iterator[tuple[LoadedScene, int, int]]:
+        stack = some_shells_of(field, layers, mode)
+        with loaded_shells(evolve(view, camera=cameras[position]), stack, mode) as loaded:
+            yield loaded, len(stack.shells), stack.triangles
+
+    for mode in modes:
+        mode.check_layers(layers, 1)
+    return Timing(
+        name="rays",
+        axis=Axis("launched", tuple(rays), "rays launched"),
+        modes=tuple(modes),
+        scene=scene,
+        source={**source, "layers": layers},
+    )
+
+
+# MERGE studies.polygons: The study ``polygons``: what the number of triangles costs.
+
+SMALLEST = 4_700
+"""Triangles of a shell with which Kern et al. (2025) begin."""
+
+LARGEST = 320_000
+"""Triangles of a shell with which the study ends unless asked for more (theirs: 4.8 million)."""
+
+
+def polygons_study(
+    field: IndexField,
+    view: View,
+    modes: Sequence[Mode],
+    source: Mapping[str, Any],
+    *,
+    layers: int = 13,
+    smallest: int = SMALLEST,
+    largest: int = LARGEST,
+) -> Timing:
+    """Time the stages of one picture at several numbers of triangles.
+
+    Midpoint subdivision leaves the surfaces where they are, so all but the first step trace the
+    same rays through the same air.
+
+    Parameters
+    ----------
+    field : IndexField
+    view : View
+    modes : sequence of Mode
+    source : mapping
+        See :class:`iriftrace.studies.timing.Timing`.
+    layers : int
+        Number of shells.
+    smallest : int
+        Triangles of each shell to begin with; larger shells are thinned out to it.
+    largest : int
+        No more subdivisions than give this mean number of triangles for each shell.
+
+    Raises
+    ------
+    InputError
+        If the limits are not in order.
+    """
+    if not 100 <= smallest <= largest:
+        raise InputError(
+            f"Triangles of a shell from {smallest} to {largest} are no range; give at least 100 "
+            "and then more."
+        )
+    for mode in modes:
+        mode.check_layers(layers, 1)
+    started: dict[str, ShellStack] = {}
+
+    def start(mode: Mode) -> ShellStack:
+        if mode.name not in started:
+            started[mode.name] = thinned(some_shells_of(field, layers, mode), smallest)
+        return started[mode.name]
+
+    first = start(modes[0])
+    steps = int(np.log(largest * len(first.shells) / first.triangles) / np.log(4) + 1e-9)
+
+    @contextmanager
+    def scene(mode: Mode, position: int) -> Iterator[tuple[LoadedScene, int, int]]:
+        undivided = start(mode)
+        # No name for the divided shells here, because it would keep them in memory.
+        with loaded_shells(view, subdivide_midpoint(undivided, position), mode) as loaded:
+            yield loaded, len(undivided.shells), undivided.triangles * 4**position
+
+    return Timing(
+        name="polygons",
+        axis=Axis("subdivisions", tuple(range(max(0, steps) + 1)), "midpoint subdivisions"),
+        modes=tuple(modes),
+        scene=scene,
+        source={**source, "layers": layers, "smallest": smallest},
+    )
+
+
+def thinned(stack: ShellStack, triangles: int) -> ShellStack:
+    """Shells with at most about a number of triangles each, by quadric edge collapse.
+
+    Each vertex gets the gradient normal and the steepness of the nearest vertex of before.
+    """
+    return evolve(stack, shells=[_thinned(shell, triangles) for shell in stack.shells])
+
+
+def _thinned(shell: Shell, triangles: int) -> Shell:
+    if len(shell.faces) <= triangles:
+        return shell
+    mesh = polydata(shell.vertices, shell.faces).decimate(1.0 - triangles / len(shell.faces))
+    vertices = np.asarray(mesh.points, dtype=np.float32)
+    nearest = cKDTree(shell.vertices).query(vertices)[1]
+    return evolve(
+        shell,
+        vertices=vertices,
+        faces=mesh.regular_faces,
+        normals=None if shell.normals is None else shell.normals[nearest],
+        steepness=None if shell.steepness is None else shell.steepness[nearest],
+    )

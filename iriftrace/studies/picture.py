@@ -1,0 +1,111 @@
+"""One picture of a study: from shells, or the field itself, to its rays' hits."""
+
+from __future__ import annotations
+
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.field.index_field import IndexField
+from iriftrace.image.differences import Hits, hits_of
+from iriftrace.part.part import Part
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.stack import ShellStack
+from iriftrace.studies.modes import Mode
+from iriftrace.trace.render import Rendering, render_scene
+
+
+@frozen(eq=False)
+class View:
+    """What all pictures of a study have in common.
+
+    Attributes
+    ----------
+    part : Part
+    camera : Camera
+        At the resolution that is traced.
+    variant : str
+        Mitsuba variant.
+    """
+
+    part: Part
+    camera: Camera
+    variant: str
+
+
+@contextmanager
+def loaded_shells(view: View, stack: ShellStack, mode: Mode) -> Iterator[LoadedScene]:
+    """A scene of a stack of shells, from files that are removed afterwards."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_scene(
+            folder,
+            view.part,
+            stack,
+            view.camera,
+            normals=mode.normals,
+            inside_hit=mode.inside_hit,
+            paraview=False,
+        )
+        # Millions of triangles need not be in memory twice.
+        del stack
+        scene = load_scene(path, variant=view.variant)
+        try:
+            yield scene
+        finally:
+            scene.integrator.forget()
+
+
+def picture_of_shells(view: View, stack: ShellStack, mode: Mode) -> Hits:
+    """Trace the picture through shells."""
+    with loaded_shells(view, stack, mode) as scene:
+        rendering = rendered(scene)
+    return hits_of(rendering.image, len(stack.shells), stack.triangles)
+
+
+@contextmanager
+def loaded_field(
+    view: View, field: IndexField, *, normals: str = "gradient"
+) -> Iterator[LoadedScene]:
+    """A scene of the field itself for the continuous engine, likewise; see `picture_of_field`."""
+    # The engine looks at no shell, but a scene of the program has some.
+    stack = contour_shells(field, 1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_scene(
+            folder, view.part, stack, view.camera, normals=normals, paraview=False, field=field
+        )
+        scene = load_scene(path, variant=view.variant, engine="continuous")
+        try:
+            yield scene
+        finally:
+            scene.integrator.forget()
+
+
+def picture_of_field(view: View, field: IndexField, *, normals: str = "gradient") -> Hits:
+    """Trace the picture through the field itself, by the continuous engine.
+
+    Parameters
+    ----------
+    view : View
+    field : IndexField
+    normals : str
+        Which limit: the field to whose gradient shells with ``"gradient"`` normals converge, or
+        the one that is linear in each tetrahedron, to which ``"facet"`` normals do.
+    """
+    with loaded_field(view, field, normals=normals) as scene:
+        rendering = rendered(scene)
+    return hits_of(rendering.image)
+
+
+def rendered(scene: LoadedScene) -> Rendering:
+    """Render a scene without the searches for resolutions, and without warnings."""
+    with warnings.catch_warnings():
+        # A study has odd cases on purpose, and its table says what became of the rays.
+        warnings.simplefilter("ignore", IriftraceWarning)
+        return render_scene(scene, nearest=False, empty=True)

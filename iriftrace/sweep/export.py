@@ -1,0 +1,124 @@
+"""A sweep as a plain table for other programs: CSV or Parquet."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iriftrace.core.errors import InputError, SetupError
+from iriftrace.core.files import whole_file
+from iriftrace.part.part import Part
+from iriftrace.sweep.store import WHOLE_PART
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+SUFFIXES = (".csv", ".parquet")
+
+
+def check_table(path: Path) -> None:
+    """Refuse before the work a table that could not be written after it.
+
+    Raises
+    ------
+    InputError
+        If its name ends in something else than ``.csv`` or ``.parquet``.
+    SetupError
+        If what writes Parquet is not installed.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"The table {path} must end in {' or '.join(SUFFIXES)}, which says how it is written; "
+            "name it so."
+        )
+    if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
+        raise SetupError(
+            f"{path} needs pyarrow, which is not installed; in the clone: "
+            "pip install -e '.[parquet]', or write a .csv file."
+        )
+
+
+def write_table(path: Path, dataset: xr.Dataset) -> None:
+    """Write what is known of the whole part, one row a pose; the suffix says how.
+
+    Raises
+    ------
+    InputError, SetupError
+        As `check_table`, or the file cannot be written.
+    """
+    check_table(path)
+    others = [name for name in dataset.sizes if name not in ("pose", "region")]
+    table = dataset.drop_dims(others).sel(region=WHOLE_PART).drop_vars("region").to_dataframe()
+    # A table has no header for what holds for all poses.
+    table["wavelength_nm"] = dataset.attrs.get("wavelength_nm")
+    with whole_file(path) as temporary:
+        if path.suffix.lower() == ".csv":
+            table.to_csv(temporary)
+        else:
+            table.to_parquet(temporary, engine="pyarrow")
+
+
+# MERGE sweep_surface: The part with what a sweep found out about each of its faces, for ParaView.
+
+SURFACE_SUFFIXES = (".vtp", ".vtu")
+
+
+def check_surface(path: Path) -> None:
+    """Refuse before the work a surface that could not be written after it.
+
+    Raises
+    ------
+    InputError
+        If its name ends in something else than ``.vtp`` or ``.vtu``.
+    """
+    if path.suffix.lower() not in SURFACE_SUFFIXES:
+        raise InputError(
+            f"The surface {path} must end in {' or '.join(SURFACE_SUFFIXES)}, which "
+            "ParaView opens; name it so."
+        )
+
+
+def write_surface(path: Path, dataset: xr.Dataset, part: Part) -> None:
+    """Write the part's faces in the order of its file, with cell data.
+
+    The arrays are ``displacement (um)``, the mean over all good rays of all poses, ``times seen``,
+    the number of poses, ``best incidence (deg)``, the smallest angle of incidence, and ``region``,
+    its number. Displacement and incidence of a face that was never seen are NaN.
+
+    Parameters
+    ----------
+    path : Path
+        A .vtp or .vtu file.
+    dataset : xarray.Dataset
+        The sweep.
+    part : Part
+        What was swept.
+
+    Raises
+    ------
+    InputError
+        If the name has another ending, the file cannot be written, or the part is another one.
+    """
+    from iriftrace.figures.space import surface_of
+
+    check_surface(path)
+    if dataset.sizes.get("face") != len(part.faces):
+        raise InputError(
+            f"The sweep has maps of {dataset.sizes.get('face', 0)} faces, but {part.path} has "
+            f"{len(part.faces)}; give the part that was swept."
+        )
+    surface = surface_of(part.vertices, part.faces)
+    micrometres = 1e3 * dataset["face_displacement"].values.astype(np.float64)
+    surface.cell_data["displacement (um)"] = micrometres.astype(np.float32)
+    surface.cell_data["times seen"] = dataset["face_times_seen"].values
+    surface.cell_data["best incidence (deg)"] = dataset["face_incidence"].values
+    surface.cell_data["region"] = dataset["face_region"].values
+    with whole_file(path) as temporary:
+        if path.suffix.lower() == ".vtu":
+            surface.cast_to_unstructured_grid().save(temporary)
+        else:
+            surface.save(temporary)

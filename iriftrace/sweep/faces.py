@@ -1,0 +1,104 @@
+"""What a sweep says of each face of the part, in readable units."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.image.sightings import COUNTS
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.figures.style import Limits
+
+
+# A few rays at silhouettes jump by millimetres; these percentiles keep them out of the colours.
+_PERCENTILES = (1.0, 99.0)
+
+
+@frozen(eq=False)
+class FaceMap:
+    """One number for each of the m faces of the part.
+
+    Attributes
+    ----------
+    key : str
+        Short name, for files.
+    title, label : str
+        What it is; the same with the unit.
+    values : (m,) array
+        NaN for a face that no pose sees.
+    limits : (2,) tuple
+        Ends of the colours; logarithmic if the first is positive.
+    """
+
+    key: str
+    title: str
+    label: str
+    values: FloatArray
+    limits: Limits
+
+
+def has_faces(dataset: xr.Dataset) -> bool:
+    """Whether a sweep says which faces each pose sees; older ones do not."""
+    return COUNTS in dataset and "face_times_seen" in dataset
+
+
+def face_maps_of(dataset: xr.Dataset) -> tuple[FaceMap, ...]:
+    """Mean displacement, times seen and best incidence of each face; none of an older sweep."""
+    if not has_faces(dataset):
+        return ()
+    times = np.asarray(dataset["face_times_seen"].values, dtype=np.float64)
+    times[times == 0] = np.nan
+    if np.isnan(times).all():
+        return ()
+    displacement = 1e3 * np.asarray(dataset["face_displacement"].values, dtype=np.float64)
+    incidence = np.asarray(dataset["face_incidence"].values, dtype=np.float64)
+    return (
+        FaceMap(
+            "displacement",
+            "Mean displacement on each face, all poses",
+            "Mean displacement (µm)",
+            displacement,
+            _displacement_limits(displacement),
+        ),
+        FaceMap(
+            "times_seen",
+            "How many poses see each face",
+            "Poses that see the face",
+            times,
+            (0.0, float(np.nanmax(times))),
+        ),
+        FaceMap(
+            "incidence",
+            "Best angle of incidence on each face, all poses",
+            "Smallest angle of incidence (°)",
+            incidence,
+            (0.0, 90.0),
+        ),
+    )
+
+
+def faces_seen(dataset: xr.Dataset, region: str) -> IntArray | None:
+    """(n,) array: how many faces of a region each pose sees; None for an older sweep."""
+    if not has_faces(dataset):
+        return None
+    counts = np.asarray(dataset[COUNTS].values, dtype=np.int64)
+    number = [str(name) for name in dataset["region"].values].index(region)
+    if number == 0:
+        return counts
+    pose = np.repeat(np.arange(len(counts)), counts)
+    inside = dataset["face_region"].values[dataset["sighting_face"].values] == number
+    return np.bincount(pose[inside], minlength=len(counts)).astype(np.int64)
+
+
+def _displacement_limits(values: FloatArray) -> Limits:
+    low, high = (float(v) for v in np.nanpercentile(values, _PERCENTILES))
+    if not high > 0.0:
+        return 0.0, 1.0
+    low = max(low, 1e-4 * high)
+    return (low, high) if high > 1.05 * low else (low / 1.05, high * 1.05)

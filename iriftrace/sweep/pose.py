@@ -1,0 +1,204 @@
+"""One pose of a sweep: what is asked of whoever renders it, and what comes back."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from hashlib import sha256
+from importlib.metadata import version
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.files import sha256_of
+from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.image.sightings import NOTHING_SEEN, FaceSightings, sight_faces
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_folder, members_of
+from iriftrace.scene.file import read_scene_file
+from iriftrace.scene.load import LoadedScene
+from iriftrace.trace.render import render_scene
+from iriftrace.trace.shell_convergence import EVERY_SECOND_SHELL, shell_resolution
+
+_KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions", "ensemble", EVERY_SECOND_SHELL)
+
+SAMPLE = 1000
+"""Rays of each pose by which its shells are judged: enough to find poses, not to measure them."""
+
+
+@frozen
+class SceneSource:
+    """Where a process that renders poses finds their scene.
+
+    Attributes
+    ----------
+    path : str
+        The scene's XML file, absolute.
+    variables : dict of str
+        Values for its ``<default>`` parameters.
+    variant : str
+        Mitsuba variant.
+    fingerprint : str
+        SHA-256 of the file, of those that it names, and of variables, variant and engine.
+    version : str
+        Of iriftrace.
+    files : dict of str
+        SHA-256 of each file that the scene names, by absolute path.
+    engine : str or None
+        What bends the rays, whatever the file says; None for what it says.
+    """
+
+    path: str
+    variables: dict[str, str]
+    variant: str
+    fingerprint: str
+    version: str
+    files: dict[str, str]
+    engine: str | None = None
+
+
+@frozen(eq=False)
+class PoseTask:
+    """A pose to be rendered; small, and understood by every process that sees the scene's files.
+
+    Attributes
+    ----------
+    number : int
+        Of the pose in its sweep.
+    source : SceneSource
+    camera : Camera
+        With its pose.
+    include : tuple of int
+        Status codes whose rays the metrics use.
+    nearest : bool
+        See :func:`iriftrace.image.metrics.pose_metrics`.
+    exr : str
+        File for the AOV image, absolute; empty for none.
+    """
+
+    number: int
+    source: SceneSource
+    camera: Camera
+    include: tuple[int, ...]
+    nearest: bool
+    exr: str
+
+
+@frozen(eq=False)
+class PoseResult:
+    """What one pose gives.
+
+    Attributes
+    ----------
+    number : int
+        Of the pose in its sweep.
+    entry : dict
+        Plain JSON values: ``metrics`` (None if the pose failed) and ``failure`` (why, else empty).
+    sightings : FaceSightings
+    """
+
+    number: int
+    entry: dict[str, Any]
+    sightings: FaceSightings
+
+
+def source_of(
+    path: Path, variables: dict[str, str], variant: str, engine: str | None = None
+) -> SceneSource:
+    """The scene as it lies on the disk now.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    with runtime.using(variant), warnings.catch_warnings():
+        # Said when the scene is loaded.
+        warnings.simplefilter("ignore", IriftraceWarning)
+        files = _files(path, variables)
+        if engine == "continuous":
+            files = (*files, *_field_files(path, variables))
+    contents = {str(file.resolve()): sha256_of(file) for file in files}
+    content = [sha256_of(path), *(contents[str(file.resolve())] for file in files)]
+    return SceneSource(
+        path=str(path.resolve()),
+        variables=variables,
+        variant=variant,
+        fingerprint=fingerprint(content, variables, variant, engine),
+        version=version("iriftrace"),
+        files=contents,
+        engine=engine,
+    )
+
+
+def _files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
+    """Every file that a scene names; of an ensemble those of all members that are traced."""
+    members = members_of(path, variables)
+    if not members:
+        included = member_files(path) if is_ensemble(path) else ()
+        return (*included, *read_scene_file(path, variables).file_paths)
+    chosen = ({**variables, MEMBER: str(member.number)} for member in members)
+    files = [read_scene_file(path, values).file_paths for values in chosen]
+    return tuple(dict.fromkeys((*member_files(path), *chain.from_iterable(files))))
+
+
+def _field_files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
+    """Fields beside a scene whose file need not name them: the continuous engine's."""
+    if not is_ensemble(path):
+        folders = [path.parent]
+    elif MEMBER in variables:
+        folders = [member_folder(path, variables[MEMBER])]
+    else:
+        folders = [member_folder(path, m.number) for m in members_of(path, variables)]
+    return tuple(file for folder in folders if (file := folder / FIELD_FILE).is_file())
+
+
+def fingerprint(*pieces: Any) -> str:
+    """SHA-256 of plain values."""
+    return sha256(json.dumps(pieces, sort_keys=True).encode()).hexdigest()
+
+
+def render_pose(task: PoseTask, scene: LoadedScene) -> PoseResult:
+    """Render one pose and reduce it; the same in every process.
+
+    Parameters
+    ----------
+    task : PoseTask
+    scene : LoadedScene
+        Loaded from the task's source.
+
+    Raises
+    ------
+    InputError
+        If the image cannot be written. A pose without a picture is a result that says why.
+    """
+    with warnings.catch_warnings():
+        # Said once for the sweep, and not for every pose.
+        warnings.simplefilter("ignore", IriftraceWarning)
+        try:
+            rendering = render_scene(
+                scene, camera=task.camera, include=task.include, nearest=task.nearest, empty=True
+            )
+        except InputError as error:
+            return PoseResult(task.number, {"metrics": None, "failure": str(error)}, NOTHING_SEEN)
+    resolution = shell_resolution(scene, rendering.image, task.camera, SAMPLE)
+    if resolution is not None:
+        rendering.metrics[EVERY_SECOND_SHELL] = resolution.as_dict()
+    if task.exr:
+        rendering.save(task.exr)
+    measured = {
+        key: value for key, value in rendering.metrics.items() if key in _KEPT or _is_measure(key)
+    }
+    return PoseResult(
+        task.number,
+        {"metrics": measured, "failure": ""},
+        sight_faces(rendering.image, task.include),
+    )
+
+
+def _is_measure(key: str) -> bool:
+    return key.endswith(("_mm", "_px", "_deg", "_nn3d", "_nnxy")) or key.startswith("coverage")

@@ -1,0 +1,240 @@
+"""The result of a sweep: one labelled dataset, in memory and as a netCDF file.
+
+What it holds of each pose's metrics is said in `iriftrace.sweep_measures`.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.image.sightings import COLUMNS, COUNTS, ROW, FaceSightings
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.camera.pose_set import PoseSet
+
+
+# MERGE sighting_file: The ragged arrays of a sweep's netCDF file, written pose by pose: one is in
+
+SIGHTING = "sighting"
+"""Dimension of the rows of all poses."""
+
+_CHUNK = 65_536
+# Higher levels make the files 1 to 3 % smaller and take several times as long.
+_LEVEL = 4
+
+
+def append_sightings(path: Path, rows: int, sightings: Iterable[FaceSightings]) -> None:
+    """Add what each pose sees to a netCDF file that lacks it.
+
+    Parameters
+    ----------
+    path : Path
+    rows : int
+        Number of rows of all poses.
+    sightings : iterable of FaceSightings
+        Of each pose, in their order.
+    """
+    import h5netcdf
+
+    with h5netcdf.File(path, "r+") as file:
+        file.dimensions[SIGHTING] = rows
+        columns = {}
+        for name, (kind, unit, text) in COLUMNS.items():
+            column = file.create_variable(
+                f"{SIGHTING}_{name}",
+                (SIGHTING,),
+                np.dtype(kind),
+                chunks=(min(_CHUNK, max(rows, 1)),),
+                compression="gzip",
+                compression_opts=_LEVEL,
+                shuffle=True,
+            )
+            column.attrs["units"] = unit
+            column.attrs["long_name"] = text
+            columns[name] = column
+        start = 0
+        for found in sightings:
+            if len(found) == 0:
+                continue
+            for name, column in columns.items():
+                column[start : start + len(found)] = getattr(found, name)
+            start += len(found)
+
+
+SCHEMA = "iriftrace.sweep/1"
+WHOLE_PART = "part"
+
+
+def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
+    """Where the camera stood, as variables of a dataset.
+
+    Parameters
+    ----------
+    poses : PoseSet
+    target : (3,) array, mm, world
+        Point from which ``distance`` is measured.
+    """
+    distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
+    return {
+        "matrix": (
+            ("pose", "row", "column"),
+            poses.matrices,
+            {"long_name": "camera to world; x right, y down, z forward", "units": "mm"},
+        ),
+        "azimuth": (("pose",), poses.azimuth_deg, {"units": "degree"}),
+        "elevation": (("pose",), poses.elevation_deg, {"units": "degree"}),
+        "distance": (("pose",), distance, {"units": "mm", "long_name": "camera to target"}),
+    }
+
+
+def to_dataset(
+    variables: dict[str, Any], region_names: Sequence[str], attributes: dict[str, Any]
+) -> xr.Dataset:
+    """All variables as one dataset; attributes that are no numbers or strings become JSON."""
+    import xarray as xr
+
+    return xr.Dataset(
+        variables,
+        coords={"region": np.array([WHOLE_PART, *region_names], dtype=object)},
+        attrs={"schema": SCHEMA, **{key: _attribute(v) for key, v in attributes.items()}},
+    )
+
+
+def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightings]) -> None:
+    """Write a sweep as netCDF; an existing file is replaced when the new one is complete.
+
+    Parameters
+    ----------
+    path : Path
+    dataset : xarray.Dataset
+        All but the variables over ``sighting``.
+    sightings : iterable of FaceSightings
+        Of each pose; only one is in memory at a time.
+
+    Raises
+    ------
+    InputError
+        If the disk has no room for it, or the file cannot be written.
+    """
+    rows = int(dataset[COUNTS].sum())
+    _refuse_full_disk(path, dataset.nbytes + rows * ROW.itemsize)
+    with whole_file(path) as temporary:
+        packed = {name: {"zlib": True} for name, v in dataset.items() if v.dims == ("face",)}
+        dataset.to_netcdf(temporary, engine="h5netcdf", encoding=packed)
+        append_sightings(temporary, rows, sightings)
+
+
+def _refuse_full_disk(path: Path, needed: int) -> None:
+    """HDF5 ends the program when a disk gets full while it writes."""
+    if not path.parent.is_dir():
+        return
+    free = shutil.disk_usage(path.parent).free
+    if free < needed:
+        raise InputError(
+            f"{path} needs up to {needed / 1e6:.1f} MB and the disk has {free / 1e6:.1f} MB left; "
+            "make room and give the same command again: no pose is lost."
+        )
+
+
+def read_sweep(path: str | Path) -> xr.Dataset:
+    """Read a sweep that :func:`write_sweep` wrote.
+
+    Variables over ``sighting`` stay in the file, which is open as long as the dataset is there, and
+    are read where they are used: of a fine mesh they are large.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, no netCDF, of another program, or holds no pose.
+    """
+    import xarray as xr
+
+    if not Path(path).is_file():
+        from iriftrace.sweep.journal import journal_of
+
+        journal = journal_of(Path(path))
+        if journal.is_dir():
+            raise InputError(
+                f"The sweep {path} is not finished, what is done lies in {journal}; give the same "
+                "`iriftrace sweep` command again, which goes on from there."
+            )
+        raise InputError(f"There is no sweep {path}; `iriftrace sweep` writes one.")
+    try:
+        dataset = xr.open_dataset(path, engine="h5netcdf")
+        for variable in dataset.variables.values():
+            if SIGHTING not in variable.dims:
+                variable.load()
+    except (OSError, ValueError, KeyError, RuntimeError) as error:  # RuntimeError is HDF5's own
+        raise InputError(f"{path} is damaged or no netCDF file ({error}); give a sweep.") from error
+    fault = _fault(dataset)
+    if fault:
+        dataset.close()
+        raise InputError(f"{path} {fault}; run the sweep again.")
+    return dataset
+
+
+def _fault(dataset: xr.Dataset) -> str:
+    if dataset.attrs.get("schema") != SCHEMA:
+        return (
+            f"has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is no "
+            "sweep of this version of iriftrace"
+        )
+    return "" if dataset.sizes.get("pose", 0) else "holds no pose"
+
+
+def _attribute(value: Any) -> Any:
+    return value if isinstance(value, str | int | float) else json.dumps(value)
+
+
+# MERGE sweep_origin: What a sweep's attributes say of the files it was made from.
+
+
+def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
+    """File of the scene that was swept and its SHA-256, as the attributes say."""
+    scene = attribute(dataset, "scene")
+    return (Path(scene["path"]), str(scene.get("sha256"))) if "path" in scene else (None, "")
+
+
+def scene_of_pose(dataset: xr.Dataset, pose: int) -> dict[str, Any]:
+    """What the attributes say of the scene of one pose: path, SHA-256, parameters; empty if not."""
+    try:
+        scenes = json.loads(dataset.attrs.get("scenes", "[]"))
+        name = str(dataset["scene"].values[pose])
+    except (TypeError, ValueError, KeyError):
+        return attribute(dataset, "scene")
+    return next((s for s in scenes if s.get("scene") == name), attribute(dataset, "scene"))
+
+
+def check_unchanged(path: str | Path, sha256: str) -> None:
+    """Refuse a file that is not what was swept.
+
+    Raises
+    ------
+    InputError
+        Half a sentence, to go on with.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise InputError(f"{file} is gone")
+    if sha256_of(file) != sha256:
+        raise InputError(f"{file} has changed since the sweep")
+
+
+def attribute(dataset: xr.Dataset, name: str) -> dict[str, Any]:
+    """A compound attribute of a sweep; empty if it is missing or something else."""
+    try:
+        value = json.loads(dataset.attrs.get(name, ""))
+    except (TypeError, ValueError):
+        return {}
+    return value if isinstance(value, dict) else {}

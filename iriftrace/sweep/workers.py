@@ -1,0 +1,302 @@
+"""Who renders a sweep: processes of this machine, or those of a Dask scheduler on several."""
+
+from __future__ import annotations
+
+import logging
+import re
+import socket
+import threading
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from importlib import import_module
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning, SetupError
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.sweep.pose import PoseResult, PoseTask, SceneSource, render_pose, source_of
+
+if TYPE_CHECKING:
+    from iriftrace.sweep.series import RenderPoses
+
+
+LOCAL = "local"
+
+_SECONDS_TO_ANSWER = 5
+_SECONDS_FOR_A_WORKER = 10
+_ADDRESS = re.compile(r"(tcp|tls|ws|wss)://\S+:\d+")
+
+# One is being rendered, the next one waits at the worker, so that it never idles. More would only
+# make results wait in the workers' memory.
+_TASKS_PER_WORKER = 2
+
+# Ctrl-C reaches all processes of a terminal; the one that asked for the workers ends them.
+_IGNORE_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+
+
+def check_scheduler(scheduler: str, count: int | None = None) -> None:
+    """Refuse before the work a scheduler that cannot be meant.
+
+    Parameters
+    ----------
+    scheduler : str
+        ``"local"`` or an address.
+    count : int, optional
+        Number of local workers.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or workers are asked of it that cannot be started.
+    SetupError
+        If Dask distributed is not installed.
+    """
+    if scheduler != LOCAL and not _ADDRESS.fullmatch(scheduler):
+        raise InputError(
+            f"The scheduler {scheduler!r} is no address; give local, or what `dask scheduler` "
+            "prints, such as tcp://192.168.0.1:8786."
+        )
+    if count is not None and scheduler != LOCAL:
+        raise InputError(
+            f"{count} workers cannot be started at {scheduler}, because a scheduler's workers are "
+            f"started by hand; run `dask worker {scheduler} --nworkers {count} --nthreads 1`."
+        )
+    if count is not None and count < 1:
+        raise InputError(f"{count} workers render nothing; start at least 1.")
+    if find_spec("distributed") is None:
+        raise SetupError(
+            "Workers need Dask distributed, which is not installed; in the clone: "
+            "pip install -e '.[sweep]', or sweep without --scheduler."
+        )
+
+
+@contextmanager
+def workers(scheduler: str, count: int | None = None) -> Iterator[RenderPoses]:
+    """Workers that render poses, as long as the block lasts.
+
+    Each worker loads the scene's files itself and keeps the scene, so workers on other machines
+    must see them under the same path. The results are those of `iriftrace.sweep.series.render_here`
+    to the last bit on processors of the same kind. When a worker dies, its poses are rendered again
+    by another one.
+
+    Parameters
+    ----------
+    scheduler : str
+        ``"local"`` starts processes on this machine and ends them with the block; an address is
+        that of a running Dask scheduler.
+    count : int, optional
+        Number of local workers; by default one for every two cores, at least two.
+
+    Raises
+    ------
+    InputError
+        If the scheduler does not answer or has no workers, or as `check_scheduler`.
+    SetupError
+        If Dask distributed is not installed.
+    """
+    check_scheduler(scheduler, count)
+    with ExitStack() as stack:
+        stack.enter_context(_quiet())
+        client = stack.enter_context(_local(count) if scheduler == LOCAL else _connected(scheduler))
+        yield lambda tasks: _render(client, tasks)
+
+
+@contextmanager
+def _local(count: int | None) -> Iterator[Any]:
+    distributed = import_module("distributed")
+    cores = import_module("dask.system").CPU_COUNT
+    with (
+        distributed.LocalCluster(
+            n_workers=count or max(2, cores // 2),
+            threads_per_worker=1,
+            processes=True,
+            # Nobody looks at it, and its usual port may be taken.
+            dashboard_address="127.0.0.1:0",
+            # Dask's limit, an equal share of the memory, would kill workers with large scenes.
+            memory_limit=0,
+            preload=_IGNORE_INTERRUPTS,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[Any]:
+    distributed = import_module("distributed")
+    try:
+        client = distributed.Client(address, timeout=_SECONDS_TO_ANSWER, set_as_default=False)
+    except OSError as error:
+        raise InputError(
+            f"No scheduler answers at {address}; start one with `dask scheduler`, or check address "
+            "and firewall."
+        ) from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=_SECONDS_FOR_A_WORKER)
+        except TimeoutError as error:
+            raise InputError(
+                f"The scheduler at {address} has no workers; start some with `dask worker "
+                f"{address} --nworkers 2 --nthreads 1`."
+            ) from error
+        yield client
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what Dask has to say of lost connections out of the user's way: results tell."""
+    import_module("distributed")  # which gives each of its loggers a level
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
+
+
+def _render(client: Any, tasks: Iterable[PoseTask]) -> Iterator[PoseResult]:
+
+    waiting = iter(tasks)
+    running: set[Any] = set()
+    completed = import_module("distributed").as_completed(loop=client.loop)
+
+    def fill() -> None:
+        addresses = list(client.nthreads())
+        hosts = dict(Counter(map(host_of, addresses)))
+        while len(running) < max(1, _TASKS_PER_WORKER * len(addresses)):
+            task = next(waiting, None)
+            if task is None:
+                return
+            future = client.submit(render_on_worker, task, hosts, pure=False)
+            running.add(future)
+            completed.add(future)
+
+    try:
+        fill()
+        for future in completed:
+            running.discard(future)
+            result = _result(future)
+            fill()
+            yield result
+    finally:
+        client.cancel(list(running))
+
+
+def _result(future: Any) -> PoseResult:
+    """The result, or an error that a user understands."""
+    distributed = import_module("distributed")
+    try:
+        result: PoseResult = future.result()
+    except distributed.KilledWorker as error:
+        raise SetupError(
+            f"{error.allowed_failures + 1} workers died of the same pose, the last one at "
+            f"{error.last_worker.address}; they may have run out of memory: start fewer. The same "
+            "command goes on where the sweep stopped."
+        ) from error
+    except distributed.CancelledError as error:
+        raise SetupError(
+            "The scheduler is gone; start it again. The same command goes on where the sweep "
+            "stopped."
+        ) from error
+    except IriftraceError:
+        raise
+    except ImportError as error:
+        raise SetupError(
+            f"A worker cannot run iriftrace ({error}); install the same version there, with the "
+            "extra sweep."
+        ) from error
+    return result
+
+
+# MERGE sweep_worker: What runs in a worker process of a sweep: load the scene once, render pose a
+
+# A worker that was started with several threads gets several poses at once, but Dr.Jit's arrays,
+# the variant and the scene are those of the process. A pose uses several cores anyway.
+_one_at_a_time = threading.Lock()
+
+# Only the last scene: tasks come scene by scene, and a scene can need gigabytes.
+_loaded: dict[str, LoadedScene] = {}
+
+
+def render_on_worker(task: PoseTask, workers_of_host: Mapping[str, int]) -> PoseResult:
+    """Render one pose in this worker.
+
+    Parameters
+    ----------
+    task : PoseTask
+    workers_of_host : mapping
+        Number of workers on each host, by the host's name in their addresses.
+
+    Raises
+    ------
+    InputError
+        If this worker does not see the same scene, or runs another version of iriftrace.
+    SetupError
+        If no usable LLVM or CUDA is there.
+    """
+    with _one_at_a_time:
+        _share_cores(task.source.variant, workers_of_host)
+        return render_pose(task, _scene(task.source))
+
+
+def _share_cores(variant: str, workers_of_host: Mapping[str, int]) -> None:
+    """Let Dr.Jit use this worker's share of the cores.
+
+    By default each process takes all of them: n workers would run n times as many threads as there
+    are cores, which wait for each other. The result does not depend on it.
+    """
+    runtime.ensure(variant)
+    drjit = import_module("drjit")
+    address = import_module("distributed").get_worker().address
+    cores = import_module("dask.system").CPU_COUNT
+    threads = max(1, cores // workers_of_host.get(host_of(address), 1))
+    if drjit.thread_count() != threads:
+        drjit.set_thread_count(threads)
+
+
+def host_of(address: str) -> str:
+    """Host in an address such as ``tcp://10.0.0.1:8786`` or ``tls://[::1]:8786``."""
+    return address.partition("://")[2].rpartition(":")[0]
+
+
+def _scene(source: SceneSource) -> LoadedScene:
+    if source.fingerprint not in _loaded:
+        _check(source)
+        _loaded.clear()
+        with warnings.catch_warnings():
+            # The program that asks for the sweep has said them.
+            warnings.simplefilter("ignore", IriftraceWarning)
+            _loaded[source.fingerprint] = load_scene(
+                source.path, source.variables, variant=source.variant, engine=source.engine
+            )
+    return _loaded[source.fingerprint]
+
+
+def _check(source: SceneSource) -> None:
+    where = f"A worker on {socket.gethostname()}"
+    if version("iriftrace") != source.version:
+        raise InputError(
+            f"{where} runs iriftrace {version('iriftrace')} instead of {source.version}, so its "
+            "poses could differ; install the same version there."
+        )
+    path = Path(source.path)
+    if not path.is_file():
+        raise InputError(
+            f"{where} does not see the scene {path}: workers read its files themselves; make the "
+            "folder available there under the same path."
+        )
+    seen = source_of(path, source.variables, source.variant, source.engine)
+    if seen.fingerprint != source.fingerprint:
+        raise InputError(
+            f"{where} sees another scene, or other meshes or fields, under {path}; make the same "
+            "folder available there."
+        )

@@ -1,0 +1,1 @@
+"""Poses and free bundles of rays traced."""

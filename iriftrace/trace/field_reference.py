@@ -1,0 +1,123 @@
+"""How far a scene's shells are from the field they were cut from, on a sample of its rays."""
+
+from __future__ import annotations
+
+import math
+
+from attrs import asdict, frozen
+
+from iriftrace.core.errors import InputError
+from iriftrace.image.differences import Hits, compare, hits_of, own_size
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.trace.render import render_scene
+
+FEWEST = 100
+"""As for the metrics: fewer good rays give no numbers."""
+
+SAMPLE = 100_000
+"""Pixels of the two pictures that are compared."""
+
+MEDIAN_LIMIT, P95_LIMIT = 0.02, 0.04
+"""Shares above which more shells are advised: what 13 shells reach on the cylinder's fields."""
+
+
+@frozen
+class ShellError:
+    """Differences between the shells' hits and the continuous engine's.
+
+    Attributes
+    ----------
+    shells : int
+        In the scene.
+    rays : int
+        Rays of the sample that are good with both engines.
+    unmatched : int
+        Rays that are good with one of them only.
+    median_mm, p95_mm : float, mm
+        Of the distances between the two refracted hits.
+    median_share, p95_share : float
+        The same as shares of the displacement's median and 95th percentile, by the continuous
+        engine.
+    """
+
+    shells: int
+    rays: int
+    unmatched: int
+    median_mm: float
+    p95_mm: float
+    median_share: float
+    p95_share: float
+
+    @property
+    def suffice(self) -> bool:
+        """Whether the shells are as good as 13 are on the cylinder's fields."""
+        return self.median_share <= MEDIAN_LIMIT and self.p95_share <= P95_LIMIT
+
+    def as_dict(self) -> dict[str, float | int | bool]:
+        """Plain JSON values."""
+        return {**asdict(self), "suffice": self.suffice}
+
+
+def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
+    """Trace a coarser picture through the shells and through the field itself, and compare.
+
+    Parameters
+    ----------
+    scene : LoadedScene
+        With the engine ``"shells"``, and with the field file that `write_scene` puts beside the
+        XML. The other engine loads it anew, which takes longer than the comparison.
+    sample : int
+        Pixels of the pictures, about.
+
+    Raises
+    ------
+    InputError
+        If the scene's engine is the continuous one, the scene is an ensemble, has no field file or
+        one that its shells were not cut from, or fewer than `FEWEST` rays are good with both.
+    """
+    if scene.engine != "shells":
+        raise InputError(
+            f"{scene.path} is traced through the field itself, so there are no shells to check; "
+            "choose the engine shells."
+        )
+    if scene.ensemble is not None:
+        raise InputError(
+            f"{scene.path} is an ensemble of {len(scene.ensemble)} fields, and the shells of one "
+            'are checked at a time; choose one, "-D member=1" for example.'
+        )
+    continuous = load_scene(scene.path, scene.variables, variant=scene.variant, engine="continuous")
+    tables = (scene.shells_table, continuous.shells_table)
+    own, other = ((table.get("source") or {}).get("sha256") for table in tables)
+    if own != other:
+        raise InputError(
+            f"The shells of {scene.path} were cut from another field than its field file, so their "
+            "difference is no error of theirs; write the scene again."
+        )
+    here, reference = (_sampled(each, sample) for each in (scene, continuous))
+    differences = compare(here, reference)
+    if differences.matched < FEWEST:
+        raise InputError(
+            f"Only {differences.matched} rays are good with both engines, too few to check shells "
+            f"by; render at least {FEWEST}, with a larger -D scale."
+        )
+    size = own_size(reference)
+    if not size["displacement_median"] > 0.0:
+        raise InputError(
+            f"The air of {scene.path} bends no ray, so the shells' error is no share of anything; "
+            "check the field."
+        )
+    return ShellError(
+        shells=len(scene.integrator.prepare(scene.mitsuba_scene).tables.shell_shapes),
+        rays=differences.matched,
+        unmatched=differences.only_here + differences.only_reference,
+        median_mm=differences.median,
+        p95_mm=differences.p95,
+        median_share=differences.median / size["displacement_median"],
+        p95_share=differences.p95 / size["displacement_p95"],
+    )
+
+
+def _sampled(scene: LoadedScene, sample: int) -> Hits:
+    width, height = scene.camera.resolution
+    camera = scene.camera.scaled(min(1.0, math.sqrt(sample / (width * height))))
+    return hits_of(render_scene(scene, camera=camera, nearest=False).image)

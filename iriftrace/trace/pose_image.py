@@ -1,0 +1,241 @@
+"""The AOV image of one pose: of one field, or of the mean of several with their scatter."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import (
+    CHANNELS,
+    ERROR_CHANNEL,
+    MEMBERS_CHANNEL,
+    SCHEMA,
+    AovImage,
+    Status,
+)
+from iriftrace.image.displacement import good_mask
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.load import LoadedScene
+from iriftrace.trace.provenance import provenance
+
+# MERGE ensemble.statistics: Mean and standard deviation of the members' images, one image in memo
+
+_SCATTERED = (*(f"displacement.{axis}" for axis in "XYZ"), "shift.px.X", "shift.px.Y")
+_AVERAGED = (*_SCATTERED, "path.length", "path.crossings")
+
+
+class EnsembleStatistics:
+    """Running mean and variance of every pixel (Welford, Technometrics 4 (1962) 419).
+
+    Memory does not grow with the number of members: for each pixel on the part 7 means and 5
+    variances. Only rays that count enter, so the number of members differs between pixels near
+    silhouettes; the channel ``ensemble.members`` holds it.
+
+    Parameters
+    ----------
+    include : collection of int
+        Status codes of the rays that count.
+    """
+
+    def __init__(self, include: Collection[int] = (Status.GOOD,)) -> None:
+        self.count = 0
+        self._include = tuple(include)
+
+    def add(self, image: AovImage) -> None:
+        """Take in the image of one more member, of the same part and camera.
+
+        Raises
+        ------
+        InputError
+            Its straight rays hit other faces than those of the members before.
+        """
+        face = image.channels["part.face"].ravel()
+        if self.count == 0:
+            self._begin(image, face)
+        elif not np.array_equal(face[self._pixels], self._face):
+            raise InputError(
+                "The members of the ensemble show different parts or cameras, so their pixels "
+                "cannot be compared; write the ensemble's scene again."
+            )
+        self.count += 1
+        good = good_mask(image, self._include).ravel()[self._pixels]
+        self._members += good
+        status = image.channels["status.code"].ravel()[self._pixels]
+        first = (self._status == Status.GOOD) & (status != Status.GOOD)
+        self._status[first] = status[first]
+        weight = np.divide(good, self._members, out=np.zeros(len(good)), where=self._members > 0)
+        for name, mean in self._mean.items():
+            value = image.channels[name].ravel()[self._pixels].astype(np.float64)
+            step = (value - mean) * weight
+            if name in self._square:
+                self._square[name] += good * (value - mean) * (value - mean - step)
+            mean += step
+        if self._error is not None:
+            error = image.channels[ERROR_CHANNEL].ravel()[self._pixels]
+            np.maximum(self._error, np.where(good, error, 0.0), out=self._error)
+
+    def image(self, header: dict[str, Any]) -> AovImage:
+        """The image of the means, with the channels of the scatter.
+
+        ``displacement``, ``shift.px`` and ``refracted`` are those of the mean over the members
+        whose ray counts; ``displacement.norm`` is the length of the mean vector. The standard
+        deviations are those of a sample (n - 1); ``displacement.std.norm`` is the root of the sum
+        of the variances along the axes. A pixel is good if it is good in every member; else its
+        status is that of the first member where it is not.
+        """
+        channels = {name: self._first.channels[name].copy() for name in CHANNELS}
+        some, several = self._members > 0, self._members > 1
+
+        def put(name: str, values: NDArray[Any]) -> None:
+            plane = channels.setdefault(name, np.zeros(self._shape, dtype=np.float32))
+            plane.ravel()[self._pixels] = values
+
+        for name, mean in self._mean.items():
+            put(name, np.where(some, mean, 0.0))
+        vector = np.stack([self._mean[f"displacement.{axis}"] for axis in "XYZ"])
+        put("displacement.norm", np.where(some, np.linalg.norm(vector, axis=0), 0.0))
+        for axis, moved in zip("XYZ", vector, strict=True):
+            straight = channels[f"straight.{axis}"].ravel()[self._pixels]
+            put(f"refracted.{axis}", np.where(some, straight + moved, 0.0))
+        degrees = np.maximum(self._members - 1, 1)
+        variance = {
+            name: np.where(several, square / degrees, 0.0) for name, square in self._square.items()
+        }
+        for name, values in variance.items():
+            quantity, axis = name.rsplit(".", 1)
+            put(f"{quantity}.std.{axis}", np.sqrt(values))
+        put("displacement.std.norm", np.sqrt(sum(variance[f"displacement.{a}"] for a in "XYZ")))
+        put("status.code", self._status)
+        put(MEMBERS_CHANNEL, self._members)
+        if self._error is not None:
+            put(ERROR_CHANNEL, self._error)
+        return AovImage(channels, header)
+
+    def _begin(self, image: AovImage, face: NDArray[np.float32]) -> None:
+        self._first = image
+        self._shape = image.channels["part.face"].shape
+        self._pixels = np.flatnonzero(face > 0)
+        self._face = face[self._pixels]
+        count = len(self._pixels)
+        self._members = np.zeros(count, dtype=np.int64)
+        self._status = np.full(count, float(Status.GOOD), dtype=np.float32)
+        self._mean = {name: np.zeros(count) for name in _AVERAGED}
+        self._square = {name: np.zeros(count) for name in _SCATTERED}
+        self._error = np.zeros(count, np.float32) if ERROR_CHANNEL in image.channels else None
+
+
+@frozen(eq=False)
+class PoseImage:
+    """An image and the seconds it took, stage by stage."""
+
+    image: AovImage
+    time_s: dict[str, float]
+
+
+def pose_image(
+    scene: LoadedScene, camera: Camera | None = None, include: Collection[int] = (0,)
+) -> PoseImage:
+    """Trace a camera's rays, straight and bent.
+
+    Parameters
+    ----------
+    scene : LoadedScene
+        Of an ensemble all members are traced, one after the other; straight rays only once.
+    camera : Camera, optional
+        Takes the place of the scene's own sensor.
+    include : collection of int
+        Status codes of the rays that enter an ensemble's mean and scatter.
+
+    Raises
+    ------
+    InputError
+        If the camera stands in the hot air or in the part, or the film would smear the channels.
+    """
+    if scene.ensemble is None:
+        return _one_field(scene, camera)[0]
+    statistics = EnsembleStatistics(include)
+    time_s: dict[str, float] = {}
+    counts: dict[str, int] = {}
+    straight: Any = None
+    for number, member in enumerate(scene.ensemble.scenes(), start=1):
+        found, straight = _one_field(member, camera, straight, f" of member {number}")
+        statistics.add(found.image)
+        for key, seconds in found.time_s.items():
+            time_s[key] = time_s.get(key, 0.0) + seconds
+        for key, count in found.image.header["counts"].items():
+            counts[key] = max(counts.get(key, 0), count)
+        last = found.image.header
+    header = {
+        **last,
+        **provenance(scene, Camera.from_dict(last["camera"])),
+        "time_s": time_s,
+        "counts": counts,
+    }
+    return PoseImage(statistics.image(header), time_s)
+
+
+def _one_field(
+    scene: LoadedScene, camera: Camera | None, straight: Any = None, whose: str = ""
+) -> tuple[PoseImage, Any]:
+    """The image of one field, and its straight hits, which serve other fields too."""
+    with runtime.using(scene.variant):
+        sensor = sensor_of_pose(scene, camera)
+        _refuse_inside(scene, sensor, whose)
+        tensor, report = scene.integrator.image(scene.mitsuba_scene, sensor, straight)
+        # A view of Dr.Jit's memory where that is the processor's own.
+        planes = tensor.numpy()
+    time_s = {
+        "load": scene.load_s,
+        "build": scene.build_s,
+        "straight": report["time_s"]["straight"],
+        "refracted": report["time_s"]["refracted"],
+    }
+    channels = dict(zip(scene.integrator.aov_names(), planes, strict=True))
+    header = {**_header(scene, report, time_s), "full_resolution": _full_resolution(scene, camera)}
+    return PoseImage(AovImage(channels, header), time_s), report["straight"]
+
+
+def _full_resolution(scene: LoadedScene, camera: Camera | None) -> list[int] | None:
+    """Of the scene's film before ``scale`` changed it, px; None for a camera with another film."""
+    if camera is not None and camera.resolution != scene.camera.resolution:
+        return None
+    return list(scene.full_resolution)
+
+
+def sensor_of_pose(scene: LoadedScene, camera: Camera | None) -> Any:
+    """The scene's own sensor, or one for the camera that takes its place (mi.Sensor)."""
+    if camera is None:
+        return scene.mitsuba_scene.sensors()[0]
+    from iriftrace.plugins.calibrated_camera import sensor_of
+
+    return sensor_of(camera)
+
+
+def _refuse_inside(scene: LoadedScene, sensor: Any, whose: str) -> None:
+    where = scene.integrator.surroundings(scene.mitsuba_scene, sensor)
+    if where is not None:
+        raise InputError(
+            f"The camera stands inside the {where}{whose if where == 'hot air' else ''}, where its "
+            "picture means nothing; move it farther away."
+        )
+
+
+def _header(scene: LoadedScene, report: dict[str, Any], time_s: dict[str, float]) -> dict[str, Any]:
+    camera = report["camera"]
+    return {
+        "schema": SCHEMA,
+        **provenance(scene, Camera.from_dict(camera)),
+        "camera": camera,
+        "pose": {
+            "origin_mm": [row[3] for row in camera["matrix"][:3]],
+            "matrix": camera["matrix"],
+        },
+        "time_s": time_s,
+        "counts": report["counts"],
+    }

@@ -1,0 +1,270 @@
+"""One pose: from a loaded scene to its AOV image and metrics, or a free bundle of rays."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import ArrayLike, NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import AovImage, Status, write_exr
+from iriftrace.image.metrics import pose_metrics, write_metrics
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.trace.pose_image import pose_image
+
+
+@frozen(eq=False)
+class Rendering:
+    """One pose's image and its metrics."""
+
+    image: AovImage
+    metrics: dict[str, Any]
+
+    def save(self, path: str | Path) -> tuple[Path, Path]:
+        """Write the AOV EXR and, beside it, the metrics JSON; returns both names."""
+        exr = Path(path)
+        started = time.perf_counter()
+        write_exr(exr, self.image)
+        self.metrics["time_s"]["write"] = time.perf_counter() - started
+        self.metrics["time_s"]["total"] += self.metrics["time_s"]["write"]
+        report = exr.with_suffix(".json")
+        write_metrics(report, self.metrics)
+        return exr, report
+
+
+@frozen(eq=False)
+class RayHits:
+    """What became of a bundle of n rays.
+
+    Attributes
+    ----------
+    straight, refracted : (n, 3) arrays, mm, world
+        First hits on the part; NaN where there is none.
+    last_point, direction : (n, 3) arrays, mm and unit vectors, world
+        Where the refracted ray hit or was last bent, and its direction from there.
+    face, refracted_face : (n,) arrays of int
+        Face of the part under either hit; -1 where there is none.
+    path_length : (n,) array, mm
+        Geometric length of the refracted ray; NaN where it hits nothing.
+    crossings : (n,) array of int
+        Shells the refracted ray met.
+    status : (n,) array of int
+        Codes of :class:`iriftrace.image.aov_image.Status`.
+    """
+
+    straight: FloatArray
+    refracted: FloatArray
+    last_point: FloatArray
+    direction: FloatArray
+    face: IntArray
+    refracted_face: IntArray
+    path_length: FloatArray
+    crossings: IntArray
+    status: IntArray
+
+    @property
+    def displacement(self) -> FloatArray:
+        """(n, 3) array, mm, world: refracted minus straight hit."""
+        return self.refracted - self.straight
+
+    def __repr__(self) -> str:
+        counts = {s.key: int((self.status == s).sum()) for s in Status}
+        found = ", ".join(f"{n} {key}" for key, n in counts.items() if n)
+        return f"RayHits({len(self.status)} rays: {found or 'none'})"
+
+
+def render_scene(
+    scene: LoadedScene | str | Path,
+    *,
+    camera: Camera | None = None,
+    include: Collection[int] = (0,),
+    nearest: bool = True,
+    empty: bool = False,
+) -> Rendering:
+    """Trace a camera's rays through a scene, bent and unbent, and reduce the hits to metrics.
+
+    Of an ensemble (`LoadedScene.ensemble`) the image holds the mean displacement of the members and
+    its standard deviation, and the metrics have the key ``ensemble``; see `pose_image`.
+
+    Parameters
+    ----------
+    scene : LoadedScene or path
+        A path is loaded first; load once to render many poses.
+    camera : Camera, optional
+        Takes the place of the scene's own sensor.
+    include : collection of int
+        Status codes whose rays the metrics use.
+    nearest : bool
+        See :func:`iriftrace.image.metrics.pose_metrics`.
+    empty : bool
+        Whether a picture without a good ray is a result too and not an error.
+
+    Returns
+    -------
+    Rendering
+
+    Raises
+    ------
+    InputError
+        If the camera stands in the hot air or in the part, the film would smear the channels, or
+        no ray hits the part in focus.
+    """
+    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    started = time.perf_counter()
+    traced = pose_image(loaded, camera, include)
+    image, time_s = traced.image, traced.time_s
+    if not empty:
+        _refuse_empty(image)
+    reduced = time.perf_counter()
+    metrics = pose_metrics(image, loaded.part, include=tuple(include), nearest=nearest)
+    done = time.perf_counter()
+    metrics["time_s"] = {
+        **time_s,
+        "metrics": done - reduced,
+        "write": 0.0,
+        "figures": 0.0,
+        # Further members of an ensemble are loaded after the start.
+        "total": loaded.load_s + loaded.build_s + done - started,
+    }
+    return Rendering(image, metrics)
+
+
+def trace_rays(
+    scene: LoadedScene | str | Path,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    *,
+    focus_mm: tuple[float, float] = (0.0, math.inf),
+    coherent: bool = False,
+) -> RayHits:
+    """Trace any bundle of rays: a projector's, a laser sheet's, a random pencil.
+
+    Parameters
+    ----------
+    scene : LoadedScene or path
+    origins : (n, 3) array, mm, world
+    directions : (n, 3) array, world
+        Need not have length one.
+    focus_mm : (2,) tuple, mm
+        Nearest and farthest length of a straight ray that counts as sharp.
+    coherent : bool
+        Neighbouring rays run alike, as a camera's do; only the speed depends on it.
+
+    Returns
+    -------
+    RayHits
+
+    Raises
+    ------
+    InputError
+        If the shapes do not match, a value is not finite or a direction is zero; or the scene is
+        an ensemble.
+    """
+    start, heading = _bundle(origins, directions)
+    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    if loaded.ensemble is not None:
+        raise InputError(
+            f"{loaded.path} is an ensemble of {len(loaded.ensemble)} fields, and a bundle of rays "
+            'is traced through one of them; load it with {"member": 1}, for example.'
+        )
+    with runtime.using(loaded.variant):
+        import drjit as dr
+        import mitsuba as mi
+
+        from iriftrace.plugins.kernels.tables import aligned
+
+        places, headings = (mi.Float64(aligned(rows.ravel())) for rows in (start, heading))
+        trace = loaded.integrator.trace(
+            loaded.mitsuba_scene,
+            lambda ray: (
+                dr.gather(mi.Point3d, places, ray),
+                dr.gather(mi.Vector3d, headings, ray),
+            ),
+            len(start),
+            focus=focus_mm,
+            coherent=coherent,
+            trace_all=True,
+        ).trace
+        refracted = trace.refracted
+        on_part = np.array(trace.straight_outcome) == 1
+        bent_on_part = np.array(refracted.outcome) == 1
+        first = loaded.integrator.prepare(loaded.mitsuba_scene).tables.part_first_face
+
+        def points(value: Any, exists: NDArray[np.bool_]) -> FloatArray:
+            return np.where(exists[:, None], np.array(value, dtype=np.float64).T, np.nan)
+
+        return RayHits(
+            straight=points(trace.straight, on_part),
+            refracted=points(refracted.point, bent_on_part),
+            last_point=np.array(refracted.point, dtype=np.float64).T,
+            direction=np.array(refracted.direction, dtype=np.float64).T,
+            face=np.where(on_part, np.array(trace.straight_face, dtype=np.int64), -1),
+            refracted_face=np.where(
+                bent_on_part, np.array(refracted.face, dtype=np.int64) - first, -1
+            ),
+            path_length=np.where(bent_on_part, np.array(refracted.path_length), np.nan),
+            crossings=np.array(refracted.crossings, dtype=np.int64),
+            status=np.array(trace.status, dtype=np.int64),
+        )
+
+
+def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
+    """Whether points lie in the hot air or in the part, (n, 3) array, mm, world to (n,) array.
+
+    Of an ensemble in the hot air of any member.
+    """
+    positions = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    inside = np.zeros(len(positions), dtype=bool)
+    with runtime.using(scene.variant):
+        for one in (scene,) if scene.ensemble is None else scene.ensemble.scenes():
+            for number in np.flatnonzero(~inside):
+                found = one.integrator.surroundings_of(one.mitsuba_scene, positions[number])
+                inside[number] = found is not None
+    return inside
+
+
+def _bundle(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    start = np.asarray(origins, dtype=np.float64)
+    heading = np.asarray(directions, dtype=np.float64)
+    if start.shape != heading.shape or start.ndim != 2 or start.shape[1:] != (3,) or not len(start):
+        raise InputError(
+            f"A bundle of rays needs origins and directions of one shape (n, 3) with n > 0; given "
+            f"are {start.shape} and {heading.shape}."
+        )
+    length = np.linalg.norm(heading, axis=1, keepdims=True)
+    if not (np.isfinite(start).all() and np.isfinite(heading).all() and (length > 0).all()):
+        raise InputError(
+            "A ray has an origin or direction that is not finite, or a direction of length zero; "
+            "remove it."
+        )
+    return start, heading / length
+
+
+def _refuse_empty(image: AovImage) -> None:
+    if (image.channels["status.code"] == Status.GOOD).any():
+        return
+    status = image.status
+    if (status == Status.MISSED).all():
+        raise InputError(
+            "No ray of the camera hits the part; point the camera at it (lookat in the scene file)."
+        )
+    if np.isin(status, (Status.MISSED, Status.OUT_OF_FOCUS, Status.BLOCKED)).all():
+        camera = Camera.from_dict(image.header["camera"])
+        hit = status == Status.OUT_OF_FOCUS
+        if not hit.any():
+            raise InputError("Another object hides the part from every pixel; move the camera.")
+        lengths = np.linalg.norm(image.vector("straight")[hit] - camera.origin, axis=1)
+        raise InputError(
+            f"No ray that hits the part is in focus: the hits are {lengths.min():.1f} to "
+            f"{lengths.max():.1f} mm away, the focus interval is {camera.focus_mm[0]:g} to "
+            f"{camera.focus_mm[1]:g} mm; move the camera or change focus_near and focus_far."
+        )

@@ -1,0 +1,1 @@
+"""Kernels of the tracer: marching, refraction, bending, ray queries and their tables."""

@@ -1,0 +1,191 @@
+"""A bundle of rays from start to verdict: straight and refracted hits joined and judged."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from iriftrace.image.aov_image import Status
+from iriftrace.plugins.kernels.prepared import PreparedScene
+from iriftrace.plugins.kernels.queries import (
+    GAVE_UP,
+    HIT_BLOCKER,
+    HIT_PART,
+    StraightHits,
+    straight_hits,
+)
+
+
+class Trace(NamedTuple):
+    """What became of a bundle of rays; one entry per traced ray (see :func:`trace_bundle`)."""
+
+    ray: Any  # UInt32: number of the ray in the bundle
+    origin: Any  # Point3d
+    direction: Any  # Vector3d
+    straight: Any  # Point3d
+    straight_length: Any  # Float64
+    straight_outcome: Any  # UInt32
+    straight_face: Any  # UInt32: face of the part
+    incidence: Any  # Float64, rad
+    refracted: Any  # RefractedHits or CurvedHits
+    status: Any  # UInt32
+    open_boundary: Any  # Bool
+
+
+class Bundle(NamedTuple):
+    """A trace and what was found of the rays that were not refracted."""
+
+    trace: Trace | None  # None if no ray was to be traced on
+    status: Any  # UInt32, every ray of the bundle: its status if it was not traced on
+    time_s: dict[str, float]
+    straight: StraightHits  # every ray of the bundle; faces are those of the part, from 0
+
+
+def trace_bundle(
+    prepared: PreparedScene,
+    rays: Any,
+    count: int,
+    *,
+    bend: Callable[[Any, Any], Any],
+    check: Callable[[Any], tuple[Any, Any]],
+    focus: tuple[float, float],
+    coherent: bool,
+    trace_all: bool,
+    straight: StraightHits | None = None,
+) -> Bundle:
+    """Trace a bundle of rays.
+
+    Parameters
+    ----------
+    prepared : PreparedScene
+    rays : callable
+        From ray numbers (UInt32) to origins (Point3d, mm) and unit directions (Vector3d).
+    count : int
+        Number of rays.
+    bend : callable
+        From origins and directions to where the bent rays end: RefractedHits or CurvedHits.
+    check : callable
+        From these to two masks (Bool): the index along the ray adds up; the ray came from ambient
+        air through no boundary of the data that is open.
+    focus : (2,) float, mm
+        Nearest and farthest length of a straight ray that counts as sharp.
+    coherent : bool
+        Neighbouring rays run alike.
+    trace_all : bool
+        Bend every ray, not only those whose straight twin hits the part.
+    straight : StraightHits, optional
+        Of the same bundle in another scene with the same opaque shapes, such as the same part in
+        other air; then the straight rays are not traced again.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    tables = prepared.tables
+    started = time.perf_counter()
+    if straight is None:
+        straight = straight_hits(
+            prepared.opaque,
+            tables,
+            *rays(dr.arange(mi.UInt32, count)),
+            coherent=coherent,
+            step=prepared.step,
+        )
+        dr.eval(*straight)
+        dr.sync_thread()
+    else:
+        straight = _faces_from(straight, tables.part_first_face)
+    straight_done = time.perf_counter()
+
+    hit = straight.outcome == HIT_PART
+    untraced = dr.select(
+        straight.outcome == HIT_BLOCKER, mi.UInt32(int(Status.BLOCKED)), int(Status.MISSED)
+    )
+    chosen = dr.arange(mi.UInt32, count) if trace_all else dr.compress(hit)
+    if dr.width(chosen) == 0:
+        time_s = {"straight": straight_done - started, "refracted": 0.0}
+        return Bundle(None, untraced, time_s, _faces_from(straight, -tables.part_first_face))
+    origin, direction = rays(chosen)
+    refracted = bend(origin, direction)
+    dr.eval(*refracted)
+    dr.sync_thread()
+    refracted_done = time.perf_counter()
+
+    trace = _judged(prepared, chosen, origin, direction, straight, refracted, check, focus)
+    return Bundle(
+        trace,
+        untraced,
+        {
+            "straight": straight_done - started,
+            "refracted": refracted_done - straight_done,
+        },
+        _faces_from(straight, -tables.part_first_face),
+    )
+
+
+def _faces_from(straight: StraightHits, shift: int) -> StraightHits:
+    """The same hits with faces of the part counted from elsewhere."""
+    import drjit as dr
+    import mitsuba as mi
+
+    # In some scenes shells come before the part in the tables, and not as many in each.
+    if shift == 0:
+        return straight
+    return straight._replace(face=straight.face + dr.opaque(mi.UInt32, shift % 2**32))
+
+
+def _judged(
+    prepared: PreparedScene,
+    chosen: Any,
+    origin: Any,
+    direction: Any,
+    straight: Any,
+    refracted: Any,
+    check: Callable[[Any], tuple[Any, Any]],
+    focus: tuple[float, float],
+) -> Trace:
+    """Join both rays' hits and judge them."""
+    import drjit as dr
+    import mitsuba as mi
+
+    tables = prepared.tables
+    length = dr.gather(mi.Float64, straight.distance, chosen)
+    outcome = dr.gather(mi.UInt32, straight.outcome, chosen)
+    face = dr.gather(mi.UInt32, straight.face, chosen)
+    on_part = outcome == HIT_PART
+    _, normal = tables.plane(face, on_part)
+    # The arc cosine alone loses digits near normal incidence.
+    sine = dr.norm(dr.cross(direction, normal))
+    incidence = dr.atan2(sine, dr.abs(dr.dot(direction, normal)))
+
+    bent_hit = refracted.outcome == HIT_PART
+    consistent, from_outside = check(refracted)
+
+    near, far = (dr.opaque(mi.Float64, limit) for limit in focus)
+    status = mi.UInt32(int(Status.GOOD))
+    for code, applies in (
+        (Status.INDEX_MISMATCH, ~consistent),
+        (Status.ONLY_REFRACTED, ~on_part & bent_hit),
+        (Status.REFRACTED_MISSED, on_part & ~bent_hit),
+        (Status.GAVE_UP, refracted.outcome == GAVE_UP),
+        (
+            Status.BLOCKED,
+            (outcome == HIT_BLOCKER) | (refracted.outcome == HIT_BLOCKER),
+        ),
+        (Status.OUT_OF_FOCUS, on_part & ((length < near) | (length > far))),
+        (Status.MISSED, (outcome + refracted.outcome) == 0),
+    ):
+        status = dr.select(applies, mi.UInt32(int(code)), status)
+    return Trace(
+        ray=chosen,
+        origin=origin,
+        direction=direction,
+        straight=dr.select(on_part, origin + direction * length, 0),
+        straight_length=length,
+        straight_outcome=outcome,
+        straight_face=face - tables.part_first_face,
+        incidence=dr.select(on_part, incidence, 0),
+        refracted=refracted,
+        status=status,
+        open_boundary=~from_outside & (status == int(Status.GOOD)),
+    )

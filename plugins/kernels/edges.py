@@ -1,0 +1,100 @@
+"""Hits near an edge, moved to the face that is really met.
+
+Within a float32 spacing of an edge, the ray query may name the neighbour of the face that the ray
+meets. The hit then lies on the neighbour's plane a little beyond the edge, and is wrong by as much
+as the two planes differ there; and two equal rays may get different faces.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.geometry.topology import find_neighbours, weld
+from iriftrace.plugins.kernels.snell import Triangle
+
+ROUNDS = 3
+"""Edges that a hit may be moved across, one after the other, as near a corner of many faces."""
+
+NONE = 0xFFFFFFFF
+
+
+def edge_neighbours(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """Face beyond each edge of each face, (m, 3) array; ``NONE`` where there is no single one.
+
+    Edge i runs from corner i to the next. Vertices at the same place count as one.
+    """
+    found = find_neighbours(weld(vertices)[faces])
+    table = np.full(faces.shape, NONE, dtype=np.uint32)
+    for one, other in ((0, 1), (1, 0)):
+        table[found.pairs[:, one], found.edges[:, one]] = found.pairs[:, other]
+    return table
+
+
+def settle(
+    tables: Any,
+    origin: Any,
+    direction: Any,
+    face: Any,
+    distance: Any,
+    active: Any,
+) -> tuple[Any, Any]:
+    """Face and distance of a hit on the part, moved across the edges that it lies beyond.
+
+    Parameters
+    ----------
+    tables : SceneTables
+    origin, direction : Point3d, Vector3d
+        Rays, mm, world.
+    face : UInt32
+        Row of the part's face in the tables, from the query.
+    distance : Float64, mm
+        To that face's plane.
+    active : Bool
+        Hits on the part.
+
+    Returns
+    -------
+    face : UInt32
+    distance : Float64, mm
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    triangle, normal = tables.plane(face, active)
+    in_front = dr.dot(direction, normal) < 0
+    room, edge = _room(origin + direction * distance, triangle, normal)
+    for _ in range(ROUNDS):
+        outside = active & (room < 0)
+        other = tables.neighbour(face, edge, outside)
+        exists = outside & (other != NONE)
+        triangle, normal = tables.plane(other, exists)
+        cosine = dr.dot(direction, normal)
+        # A neighbour seen from its other side is behind the edge: the ray passes just beside it.
+        exists &= (cosine != 0) & ((cosine < 0) == in_front)
+        there = dr.dot(triangle.a - origin, normal) / dr.select(exists, cosine, 1)
+        there_room, there_edge = _room(origin + direction * there, triangle, normal)
+        better = exists & (there_room > room)
+        face = dr.select(better, other, face)
+        distance = dr.select(better, there, distance)
+        room = dr.select(better, there_room, mi.Float64(0))
+        edge = dr.select(better, there_edge, edge)
+    return face, distance
+
+
+def _room(point: Any, triangle: Triangle, normal: Any) -> tuple[Any, Any]:
+    """Distance to the nearest edge's line, negative outside the triangle, and that edge."""
+    import drjit as dr
+    import mitsuba as mi
+
+    corners = (triangle.a, triangle.b, triangle.c, triangle.a)
+    least, edge = mi.Float64(dr.inf), mi.UInt32(0)
+    for number, (start, end) in enumerate(pairwise(corners)):
+        inward = dr.normalize(dr.cross(normal, end - start))
+        gap = dr.dot(point - start, inward)
+        edge = dr.select(gap < least, number, edge)
+        least = dr.minimum(gap, least)
+    return least, edge

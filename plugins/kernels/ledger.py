@@ -1,0 +1,82 @@
+"""Whether a ray's index steps at the shells add up to the layer in which it hit the part."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from iriftrace.plugins.kernels.march import RefractedHits
+from iriftrace.plugins.kernels.prepared import PreparedScene
+from iriftrace.plugins.kernels.queries import HIT_PART
+from iriftrace.plugins.kernels.tables import aligned
+
+WITNESSES = 9
+"""Lines by which the layer at a hit is counted where one along the normal speaks against it."""
+
+
+def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any, Any]:
+    """Whether a ray's index steps lead to the layer at its hit, and start from ambient.
+
+    The steps of a ray and the index before the first of them give the layer in which it
+    ended. It must be one of those that touch the part there.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    tables = prepared.tables
+    if tables.stock_shells:
+        # Mitsuba's dielectric knows ratios only, so its steps have no common scale.
+        return mi.Bool(True), mi.Bool(True)
+    hit = refracted.outcome == HIT_PART
+    face = refracted.face - tables.part_first_face
+    ambient, slack, open_steps = (
+        dr.opaque(mi.Float64, value)
+        for value in (tables.ambient, tables.half_step, tables.open_steps)
+    )
+    entry = dr.select(refracted.entry_index != 0, refracted.entry_index, ambient)
+    layer = entry + refracted.index_sum
+    usual = dr.gather(mi.Float64, prepared.usual_wall_index, face, hit)
+    missing = dr.abs(entry - ambient)
+    fits = dr.abs(layer - usual) < slack
+    # A ray without a crossing does not tell in which air it runs, unless that at the wall is cold.
+    silent = hit & (refracted.entry_index == 0) & (dr.abs(usual - ambient) > slack)
+    dr.eval(layer, missing, fits, silent)
+    doubtful = dr.compress(hit & (~fits | silent))
+    if dr.width(doubtful) > 0:
+        number = np.array(doubtful)
+        quiet, found = np.array(silent)[number], np.array(layer)[number]
+        points, normals = _hits(prepared, refracted, number)
+        right = ~quiet
+        right[right] = _touches(prepared, points[right], normals[right], found[right], 1)[0]
+        rest = np.flatnonzero(~right)
+        right[rest], near = _touches(prepared, points[rest], normals[rest], found[rest], WITNESSES)
+        # It has come all its way in the air before the wall then, through an open end.
+        astray = quiet[rest] & ~right[rest]
+        steps, exact = np.array(missing), np.array(fits)
+        steps[number[rest[astray]]] = np.abs(near[astray] - tables.ambient)
+        exact[number] = right
+        exact[number[rest[astray]]] = True
+        missing, fits = mi.Float64(aligned(steps)), mi.Bool(aligned(exact))
+    return fits & (missing < open_steps + slack), missing < slack
+
+
+def _touches(
+    prepared: PreparedScene, points: Any, normals: Any, layer: Any, lines: int
+) -> tuple[Any, Any]:
+    """Whether layers touch the part at points, and the layers before it there, by so many lines."""
+    if len(points) == 0:
+        return np.zeros(0, dtype=bool), np.zeros(0)
+    near = prepared.layers_near(points, normals, lines=lines)
+    return (np.abs(layer - near) < prepared.tables.half_step).any(axis=0), near[0]
+
+
+def _hits(prepared: PreparedScene, refracted: RefractedHits, number: Any) -> tuple[Any, Any]:
+    """Points (n, 3) and outward normals (n, 3) of some of the refracted hits."""
+    vertices, faces = prepared.tables.part_arrays()
+    face = np.array(refracted.face)[number] - prepared.tables.part_first_face
+    a, b, c = np.moveaxis(vertices[faces[face]], 1, 0)
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    # Axis by axis: Dr.Jit compiles a kernel for every length when it interleaves them.
+    return np.stack([np.array(axis)[number] for axis in refracted.point], axis=1), normals

@@ -1,0 +1,325 @@
+"""What is built once for a scene and then serves every pose: tables, sub-scene, wall layers."""
+
+from __future__ import annotations
+
+from copy import copy
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
+from iriftrace.plugins.kernels.tables import (
+    PART,
+    SHELL,
+    SceneTables,
+    aligned,
+    shell_indices,
+    surface_index,
+)
+
+# MERGE plugins.counting: Counting index steps along straight lines: in which layer does a point l
+
+MOST_STEPS = 30_000
+"""Crossings of a straight line after which it is not followed any farther."""
+
+
+def crossed_steps(
+    scene: Any, tables: SceneTables, origin: Any, direction: Any, step: float
+) -> tuple[Any, Any]:
+    """Index steps along straight lines to infinity, opaque shapes being transparent.
+
+    Returns
+    -------
+    start_index : Float64
+        Index of the layer at the start: what remains outside less the steps on the way there;
+        0 for a line without crossing, or with too many (``MOST_STEPS``) to be believed.
+    enclosed : Bool
+        The first shell on the way is crossed from inside.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    smallest_step = dr.opaque(mi.Float64, step)
+
+    class State(NamedTuple):
+        travelled: Any
+        gap: Any  # since the last crossing
+        index_sum: Any
+        last_index: Any
+        enclosed: Any
+        shape: Any
+        outward: Any
+        count: Any
+        active: Any
+
+    def advance(*values: Any) -> tuple[Any, ...]:
+        s = State(*values)
+        start = origin + direction * s.travelled
+        preliminary = ray_query(scene, start, direction, False, s.active)
+        found = s.active & preliminary.is_valid()
+        shape = tables.shape_number(preliminary, found)
+        on_shell = found & (tables.kind(shape, found) == SHELL)
+        face = tables.face(shape, preliminary.prim_index, on_shell)
+        _, normal = tables.plane(face, on_shell)
+        outside, inside = tables.sides(shape, on_shell)
+        outward = dr.dot(direction, normal) > 0
+        move = dr.select(found, mi.Float64(preliminary.t) + smallest_step, 0)
+        gap = s.gap + move
+        crossed = on_shell & ~same_crossing(shape, outward, s.shape, s.outward, gap, smallest_step)
+        near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
+        first = crossed & (s.last_index == 0)
+        return (
+            s.travelled + move,
+            dr.select(crossed, 0, gap),
+            s.index_sum + dr.select(crossed, far - near, 0),
+            dr.select(crossed, far, s.last_index),
+            (first & outward) | (s.enclosed & ~first),
+            dr.select(crossed, shape, s.shape),
+            dr.select(crossed, outward, s.outward),
+            s.count + 1,
+            found & (s.count < MOST_STEPS),
+        )
+
+    width = dr.width(origin, direction)
+    state = (
+        dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float64, width),
+        dr.full(mi.Bool, False, width),
+        dr.full(mi.UInt32, 0xFFFFFFFF, width),
+        dr.full(mi.Bool, False, width),
+        dr.zeros(mi.UInt32, width),
+        dr.full(mi.Bool, True, width),
+    )
+    end = State(
+        *dr.while_loop(
+            state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
+        )
+    )
+    known = end.count <= MOST_STEPS
+    return dr.select(known, end.last_index - end.index_sum, 0), end.enclosed & known
+
+
+SAMPLES_PER_DIAGONAL = 50
+"""Wall samples along the part's diagonal, by which the layer at the wall is found."""
+
+WALL_STEPS = 80
+"""Steps of a ray query before and behind a point between which its layer is uncertain."""
+
+TILT = np.radians(50.0)
+"""Angle between a wall's normal and the other lines by which its layer is counted."""
+
+
+def scene_of(shapes: list[Any]) -> Any:
+    """A scene of some shapes of another one."""
+    import mitsuba as mi
+
+    # A shape takes its key as id, so the keys are the ids it has.
+    content = {shape.id() or f"shape_{i}": shape for i, shape in enumerate(shapes)}
+    return mi.load_dict(
+        {"type": "scene", "embree_use_robust_intersections": True, **content}, optimize=False
+    )
+
+
+class PreparedScene:
+    """A scene ready for tracing.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        Loaded with ``optimize=False``.
+
+    Raises
+    ------
+    InputError
+        See :class:`SceneTables`.
+    """
+
+    def __init__(self, scene: Any) -> None:
+        import mitsuba as mi
+
+        self.scene = scene
+        self.tables = SceneTables(scene)
+        self.step = query_step(scene)
+        opaque = [s for s in scene.shapes() if shell_indices(s.bsdf()) is None]
+        if self.tables.shell_shapes:
+            # Straight rays never look at shells; most of the query's cost is theirs.
+            self.opaque = scene_of(opaque)
+        else:
+            self.opaque = scene
+        self.usual_wall_index = mi.Float64(aligned(self._wall_layers()))
+
+    def surroundings(self, point: NDArray[np.float64]) -> str | None:
+        """What a point (3,), mm, world, lies in: ``"part"``, ``"hot air"`` or None for outside.
+
+        Inside a closed surface every line starts by crossing it outward; most do if it has holes.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        directions = _directions(256)
+        origin = mi.Point3d(*(aligned(np.full(len(directions), x)) for x in point))
+        direction = mi.Vector3d(*(aligned(x) for x in directions.T))
+        _, enclosed = crossed_steps(self.scene, self.tables, origin, direction, self.step)
+        ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
+        hit = self.opaque.ray_intersect_preliminary(ray)
+        found = hit.is_valid()
+        shape = self.tables.shape_number(hit, found)
+        on_part = found & (self.tables.kind(shape, found) == PART)
+        _, normal = self.tables.plane(self.tables.face(shape, hit.prim_index, on_part), on_part)
+        behind = on_part & (dr.dot(normal, direction) > 0)
+        if np.mean(np.array(behind)) > 0.5:
+            return "part"
+        return "hot air" if np.mean(np.array(enclosed)) > 0.5 else None
+
+    def _wall_layers(self) -> NDArray[np.float64]:
+        """Index of the layer that usually touches each face of the part, (m,) array.
+
+        Straight lines from a few points on each face count the steps to the outside; so no field is
+        needed, and shells that cut the part or end on it are taken as they are. Rays that end in
+        another layer are looked at one by one.
+        """
+        vertices, faces = self.tables.part_arrays()
+        if not self.tables.shell_shapes or self.tables.stock_shells:
+            return np.full(len(faces), self.tables.ambient)
+        points, directions, face = _wall_samples(vertices, faces)
+        index = self.layers_near(points, directions).ravel()
+        return _median_of_each(index, np.concatenate((face, face)), len(faces))
+
+    def layers_near(
+        self, points: NDArray[np.float64], normals: NDArray[np.float64], *, lines: int = 1
+    ) -> NDArray[np.float64]:
+        """Index of the layer just before and just behind points, counted from outside.
+
+        Parameters
+        ----------
+        points : (n, 3) array, mm, world
+        normals : (n, 3) array
+            Unit vectors towards the outside.
+        lines : int
+            Straight lines from each point by which the steps are counted. With several, the
+            majority decides, so that a hole in a shell does not.
+
+        Returns
+        -------
+        (2, n) array
+        """
+        import mitsuba as mi
+
+        directions = _around(normals, lines)
+        direction = mi.Vector3d(*(aligned(x) for x in directions.reshape(-1, 3).T))
+        counted = []
+        for shift in (WALL_STEPS * self.step, -WALL_STEPS * self.step):
+            start = np.broadcast_to(points + shift * normals, directions.shape).reshape(-1, 3)
+            origin = mi.Point3d(*(aligned(x) for x in start.T))
+            index = crossed_steps(self.scene, self.tables, origin, direction, self.step)[0]
+            counted.append(np.array(index).reshape(lines, -1))
+        return np.array([self._majority(index) for index in counted])
+
+    def _majority(self, index: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Most frequent index of each column; ambient where no line met a shell."""
+        known = index != 0
+        same = np.abs(index[:, None] - index[None]) < self.tables.half_step
+        votes = (same & known[None]).sum(axis=1) * known
+        chosen = np.take_along_axis(index, votes.argmax(axis=0)[None], axis=0)[0]
+        return np.where(known.any(axis=0), chosen, self.tables.ambient)
+
+
+def _around(normals: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Unit vectors (count, n, 3): the normals first, then others evenly about them."""
+    helper = np.where(np.abs(normals[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    right = np.cross(normals, helper)
+    length = np.linalg.norm(right, axis=1, keepdims=True)
+    right = np.divide(right, length, out=np.zeros_like(right), where=length > 0)
+    forward = np.cross(normals, right)
+    turns = 2 * np.pi * np.arange(count - 1) / max(1, count - 1)
+    tilted = [
+        np.cos(TILT) * normals + np.sin(TILT) * (np.cos(turn) * right + np.sin(turn) * forward)
+        for turn in turns
+    ]
+    return np.stack([normals, *tilted])
+
+
+def _directions(count: int) -> NDArray[np.float64]:
+    """Unit vectors spread evenly over the sphere (count, 3): a Fibonacci lattice."""
+    number = np.arange(count)
+    z = 1 - (2 * number + 1) / count
+    azimuth = number * np.pi * (3 - np.sqrt(5))
+    radius = np.sqrt(1 - z * z)
+    return np.stack((radius * np.cos(azimuth), radius * np.sin(azimuth), z), axis=1)
+
+
+def _wall_samples(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Points spread over all faces (n, 3), the outward normals there, and their face numbers."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+    spacing = np.linalg.norm(np.ptp(vertices, axis=0)) / SAMPLES_PER_DIAGONAL
+    # As many as the area asks for, and at least three, so that one odd one does not decide.
+    counts = np.where(length[:, 0] > 0, 3 + length[:, 0] / spacing**2, 0).astype(np.int64)
+    face = np.repeat(np.arange(len(faces)), counts)
+    # A plane lattice of even spread (Roberts 2018, R2), folded into the triangle.
+    u, v = (np.arange(len(face)) * step % 1 for step in (0.7548776662466927, 0.5698402909980532))
+    folded = u + v > 1
+    u, v = np.where(folded, 1 - u, u)[:, None], np.where(folded, 1 - v, v)[:, None]
+    a, b, c = (corners[face, k] for k in range(3))
+    return a + u * (b - a) + v * (c - a), normals[face], face
+
+
+def _median_of_each(
+    values: NDArray[np.float64], group: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
+    """Median of the values of each group, (count,) array; NaN for a group without any."""
+    order = np.lexsort((values, group))
+    sizes = np.bincount(group, minlength=count)
+    some = sizes > 0
+    middle = (np.cumsum(sizes) - sizes + sizes // 2)[some]
+    result = np.full(count, np.nan)
+    result[some] = values[order][middle]
+    return result
+
+
+# MERGE plugins.fewer_shells: A prepared scene with every second of its shells, to see whether the
+
+FEWEST = 5
+"""Layers' steps below which leaving half of them out says nothing of the rest."""
+
+
+def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
+    """The same scene with the first, the third, ... and the last step of the index.
+
+    Meshes, tables and gradients are shared. The steps of the shells that stay add up to the same
+    sum.
+
+    Parameters
+    ----------
+    prepared : PreparedScene
+
+    Returns
+    -------
+    PreparedScene or None
+        None where the shells' steps do not lead from one to the next, or are fewer than ``FEWEST``.
+    """
+    shapes = prepared.scene.shapes()
+    pairs = [shell_indices(shape.bsdf()) for shape in shapes]
+    steps = sorted({pair for pair in pairs if pair}, reverse=True)
+    if len(steps) < FEWEST or any(one[1] != other[0] for one, other in pairwise(steps)):
+        return None
+    kept = [*steps[:-1:2], steps[-1]]
+    levels = {p: surface_index(s.bsdf()) for s, p in zip(shapes, pairs, strict=True) if p}
+    between = [0.5 * (levels[one] + levels[other]) for one, other in pairwise(kept)]
+    ends = [kept[0][0], *between, kept[-1][1]]
+    sides = dict(zip(kept, pairwise(ends), strict=True))
+
+    fewer = copy(prepared)
+    fewer.tables = prepared.tables.with_sides([sides.get(pair, (1.0, 1.0)) for pair in pairs])
+    fewer.scene = scene_of(
+        [s for s, pair in zip(shapes, pairs, strict=True) if pair is None or pair in sides]
+    )
+    return fewer

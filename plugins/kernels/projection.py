@@ -1,0 +1,119 @@
+"""Central and parallel projection in double precision Dr.Jit arrays.
+
+Knows intrinsics and a pose, but no Mitsuba sensor. Camera frame: x right, y down, z forward; pixel
+``i`` covers ``[i, i + 1)``. Mitsuba's own camera frame has x left and y up: :func:`flip_axes` is
+the one place that converts.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import distorted, fold_radius, newton_step
+
+
+def flip_axes(matrix: ArrayLike) -> NDArray[np.float64]:
+    """Camera-to-world matrix from Mitsuba's convention to the camera frame's, and back."""
+    return np.asarray(matrix, dtype=np.float64) @ np.diag((-1.0, -1.0, 1.0, 1.0))
+
+
+class Projection:
+    """Rays through image positions and image positions of points.
+
+    Parameters
+    ----------
+    description : dict
+        The values of ``iriftrace.camera.Camera.as_dict``: projection, focal_length_mm, sensor_mm,
+        resolution, principal_point_px, matrix (camera to world) and distortion (none by default).
+    """
+
+    def __init__(self, description: dict[str, Any]) -> None:
+        import drjit as dr
+        import mitsuba as mi
+
+        def opaque(value: float) -> Any:
+            # A literal would become part of the kernel, and every pose would compile anew.
+            return dr.opaque(mi.Float64, float(value))
+
+        matrix = np.asarray(description["matrix"], dtype=np.float64)
+        self.orthographic = description["projection"] == "orthographic"
+        self.right, self.down, self.forward = (
+            mi.Vector3d(*(opaque(x) for x in matrix[:3, axis])) for axis in range(3)
+        )
+        self.origin = mi.Point3d(*(opaque(x) for x in matrix[:3, 3]))
+        self.centre_x, self.centre_y = (opaque(x) for x in description["principal_point_px"])
+        self.pitch_x, self.pitch_y = (
+            opaque(size / count)
+            for size, count in zip(description["sensor_mm"], description["resolution"], strict=True)
+        )
+        self.focal_length = None if self.orthographic else opaque(description["focal_length_mm"])
+        self.coefficients = None
+        camera = Camera.from_dict(description)
+        if camera.distortion is not None:
+            self.coefficients = [opaque(value) for value in camera.distortion.coefficients]
+            self.rounds = camera.seen_field.rounds
+            self.fold_radius = opaque(fold_radius(camera.distortion))
+
+    def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """Origins (Point3d, mm) and unit directions (Vector3d) through image positions, world."""
+        import drjit as dr
+
+        across = (x - self.centre_x) * self.pitch_x
+        along = (y - self.centre_y) * self.pitch_y
+        if self.coefficients is not None:
+            across, along = self._undistorted(across, along)
+        offset = self.right * across + self.down * along
+        if self.orthographic:
+            return self.origin + offset, self.forward + 0 * offset
+        return self.origin + 0 * offset, dr.normalize(offset + self.forward * self.focal_length)
+
+    def _undistorted(self, across: Any, along: Any) -> tuple[Any, Any]:
+        """Places on the sensor (mm from the axis) without distortion; NaN where nothing is seen."""
+        import drjit as dr
+
+        seen_x, seen_y = across / self.focal_length, along / self.focal_length
+        x, y = seen_x, seen_y
+        for _ in range(self.rounds):
+            x, y = newton_step(x, y, seen_x, seen_y, self.coefficients)
+        at_x, at_y = distorted(x, y, self.coefficients)
+        radius = dr.sqrt(x * x + y * y)
+        off = dr.sqrt(dr.square(at_x - seen_x) + dr.square(at_y - seen_y))
+        # The camera has refused pictures with such places; this is for positions beside them.
+        right = (off < 1e-14 * (1 + radius)) & (radius < self.fold_radius)
+        factor = dr.select(right, self.focal_length, dr.nan)
+        return x * factor, y * factor
+
+    def project64(self, point: Any) -> tuple[Any, Any, Any]:
+        """Image position of points (Point3d, mm, world).
+
+        Returns
+        -------
+        x, y : Float64, px
+        in_front : Bool
+            Points for which the position means anything: before the pinhole, and not so far beside
+            the picture that the lens distortion turns back. Always true for parallel projection.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        local = point - self.origin
+        across, along = dr.dot(local, self.right), dr.dot(local, self.down)
+        in_front = mi.Bool(True)
+        if not self.orthographic:
+            depth = dr.dot(local, self.forward)
+            in_front = depth > 0
+            if self.coefficients is None:
+                magnification = self.focal_length / depth
+                across, along = across * magnification, along * magnification
+            else:
+                across, along = across / depth, along / depth
+                in_front &= across * across + along * along < dr.square(self.fold_radius)
+                across, along = (
+                    seen * self.focal_length for seen in distorted(across, along, self.coefficients)
+                )
+        x, y = across / self.pitch_x + self.centre_x, along / self.pitch_y + self.centre_y
+        return x, y, in_front

@@ -1,0 +1,488 @@
+"""A Mitsuba scene flattened into tables: triangles of part and shells, index on each side."""
+
+from __future__ import annotations
+
+from copy import copy
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
+from iriftrace.plugins.kernels.snell import Triangle, facet_normal
+from iriftrace.shells.hessian import PLY_COLUMNS, SECOND_DERIVATIVES
+
+# MERGE plugins.shell_slopes: What a shell's file says of the index around it, in the world's axes
+
+
+def shell_slopes(shape: Any, normals: FloatArray, step: float) -> FloatArray | None:
+    """How steep the index is at a shell, and how that changes; None if its file does not say.
+
+    Parameters
+    ----------
+    shape : mi.Mesh
+    normals : (n, 3) array
+        Its vertex normals, along the gradient.
+    step : float
+        Index outside less index inside; the file counts in these steps, so a shell without one
+        bends nothing.
+
+    Returns
+    -------
+    (n, 7) array
+        The gradient's part along the normal, 1/mm, and the second derivatives xx, yy, zz, yz, xz,
+        xy, 1/mm^2.
+    """
+    import mitsuba as mi
+
+    values = mi.traverse(shape)
+    known = []
+    for name, size in PLY_COLUMNS.items():
+        attribute = values.get(f"vertex_{name}", None)
+        if attribute is None or len(attribute) != size * shape.vertex_count():
+            return None
+        known.append(np.nan_to_num(np.array(attribute, dtype=np.float64).reshape(-1, size)))
+    gradient, derivatives = known[0], np.hstack(known[1:])
+    normals = np.nan_to_num(normals)
+    length = np.linalg.norm(gradient, axis=1, keepdims=True)
+    if np.abs(gradient - length * normals).sum() > 1e-5 * length.sum():
+        derivatives = _turned(derivatives, _turn(gradient, normals))
+    return step * np.hstack((length, derivatives))
+
+
+def _turn(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Rotation (3, 3) that takes vectors into unit vectors, in least squares (Kabsch 1976).
+
+    A mesh's ``to_world`` turns its normals, but not what else its file knows.
+    """
+    left, _, right = np.linalg.svd(after.T @ before)
+    sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
+    turn: FloatArray = left @ np.diag((1.0, 1.0, sign)) @ right
+    return turn
+
+
+def _turned(derivatives: FloatArray, turn: FloatArray) -> FloatArray:
+    """Second derivatives, (n, 6) in the file's order, after a rotation."""
+    full = np.empty((len(derivatives), 3, 3))
+    for column, (i, j) in enumerate(SECOND_DERIVATIVES):
+        full[:, i, j] = full[:, j, i] = derivatives[:, column]
+    full = turn @ full @ turn.T
+    return np.stack([full[:, i, j] for i, j in SECOND_DERIVATIVES], axis=1)
+
+
+# MERGE plugins.aligned: NumPy arrays laid out so that the kernels that read them stay the same.
+
+BYTES = 128
+"""The widest vector that Dr.Jit loads: 16 numbers of 8 bytes."""
+
+
+def aligned(values: NDArray[Any]) -> NDArray[Any]:
+    """Copy an array of one dimension to memory that starts at a multiple of 128 bytes.
+
+    Dr.Jit reads NumPy's own memory where it can, and writes into the kernel whether an address is
+    aligned. NumPy's addresses are so by chance, and each other combination compiles a kernel anew.
+    """
+    memory = np.empty(values.nbytes + BYTES, dtype=np.uint8)
+    start = -memory.ctypes.data % BYTES
+    copy = memory[start : start + values.nbytes].view(values.dtype)
+    copy[:] = values
+    return copy
+
+
+# MERGE plugins.vertex_table: What is known at the vertices of a scene's meshes, in rows of four t
+
+_PLAIN, _STEEP = 2, 4
+"""Rows per vertex where the index's slope at the shells is not known, and where it is."""
+
+
+class MeshArrays(NamedTuple):
+    """One mesh, in NumPy arrays."""
+
+    places: NDArray[np.floating]  # (n, 3), mm, world
+    faces: NDArray[np.uint32]  # (m, 3)
+    normals: NDArray[np.floating] | None  # (n, 3), unit
+    slopes: NDArray[np.floating] | None  # (n, 7), from shell_slopes
+
+
+class VertexTable:
+    """Triangles of many meshes, and what is known at their corners.
+
+    A vertex's rows are x, y, z, 0; the normal and the gradient's part along it; xx, yy, zz, yz; and
+    xz, xy, 0, 0 of the second derivatives. Without ``steep`` there are the first two.
+
+    Parameters
+    ----------
+    meshes : list of MeshArrays
+        What one lacks is taken to be zero.
+    steep : bool
+        Keep the slopes.
+    """
+
+    def __init__(self, meshes: list[MeshArrays], steep: bool) -> None:
+        import mitsuba as mi
+
+        per_vertex = _STEEP if steep else _PLAIN
+        rows = np.zeros((sum(len(mesh.places) for mesh in meshes), 4 * per_vertex), np.float32)
+        self.face_count = sum(len(mesh.faces) for mesh in meshes)
+        corners = np.zeros((self.face_count, 4), dtype=np.uint32)
+        first_vertex = first_face = 0
+        for mesh in meshes:
+            own = rows[first_vertex : first_vertex + len(mesh.places)]
+            own[:, 0:3] = mesh.places
+            if mesh.normals is not None:
+                # Mitsuba turns a (0, 0, 0) normal into NaN; zero makes the tracer take the facet's.
+                own[:, 4:7] = np.nan_to_num(mesh.normals)
+            if steep and mesh.slopes is not None:
+                own[:, 7:14] = mesh.slopes
+            # The first of a corner's rows.
+            first_row = per_vertex * (mesh.faces + first_vertex)
+            corners[first_face : first_face + len(mesh.faces), :3] = first_row
+            first_vertex, first_face = first_vertex + len(own), first_face + len(mesh.faces)
+        self._rows = mi.Float(aligned(rows.ravel()))
+        self._corners = mi.UInt32(aligned(corners.ravel()))
+
+    def triangle(self, face: Any, active: Any) -> Triangle:
+        """Corners of triangles (Point3d, mm)."""
+        import mitsuba as mi
+
+        return Triangle(*(mi.Point3d(row.xyz) for row in self._gather(0, face, active)))
+
+    def normals(self, face: Any, active: Any) -> Triangle:
+        """Vertex normals of triangles (Vector3d); zero where a mesh has none."""
+        import mitsuba as mi
+
+        return Triangle(*(mi.Vector3d(row.xyz) for row in self._gather(1, face, active)))
+
+    def gradients(self, face: Any, direction: Any, active: Any) -> tuple[Triangle, Triangle]:
+        """Gradient of the index at corners, 1/mm, and its change along a direction, 1/mm^2.
+
+        All vectors are Vector3f.
+        """
+        x, y, z = direction
+        gradients, changes = [], []
+        known = zip(*(self._gather(row, face, active) for row in (1, 2, 3)), strict=True)
+        for normal, (xx, yy, zz, yz), (xz, xy, _, _) in known:
+            gradients.append(normal.xyz * normal.w)
+            changes.append(
+                type(direction)(
+                    xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
+                )
+            )
+        return Triangle(*gradients), Triangle(*changes)
+
+    def _gather(self, row: int, face: Any, active: Any) -> list[Any]:
+        """One row of each corner of triangles (three Vector4f)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        *corners, _ = dr.gather(mi.Vector4u, self._corners, face, active)
+        return [dr.gather(mi.Vector4f, self._rows, corner + row, active) for corner in corners]
+
+
+SHELL, PART, BLOCKER = 0, 1, 2
+
+PART_ID = "part"
+
+MAX_PART_FACES = 2**24 - 2
+
+
+def shell_indices(bsdf: Any) -> tuple[float, float] | None:
+    """Index outside and inside, if the bsdf is a shell's; None for an opaque one."""
+    import mitsuba as mi
+
+    if bsdf is None:
+        return None
+    if hasattr(bsdf, "ext_ior"):
+        return bsdf.ext_ior, bsdf.int_ior
+    if bsdf.class_name() == "SmoothDielectric":
+        return 1.0, float(mi.traverse(bsdf)["eta"])
+    return None
+
+
+def surface_index(bsdf: Any) -> float:
+    """Index of the air on a shell itself."""
+    pair = shell_indices(bsdf)
+    assert pair is not None
+    return float(getattr(bsdf, "iso_ior", 0.5 * (pair[0] + pair[1])))
+
+
+def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
+    """Whether a surface has no boundary, by integrals that need no edges.
+
+    On a closed surface the vector area vanishes and x, y and z give the same enclosed volume
+    (Gauss); an opening breaks one of the two unless it is tiny.
+    """
+    # Axis by axis, which takes half the time of rows of three.
+    axes = np.ascontiguousarray(vertices.T, dtype=np.float64)
+    corners = [axes[:, number] for number in np.ascontiguousarray(faces.T)]
+    low = np.min([corner.min(axis=1) for corner in corners], axis=0)
+    high = np.max([corner.max(axis=1) for corner in corners], axis=0)
+    u, v = corners[1] - corners[0], corners[2] - corners[0]
+    area = np.stack([u[i] * v[j] - u[j] * v[i] for i, j in ((1, 2), (2, 0), (0, 1))]) / 2
+    centre = (corners[0] + corners[1] + corners[2]) / 3 - ((low + high) / 2)[:, None]
+    total = np.sqrt((area * area).sum(axis=0)).sum()
+    size = np.linalg.norm(high - low)
+    volumes = (centre * area).sum(axis=1)
+    return bool(
+        np.linalg.norm(area.sum(axis=1)) < 1e-5 * total and np.ptp(volumes) < 1e-5 * total * size
+    )
+
+
+def _runs_against_its_normals(shape: Any) -> bool:
+    """Whether most of a mesh's triangles face away from its vertex normals, by area."""
+    import drjit as dr
+    import mitsuba as mi
+
+    corners = dr.unravel(mi.Vector3u, shape.faces_buffer())
+    a, b, c = (dr.gather(mi.Point3f, shape.vertex_positions_buffer(), v) for v in corners)
+    normal = sum(dr.gather(mi.Vector3f, shape.vertex_normals_buffer(), v) for v in corners)
+    facing = dr.dot(dr.cross(b - a, c - a), normal)
+    return bool(dr.sum(dr.select(dr.isfinite(facing), facing, 0))[0] < 0)
+
+
+def _arrays(shape: Any, has_normals: bool, step: float) -> MeshArrays:
+    """What a mesh's vertices know; the step of the index tells how steep it is at a shell."""
+    places = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
+    faces = np.array(shape.faces_buffer()).reshape(-1, 3)
+    if not has_normals:
+        return MeshArrays(places, faces, None, None)
+    normals = np.array(shape.vertex_normals_buffer()).reshape(-1, 3)
+    return MeshArrays(places, faces, normals, shell_slopes(shape, normals, step))
+
+
+class SceneTables:
+    """Triangles, kinds and indices of every mesh of a scene, for gathering in a kernel.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+
+    Raises
+    ------
+    InputError
+        If there is no shape with id ``part``, a shell is not a mesh or is turned inside out, or the
+        part is too large.
+    """
+
+    def __init__(self, scene: Any) -> None:
+        import mitsuba as mi
+
+        shapes = scene.shapes()
+        indices = [shell_indices(shape.bsdf()) for shape in shapes]
+        parts = [i for i, shape in enumerate(shapes) if shape.id() == PART_ID]
+        if len(parts) != 1:
+            raise InputError(
+                f"The scene has {len(parts)} shapes with id '{PART_ID}', but the measured part is "
+                "known by it: give exactly one shape this id, and load with optimize=False, "
+                "because Mitsuba otherwise merges shapes of equal bsdfs into one without id."
+            )
+        self.part = shapes[parts[0]]
+        if indices[parts[0]] is not None or not self.part.is_mesh():
+            raise InputError("The shape with id 'part' must be an opaque triangle mesh.")
+        if self.part.face_count() > MAX_PART_FACES:
+            raise InputError(
+                f"The part has {self.part.face_count()} faces, but channel part.face holds at most "
+                f"{MAX_PART_FACES} exactly; simplify the mesh."
+            )
+
+        kinds, ext, interior, smooth, level = [], [], [], [], []
+        meshes, first_face, knowing = [], [], []
+        face_count = 0
+        self.stock_shells = 0
+        self.shell_shapes: list[Any] = []
+        for shape, pair in zip(shapes, indices, strict=True):
+            kind = SHELL if pair else PART if shape is self.part else BLOCKER
+            if kind == SHELL:
+                if not shape.is_mesh():
+                    raise InputError(
+                        f"Shell '{shape.id()}' is no triangle mesh, so its index steps cannot be "
+                        "traced in double precision; give it as a mesh (PLY)."
+                    )
+                if shape.has_flipped_normals():
+                    raise InputError(
+                        f"Shell '{shape.id()}' has flip_normals, which would swap inside and "
+                        "outside only in part; swap ext_ior and int_ior instead."
+                    )
+                self.shell_shapes.append(shape)
+                self.stock_shells += not hasattr(shape.bsdf(), "ext_ior")
+            kinds.append(kind)
+            ext.append(pair[0] if pair else 1.0)
+            interior.append(pair[1] if pair else 1.0)
+            level.append(surface_index(shape.bsdf()) if pair else 1.0)
+            first_face.append(face_count)
+            has_normals = False
+            if kind != BLOCKER:
+                has_normals = shape.has_vertex_normals() and not shape.has_face_normals()
+                if kind == SHELL and has_normals and _runs_against_its_normals(shape):
+                    raise InputError(
+                        f"The triangles of shell '{shape.id()}' face against its vertex normals, "
+                        "as after a mirroring to_world, so outside and inside would be swapped; "
+                        "mirror the mesh itself instead."
+                    )
+                mesh = _arrays(shape, has_normals, ext[-1] - interior[-1])
+                meshes.append(mesh)
+                face_count += len(mesh.faces)
+                if kind == SHELL:
+                    knowing.append(mesh.slopes is not None)
+            smooth.append(has_normals)
+
+        self.index_pairs = [pair for pair in indices if pair]
+        self.has_normals = any(s for s, k in zip(smooth, kinds, strict=True) if k == SHELL)
+        self.facet_shells = [
+            shape.id()
+            for shape, s, k in zip(shapes, smooth, kinds, strict=True)
+            if k == SHELL and not s
+        ]
+        # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
+        self.knows_steepness = bool(knowing) and all(knowing) and not self.stock_shells
+        self._table = VertexTable(meshes, self.knows_steepness)
+        self._first_face = mi.UInt32(first_face)
+        self._kind = mi.UInt32(kinds)
+        self._ext = mi.Float64(ext)
+        self._int = mi.Float64(interior)
+        self._level = mi.Float64(level)
+        self._number = self._numbers(shapes)
+        self.part_first_face = first_face[parts[0]]
+        beyond = edge_neighbours(*self.part_arrays())
+        self._neighbours = mi.UInt32(aligned(beyond.ravel()))
+        steps = [abs(i - e) for e, i, k in zip(ext, interior, kinds, strict=True) if k == SHELL]
+        self.half_step = min((s for s in steps if s > 0), default=1e-9) / 2
+
+    @staticmethod
+    def _numbers(shapes: list[Any]) -> Any:
+        """Table from Mitsuba's registry number of a shape to its place in the list."""
+        import drjit as dr
+        import mitsuba as mi
+
+        registry = [int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0]) for shape in shapes]
+        table = np.zeros(max(registry) + 1, dtype=np.uint32)
+        table[registry] = np.arange(len(shapes))
+        return mi.UInt32(table)
+
+    def shape_number(self, preliminary: Any, active: Any) -> Any:
+        """Place of the hit shape in the scene's list (UInt32)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        registry = dr.reinterpret_array(mi.UInt32, preliminary.shape)
+        return dr.gather(mi.UInt32, self._number, registry, active)
+
+    def kind(self, shape: Any, active: Any) -> Any:
+        """SHELL, PART or BLOCKER (UInt32)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        return dr.gather(mi.UInt32, self._kind, shape, active)
+
+    def sides(self, shape: Any, active: Any) -> tuple[Any, Any]:
+        """Index outside and inside a shell (Float64)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        return (
+            dr.gather(mi.Float64, self._ext, shape, active),
+            dr.gather(mi.Float64, self._int, shape, active),
+        )
+
+    def with_sides(self, pairs: list[tuple[float, float]]) -> SceneTables:
+        """The same tables with other indices outside and inside each shape of the scene's list."""
+        import mitsuba as mi
+
+        other = copy(self)
+        outside, inside = zip(*pairs, strict=True)
+        other._ext, other._int = mi.Float64(outside), mi.Float64(inside)
+        return other
+
+    def face(self, shape: Any, primitive: Any, active: Any) -> Any:
+        """Row of a triangle in the face table (UInt32)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        return dr.gather(mi.UInt32, self._first_face, shape, active) + primitive
+
+    def triangle(self, face: Any, active: Any) -> Triangle:
+        """Corners of triangles in double precision."""
+        return self._table.triangle(face, active)
+
+    def vertex_normals(self, face: Any, active: Any) -> Triangle:
+        """Vertex normals of triangles in double precision; zero where a mesh has none."""
+        return self._table.normals(face, active)
+
+    def gradients(self, face: Any, direction: Any, active: Any) -> tuple[Triangle, Triangle]:
+        """Gradient of the index at the corners of shells' triangles, 1/mm (Vector3f).
+
+        And its change along a direction (Vector3f), 1/mm^2.
+        """
+        return self._table.gradients(face, direction, active)
+
+    def level(self, shape: Any, active: Any) -> Any:
+        """Index of the air on a shell itself (Float64)."""
+        import drjit as dr
+        import mitsuba as mi
+
+        return dr.gather(mi.Float64, self._level, shape, active)
+
+    def neighbour(self, face: Any, edge: Any, active: Any) -> Any:
+        """Row of the part's face beyond an edge of another (UInt32); ``NONE`` without one."""
+        import drjit as dr
+        import mitsuba as mi
+
+        place = 3 * (face - self.part_first_face) + edge
+        number = dr.gather(mi.UInt32, self._neighbours, place, active)
+        return dr.select(active & (number != NONE), number + self.part_first_face, NONE)
+
+    def part_arrays(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Vertices (n, 3), mm, world, and faces (m, 3) of the part."""
+        vertices = np.array(self.part.vertex_positions_buffer(), dtype=np.float64).reshape(-1, 3)
+        faces = np.array(self.part.faces_buffer(), dtype=np.int64).reshape(-1, 3)
+        return vertices, faces
+
+    @cached_property
+    def ambient(self) -> float:
+        """Index of the air outside: the outside of the shell with the largest box."""
+        if not self.shell_shapes:
+            return 1.0
+        boxes = [np.array(s.bbox().max) - np.array(s.bbox().min) for s in self.shell_shapes]
+        largest = int(np.argmax([np.linalg.norm(box) for box in boxes]))
+        pair = shell_indices(self.shell_shapes[largest].bsdf())
+        assert pair is not None
+        return pair[0]
+
+    @cached_property
+    def open_steps(self) -> float:
+        """Sum of the index steps of the shells that have a boundary."""
+        total = 0.0
+        for shape in self.shell_shapes:
+            vertices = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
+            if not is_closed(vertices, np.array(shape.faces_buffer()).reshape(-1, 3)):
+                pair = shell_indices(shape.bsdf())
+                assert pair is not None
+                total += abs(pair[1] - pair[0])
+        return total
+
+    def triangles_in_view(
+        self, project: Any, lowest: tuple[int, int], highest: tuple[int, int]
+    ) -> int:
+        """Number of shell triangles whose centre appears in a window of the picture."""
+        import drjit as dr
+        import mitsuba as mi
+
+        face = dr.arange(mi.UInt32, self._table.face_count)
+        active = mi.Bool(True)
+        corners = self.triangle(face, active)
+        x, y, in_front = project((corners.a + corners.b + corners.c) / 3)
+        seen = in_front
+        for position, low, high in zip((x, y), lowest, highest, strict=True):
+            seen &= (position >= low) & (position < high)
+        part = (face >= self.part_first_face) & (
+            face < self.part_first_face + self.part.face_count()
+        )
+        return int(dr.count(seen & ~part)[0])
+
+    def plane(self, face: Any, active: Any) -> tuple[Triangle, Any]:
+        """Corners and unit normal of triangles."""
+        triangle = self.triangle(face, active)
+        return triangle, facet_normal(triangle)

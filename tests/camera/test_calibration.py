@@ -1,0 +1,164 @@
+"""Calibration files as OpenCV itself writes them, and what is wrong with others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from iriftrace.camera.calibration import read_calibration
+from iriftrace.core.errors import InputError
+from tests.calibration_files import (
+    COEFFICIENTS,
+    MATRIX,
+    RVEC,
+    TVEC,
+    plain,
+    written_by_opencv,
+)
+
+
+@pytest.mark.parametrize("name", ["camera.yaml", "camera.yml", "camera.json"])
+def test_camera_of_opencvs_file_projects_as_opencv_does(tmp_path: Path, name: str) -> None:
+    """The whole way from the file to pixels, with the pose; 1e-6 px are demanded."""
+    path = written_by_opencv(tmp_path / name, rvec=RVEC, tvec=TVEC)
+    calibration = read_calibration(path)
+    camera = calibration.camera(pixel_size_mm=2.74e-3, matrix=calibration.matrix)
+    assert camera.resolution == (2448, 2048)
+    points = np.random.default_rng(1).uniform(-40, 40, (500, 3))
+    expected, _ = cv2.projectPoints(points, RVEC, TVEC, MATRIX, COEFFICIENTS)
+    expected = expected[:, 0] + 0.5
+    inside = ((expected > 0) & (expected < camera.resolution)).all(axis=1)
+    assert inside.sum() > 300
+    np.testing.assert_allclose(camera.project(points)[inside], expected[inside], rtol=0, atol=1e-8)
+    # Back: rays through OpenCV's pixels meet the points.
+    origins, directions = camera.rays(expected[inside])
+    along = np.einsum("ij,ij->i", points[inside] - origins, directions)
+    np.testing.assert_allclose(
+        origins + along[:, None] * directions, points[inside], rtol=0, atol=1e-9
+    )
+
+
+def test_pixel_size_sets_lengths_but_no_ray(tmp_path: Path) -> None:
+    """Pixels of 2.74 um: the lens is one, so their height is 2.74 um times fx / fy."""
+    calibration = read_calibration(plain(tmp_path / "camera.json"))
+    one, other = (calibration.camera(pixel_size_mm=size) for size in (2.74e-3, 0.1))
+    assert one.focal_length_mm == pytest.approx(3653.8 * 2.74e-3)
+    assert one.pixel_pitch_mm == pytest.approx((2.74e-3, 2.74e-3 * 3653.8 / 3657.25))
+    pixels = [(0.5, 0.5), (2000.5, 99.5)]
+    np.testing.assert_allclose(one.rays(pixels)[1], other.rays(pixels)[1], rtol=0, atol=1e-15)
+    for size in (0, 2.74, float("nan")):
+        with pytest.raises(InputError, match=rf"Pixel size is {size} mm"):
+            calibration.camera(pixel_size_mm=size)
+
+
+def test_old_header_plain_lists_and_other_names(tmp_path: Path) -> None:
+    """%YAML:1.0 (before OpenCV 5) is not YAML; ROS writes mappings without a tag."""
+    new = written_by_opencv(tmp_path / "new.yaml").read_text()
+    assert new.startswith("%YAML 1.2")
+    files = {
+        "old.yaml": new.replace("%YAML 1.2", "%YAML:1.0"),
+        "ros.yaml": "image_width: 2448\nimage_height: 2048\ncamera_name: narrow\n"
+        f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: {MATRIX.ravel().tolist()}\n"
+        "distortion_model: plumb_bob\n"
+        f"distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: {COEFFICIENTS.tolist()}\n"
+        "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n",
+        "short.yaml": f"K: {MATRIX.tolist()}\nD: {COEFFICIENTS.tolist()}\nwidth: 2448\n"
+        "height: 2048\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+        found = read_calibration(tmp_path / name)
+        assert found.focal_px == (3653.8, 3657.25)
+        assert found.centre_px == (1209.5, 1030.0)
+        assert found.distortion.coefficients == (*COEFFICIENTS, 0, 0, 0)
+        assert found.matrix is None
+
+
+def test_poses(tmp_path: Path) -> None:
+    """World to camera, as rotation vector or matrix, or one view; a translation may be in m."""
+    rotation = cv2.Rodrigues(RVEC)[0]
+    centre = -rotation.T @ TVEC
+    for values in (
+        {"rvec": RVEC, "tvec": TVEC},
+        {"R": rotation, "T": TVEC},
+        {"extrinsic_parameters": np.concatenate((RVEC, TVEC))[None]},
+    ):
+        path = written_by_opencv(tmp_path / "camera.yaml", **values)
+        for unit in (1.0, 1000.0):
+            matrix = read_calibration(path, length_mm=unit).matrix
+            assert matrix is not None
+            np.testing.assert_allclose(matrix[:3, :3], rotation.T, atol=1e-12)
+            np.testing.assert_allclose(matrix[:3, 3], unit * centre, atol=1e-9 * unit)
+    several = written_by_opencv(tmp_path / "camera.yaml", extrinsic_parameters=np.zeros((13, 6)))
+    assert read_calibration(several).matrix is None
+    assert read_calibration(several).views == 13
+
+
+def test_more_coefficients_than_are_modelled(tmp_path: Path) -> None:
+    """Thin prisms and tilt must be zero; eight coefficients are all that is left then."""
+    zero = plain(tmp_path / "a.json", distortion_coefficients=[0.1] * 8 + [0.0] * 6)
+    assert read_calibration(zero).distortion.coefficients == (0.1,) * 8
+    prism = plain(tmp_path / "b.json", distortion_coefficients=[0.1] * 8 + [1e-3, 0, 0, 0])
+    with pytest.raises(InputError, match="12 distortion coefficients with thin prism or tilt"):
+        read_calibration(prism)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"camera_matrix": None}, "camera_matrix is missing"),
+        ({"camera_matrix": [1, 2, 3]}, "camera_matrix has 3 numbers instead of 9"),
+        ({"camera_matrix": "large"}, "camera_matrix has entries that are no finite numbers"),
+        ({"camera_matrix": {"rows": 3}}, "camera_matrix has entries that are no finite"),
+        ({"camera_matrix": [[9, 0, 1], [0, 9, 1], [0, 1, 1]]}, "is no camera matrix"),
+        ({"camera_matrix": [[-9, 0, 1], [0, 9, 1], [0, 0, 1]]}, "is no camera matrix"),
+        ({"camera_matrix": [[9, 0.1, 1], [0, 9, 1], [0, 0, 1]]}, "skew 0.1"),
+        ({"distortion_coefficients": None}, "write distortion_coefficients"),
+        ({"distortion_coefficients": [1, 2]}, "distortion of 2 coefficients"),
+        ({"image_width": None}, "image_width is missing"),
+        ({"image_height": 20.5}, "image_height is 20.5"),
+        ({"image_height": 0}, "image_height is 0"),
+        ({"distortion_model": "equidistant"}, "lens model 'equidistant'"),
+        ({"fisheye_model": 1}, "fisheye model, which is not modelled"),
+        ({"rvec": [[1, 0, 0], [0, 1, 0], [0, 0, -1]], "tvec": [0, 0, 1]}, "stretches or mirrors"),
+        ({"R": [[2, 0, 0], [0, 2, 0], [0, 0, 2]], "t": [0, 0, 1]}, "stretches or mirrors"),
+        ({"rvec": [0, 0, 1]}, "only one of rvec and tvec"),
+        ({"rvec": [0, 1], "tvec": [0, 0, 1]}, "rvec has 2 numbers instead of 3 or 9"),
+    ],
+)
+def test_wrong_files_are_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    path = plain(tmp_path / "camera.json", **changes)
+    with pytest.raises(InputError, match=message) as caught:
+        read_calibration(path)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "neither YAML nor JSON"),
+        ("a: [1, 2", "neither YAML nor JSON"),
+        ("a: !!python/object/apply:os.getcwd []", "neither YAML nor JSON"),
+        ("just words", "holds no named values"),
+        ("<?xml version='1.0'?><opencv_storage/>", "is XML, which is not read"),
+        ("", "holds no named values"),
+    ],
+)
+def test_files_that_are_something_else(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "camera.yaml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_calibration(tmp_path / "camera.yaml")
+    with pytest.raises(InputError, match="cannot read the calibration"):
+        read_calibration(tmp_path / "gone.yaml")
+    (tmp_path / "camera.yaml").write_bytes(b"\x80\x81")
+    with pytest.raises(InputError, match="is no text; give the YAML"):
+        read_calibration(tmp_path / "camera.yaml")
+
+
+def test_a_calibration_that_says_it_is_no_fisheye(tmp_path: Path) -> None:
+    """As OpenCV's own calibration program writes it."""
+    assert read_calibration(plain(tmp_path / "camera.json", fisheye_model=0)).views == 0

@@ -1,0 +1,71 @@
+"""The Nusselt number to be expected of a horizontal cylinder."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from iriftrace.air import thermophysics as air
+from iriftrace.cfd.check.heat_balance import nusselt_horizontal_cylinder
+from iriftrace.core.errors import InputError
+
+
+def test_air_at_room_temperature_is_that_of_the_tables() -> None:
+    """300 K, 101325 Pa: Incropera, table A.4 (rounded: 1.177, 1007, 184.6e-7, 0.0263)."""
+    assert air.density(300.0, 101325.0) == pytest.approx(1.1614, rel=0.02)
+    assert air.heat_capacity(300.0) == pytest.approx(1007.0, rel=0.01)
+    assert air.viscosity(300.0) == pytest.approx(184.6e-7, rel=0.01)
+    assert air.conductivity(300.0) == pytest.approx(26.3e-3, rel=0.03)
+
+
+def test_hot_air_is_that_of_the_tables() -> None:
+    """1000 K: Incropera, table A.4 (0.3482, 1141, 424.4e-7, 66.7e-3)."""
+    assert air.density(1000.0, 101325.0) == pytest.approx(0.3482, rel=0.02)
+    assert air.heat_capacity(1000.0) == pytest.approx(1141.0, rel=0.01)
+    assert air.viscosity(1000.0) == pytest.approx(424.4e-7, rel=0.03)
+    assert air.conductivity(1000.0) == pytest.approx(66.7e-3, rel=0.05)
+
+
+def test_heat_capacity_is_continuous_where_the_polynomials_meet() -> None:
+    below, above = air.heat_capacity([999.999, 1000.001])
+    assert below == pytest.approx(above, rel=1e-3)
+
+
+def test_density_and_temperature_belong_together() -> None:
+    kelvin = np.array([293.15, 700.0, 1373.15])
+    density = air.density(kelvin, 95000.0)
+    assert air.temperature_of_density(density, 95000.0) == pytest.approx(kelvin, rel=1e-12)
+
+
+def test_the_papers_cylinder_by_hand() -> None:
+    """27 mm, 1100 degC in 20 degC: T_ref = 962.75 K, with table values of air there.
+
+    nu = 40.9e-6 / 0.3617 = 1.131e-4 m2/s, Pr = 0.72, beta = 1/293.15:
+    Ra = 9.81 * 1080 / 293.15 * 0.027^3 / nu^2 * Pr = 4.0e4; Nu = 0.36 + 0.387 Ra^(1/4) = 5.9.
+    """
+    expected = nusselt_horizontal_cylinder(27.0, 1373.15, 293.15)
+    assert expected.reference_k == pytest.approx(962.75)
+    assert expected.rayleigh == pytest.approx(4.0e4, rel=0.03)
+    assert expected.nusselt == pytest.approx(5.9, rel=0.02)
+    conductivity = 64.8e-3
+    assert expected.heat_flux == pytest.approx(5.9 * conductivity * 1080.0 / 0.027, rel=0.05)
+
+
+def test_small_differences_need_no_reference() -> None:
+    """For a few kelvin Churchill's and Chu's own equation with any temperature in between."""
+    expected = nusselt_horizontal_cylinder(50.0, 303.15, 293.15)
+    nu, prandtl = 15.6e-6, 0.707
+    rayleigh = 9.81 * 10.0 / 293.15 * 0.05**3 / nu**2 * prandtl
+    nusselt = 0.36 + 0.518 * rayleigh**0.25 / (1 + (0.559 / prandtl) ** (9 / 16)) ** (4 / 9)
+    assert expected.nusselt == pytest.approx(nusselt, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("diameter", "wall", "ambient"),
+    [(27.0, 293.15, 293.15), (0.0, 1373.15, 293.15), (27.0, 1373.15, -1.0), (1e5, 1373.15, 293.15)],
+)
+def test_what_the_rule_does_not_cover_is_refused(
+    diameter: float, wall: float, ambient: float
+) -> None:
+    with pytest.raises(InputError):
+        nusselt_horizontal_cylinder(diameter, wall, ambient)

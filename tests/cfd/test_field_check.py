@@ -1,0 +1,250 @@
+"""Checks of fields against closed forms, a simulation and spoilt copies of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import hot_block
+import numpy as np
+import pytest
+import pyvista as pv
+import trimesh
+from attrs import evolve
+from numpy.testing import assert_allclose
+
+from iriftrace.air import thermophysics as gas
+from iriftrace.air.refractivity import Air
+from iriftrace.cfd.check import wall as wall_state
+from iriftrace.cfd.check.check import check_field
+from iriftrace.cfd.check.finding import FieldCheck, share_through_open_sides
+from iriftrace.cfd.check.heat_balance import horizontal_cylinder_diameter
+from iriftrace.cfd.check.wall import gradient_errors
+from iriftrace.cfd.synthetic import mesh as air_mesh
+from iriftrace.cfd.synthetic.mesh import AirMesh
+from iriftrace.cfd.synthetic.model import SyntheticAir
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError
+from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.read import read_field
+from iriftrace.part.part import Part, part_of_mesh, read_part
+from iriftrace.scenes import folder_of
+from iriftrace.shells.contour import contour_shells
+from tests.gears import gear
+
+DATA = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
+WALL, ROOM = 1373.15, 293.15
+RADIUS, OUTER = 6.0, 12.0
+
+
+def finding(check: FieldCheck, name: str) -> dict[str, object]:
+    (found,) = (f for f in check.findings if f.name == name)
+    return {"verdict": found.verdict, **found.numbers}
+
+
+@pytest.fixture(scope="module")
+def cylinder() -> Part:
+    return read_part(folder_of("cylinder") / "part.ply")
+
+
+@pytest.fixture(scope="module")
+def simulated(cylinder: Part) -> tuple[IndexField, FieldCheck]:
+    """A coarse simulation of natural convection around a horizontal cylinder."""
+    field = read_field(DATA)
+    return field, check_field(field, cylinder, wall_temperature_k=WALL, camera=(0, 0, 400.0))
+
+
+def conducting_sphere(cell: float) -> tuple[IndexField, Part]:
+    """Air at rest around a hot sphere: the integral of the conductivity falls with 1/r."""
+    mesh = trimesh.creation.icosphere(4, RADIUS)
+    part = part_of_mesh(mesh.vertices, mesh.faces, name="sphere")
+    cut = air_mesh(SyntheticAir(part), AirMesh(cell_mm=cell, sides_mm=8.0, height_mm=8.0))
+    radius = np.clip(np.linalg.norm(cut.grid.points, axis=1), RADIUS, OUTER)
+    share = (1 / radius - 1 / OUTER) / (1 / RADIUS - 1 / OUTER)
+    share[cut.on_wall] = 1.0
+    knots = np.linspace(ROOM, WALL, 4000)
+    conductivity = gas.conductivity(knots)
+    pieces = 0.5 * np.diff(knots) * (conductivity[1:] + conductivity[:-1])
+    potential = np.concatenate(([0.0], np.cumsum(pieces)))
+    temperature = np.interp(share * potential[-1], potential, knots)
+    source = FieldSource("sphere", "0" * 64, "T", "temperature", "mm")
+    return IndexField(cut.grid, Air().refractivity(temperature), Air(), source), part
+
+
+def test_heat_of_a_sphere_is_that_of_conduction() -> None:
+    """Q = 4 pi (Phi_wall - Phi_room) / (1/R - 1/R_outer); cells of 1 mm at R = 6 mm are 4 % off.
+
+    The mean gradient of the wall's cells is that of a place half a cell above it, 12 % off.
+    """
+    field, part = conducting_sphere(1.0)
+    wall = wall_state(field, part)
+    knots = np.linspace(ROOM, WALL, 4000)
+    potential = np.trapezoid(gas.conductivity(knots), knots)
+    expected = 4 * np.pi * potential / (1 / RADIUS - 1 / OUTER) * 1e-3
+    assert wall.heat_w == pytest.approx(expected, rel=0.05)
+    of_cells = np.sum(wall.flux_of_cells * wall.areas) * 1e-6
+    assert of_cells == pytest.approx(0.88 * expected, rel=0.02)
+    assert wall.area_mm2 == pytest.approx(4 * np.pi * RADIUS**2, rel=0.01)
+    assert_allclose(wall.temperature_k, WALL)
+    # dT/dr at the wall = (Phi_wall / k_wall) / (R (1 - R/R_outer)), so the layer is known too.
+    fall = potential / gas.conductivity(WALL) / RADIUS / (1 - RADIUS / OUTER)
+    assert np.nanmedian(wall.layer_mm) == pytest.approx((WALL - ROOM) / fall, rel=0.05)
+
+
+def test_simulation_agrees_with_the_rule_and_itself(
+    simulated: tuple[IndexField, FieldCheck],
+) -> None:
+    """Numbers of a coarse mesh; on two finer ones of the same case Nu is 6.63 and 6.60, and from
+    the mean of the wall's cells 6.27 and 6.35: the truth lies between.
+    """
+    _, check = simulated
+    nusselt = finding(check, "Nusselt number")
+    assert nusselt["rule"] == pytest.approx(5.90, abs=0.01)
+    assert nusselt["nusselt_of_cells"] < 6.5 < nusselt["nusselt"]
+    assert nusselt["nusselt_of_cells"] == pytest.approx(6.23, abs=0.05)
+    assert nusselt["nusselt"] == pytest.approx(6.80, abs=0.05)
+    assert nusselt["verdict"] == "doubtful"
+    assert nusselt["diameter_mm"] == pytest.approx(27.0, abs=0.05)
+    heat = finding(check, "heat from the wall")
+    assert heat["heat_w"] == pytest.approx(272.0, rel=0.06)
+    assert heat["verdict"] == "-"
+    gradient = finding(check, "gradient")
+    assert gradient["verdict"] == "good"
+    assert gradient["lines"] > 300
+    assert finding(check, "coolest air")["verdict"] == "good"
+    assert finding(check, "field's wall to part")["verdict"] == "good"
+    wall = finding(check, "wall temperature")
+    assert wall["median_k"] == pytest.approx(WALL, abs=0.1)
+    assert finding(check, "boundary layer")["layer_mm"] == pytest.approx(4.5, abs=0.2)
+
+
+def test_heat_that_the_solver_counted_is_preferred(
+    simulated: tuple[IndexField, FieldCheck], cylinder: Part
+) -> None:
+    """The gradient says how it is spread, the file's own number how much it is."""
+    field, check = simulated
+    by_gradient = finding(check, "heat from the wall")["heat_w"]
+    source = evolve(field.source, wall_heat_w=0.95 * by_gradient)
+    counted = finding(check_field(evolve(field, source=source), cylinder), "Nusselt number")
+    assert counted["nusselt"] == pytest.approx(0.95 * finding(check, "Nusselt number")["nusselt"])
+    assert counted["verdict"] == "good"
+
+
+def test_open_ends_are_found_and_seen_from_above(
+    simulated: tuple[IndexField, FieldCheck], cylinder: Part
+) -> None:
+    """The plume leaves at the top, in front of a camera that looks down."""
+    field, check = simulated
+    edge = finding(check, "edge of the data")
+    assert edge["verdict"] == "doubtful"
+    assert edge["hottest_k"]["+z"] > ROOM + 50.0
+    assert all(edge["hottest_k"][side] < ROOM + 9.0 for side in ("-x", "+x", "-y", "+y", "-z"))
+    assert finding(check, "camera's view")["share"] > 0.5
+    assert finding(check, "camera's view")["verdict"] == "bad"
+    assert share_through_open_sides(field, cylinder, np.array((0.0, 400.0, -50.0))) == 0.0
+
+
+def test_the_edge_is_open_where_the_outermost_shell_is(
+    simulated: tuple[IndexField, FieldCheck],
+) -> None:
+    """Rays count as ``open_boundary`` where they enter behind the first of the usual shells."""
+    field, check = simulated
+    outermost = contour_shells(field).temperature_k[0]
+    assert finding(check, "edge of the data")["limit_k"] == pytest.approx(outermost, abs=1e-6)
+
+
+def test_spoilt_fields_are_found_out(
+    simulated: tuple[IndexField, FieldCheck], cylinder: Part
+) -> None:
+    """Another wall temperature in another room, and a gradient that lies."""
+    field, _ = simulated
+    cool = Air().refractivity(ROOM + 0.5 * (field.temperature_k - ROOM))
+    spoilt = evolve(field, refractivity=cool, air=Air(temperature_k=313.15))
+    check = check_field(spoilt, cylinder, wall_temperature_k=WALL)
+    assert finding(check, "wall temperature")["verdict"] == "bad"
+    assert finding(check, "coolest air")["verdict"] == "bad"
+    assert check.verdict == "bad"
+    object.__setattr__(spoilt, "gradient", 1.3 * spoilt.gradient)
+    assert gradient_errors(spoilt, wall_state(spoilt, cylinder)).median == pytest.approx(
+        0.3, abs=0.03
+    )
+
+
+def test_only_horizontal_cylinders_are_compared_with_the_rule(cylinder: Part) -> None:
+    assert horizontal_cylinder_diameter(cylinder) == pytest.approx(27.0, abs=0.05)
+    assert horizontal_cylinder_diameter(gear()) is None
+    upright = cylinder.transformed([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]])
+    assert horizontal_cylinder_diameter(upright) is None
+
+
+def test_a_field_without_a_wall_is_refused(cylinder: Part) -> None:
+    axis = np.linspace(-100.0, 100.0, 21)
+    grid = pv.StructuredGrid(*np.meshgrid(axis, axis, axis, indexing="ij"))
+    grid = grid.cast_to_unstructured_grid()
+    values = Air().refractivity(np.full(grid.n_points, 400.0))
+    source = FieldSource("solid.vtu", "0" * 64, "T", "temperature", "mm")
+    with pytest.raises(InputError, match="no inner boundary"):
+        check_field(IndexField(grid, values, Air(), source), cylinder)
+
+
+def test_a_cold_wall_is_refused(tmp_path: Path) -> None:
+    field, part = hot_block.save(tmp_path)
+    cold = read_field(field)
+    still = evolve(cold, refractivity=np.full(len(cold.refractivity), cold.ambient_refractivity))
+    with pytest.raises(InputError, match="no hot air to be checked"):
+        check_field(still, read_part(part))
+
+
+def test_command_prints_verdicts_and_writes_numbers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a hot block whose wall is 20 K hotter than it should be."""
+    field, part = hot_block.save(tmp_path)
+    words = ["field", "check", str(field), str(part), "-o", str(tmp_path / "check.json")]
+    assert main([*words, "--wall-temperature=1273.15 K"]) == 0
+    assert "Nusselt number" in capsys.readouterr().out
+    content = json.loads((tmp_path / "check.json").read_text())
+    assert content["schema"] == "iriftrace.field-check/1"
+    assert content["verdict"] == "bad"
+    found = {f["name"]: f for f in content["findings"]}
+    assert found["wall temperature"]["verdict"] == "bad"
+    assert found["wall temperature"]["numbers"]["worst_k"] == pytest.approx(20.0, abs=0.01)
+    assert found["Nusselt number"]["verdict"] == "-"
+
+
+def test_half_a_field_is_found_out(tmp_path: Path) -> None:
+    """Solved on one side of a plane through the block, and not mirrored."""
+    _, part = hot_block.save(tmp_path)
+    grid = hot_block.air()
+    half = grid.extract_cells(np.flatnonzero(np.asarray(grid.cell_centers().points)[:, 0] > 0.0))
+    half.save(tmp_path / "half.vtu")
+    check = check_field(read_field(tmp_path / "half.vtu"), read_part(part))
+    assert finding(check, "part in the field")["verdict"] == "bad"
+    assert finding(check, "part in the field")["covered"] == pytest.approx(0.5, abs=0.1)
+    whole = check_field(read_field(hot_block.save(tmp_path)[0]), read_part(part))
+    assert finding(whole, "part in the field")["covered"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--diameter=-3", "diameter is positive"),
+        ("--origin=1,2", "3 numbers"),
+        ("-o check.txt", "must end in .json"),
+        ("--isosurfaces", "Iso-surfaces have no air"),
+        ("--field-transform=translate 900 0 0", "does not reach the part"),
+    ],
+)
+def test_wrong_options_end_with_one_sentence(
+    words: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    part = str(folder_of("cylinder") / "part.ply")
+    given = [words] if "=" in words else words.split()
+    assert main(["field", "check", str(DATA), part, *given]) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

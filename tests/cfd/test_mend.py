@@ -1,0 +1,78 @@
+"""Building the solver anew from the distribution's source package."""
+
+from __future__ import annotations
+
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from iriftrace.cfd.openfoam import solver_check as mend
+from iriftrace.cfd.openfoam.programs import SOLVER
+
+OPTIONS = """\
+EXE_INC = \\
+    -I$(LIB_SRC)/finiteVolume/lnInclude \\
+    -I$(LIB_SRC)/sampling/lnInclude
+
+EXE_LIBS = \\
+    -lfiniteVolume \\
+    -lfvOptions
+"""
+SOURCES = {
+    f"applications/solvers/heatTransfer/{SOLVER}/Make/options": OPTIONS,
+    f"applications/solvers/heatTransfer/{SOLVER}/{SOLVER}.C": "int main() {}",
+    "src/finiteVolume/fields/volFields.H": "// volFields",
+    "src/finiteVolume/Make/files": "no header",
+    "src/sampling/probes/probes.C": "// probes",
+    "src/OpenFOAM/db/Time.H": "// Time",
+    "src/OSspecific/POSIX/POSIX.H": "// POSIX",
+    "src/engine/engine.H": "// not needed",
+    "tutorials/readme.txt": "not needed",
+}
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Path:
+    """A source archive in miniature."""
+    for name, text in SOURCES.items():
+        file = tmp_path / "openfoam-1" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    path = tmp_path / "openfoam.orig.tar.bz2"
+    with tarfile.open(path, "w:bz2") as out:
+        out.add(tmp_path / "openfoam-1", "openfoam-1")
+    return path
+
+
+def test_only_sources_are_unpacked(archive: Path, tmp_path: Path) -> None:
+    source = mend._unpacked(archive, tmp_path / "source")
+    assert (source / "src/sampling/probes/probes.C").is_file()
+    assert (source / f"applications/solvers/heatTransfer/{SOLVER}/Make/options").is_file()
+    assert not (source / "tutorials").exists()
+
+
+def test_compiler_is_called_without_the_promise_that_pointers_keep(
+    archive: Path, tmp_path: Path
+) -> None:
+    """Against the headers and libraries that the solver's own options name, and no others."""
+    source = mend._unpacked(archive, tmp_path / "source")
+    command = mend.compile_command(source, tmp_path / "solver")
+    assert "-fno-strict-aliasing" in command
+    assert "-D__restrict__=" in command
+    folders = [Path(word[2:]) for word in command if word.startswith("-I")]
+    headers = sorted(file.name for folder in folders[:-1] for file in folder.iterdir())
+    assert headers == ["POSIX.H", "Time.H", "probes.C", "volFields.H"]
+    assert all(file.resolve().is_file() for folder in folders[:-1] for file in folder.iterdir())
+    libraries = [word for word in command if word.startswith("-l")]
+    assert libraries[:2] == ["-lfiniteVolume", "-lfvOptions"]
+    assert "-lPstream" in libraries, "or the solver finds no MPI"
+
+
+def test_sources_come_from_where_the_packages_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    listed = "http://deb.debian.org/debian/ bookworm main\n" * 2 + "http://x/ bookworm contrib\n"
+    monkeypatch.setattr(mend, "_output", lambda command: listed)
+    assert mend.source_lines() == [
+        "deb-src http://deb.debian.org/debian/ bookworm main",
+        "deb-src http://x/ bookworm contrib",
+    ]

@@ -1,0 +1,106 @@
+"""``iriftrace field simulate`` and ``doctor`` without running OpenFOAM."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from iriftrace.cfd.openfoam import programs as installation
+from iriftrace.cli import main
+
+WALL = "--wall-temperature=1100 degC"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's folder with a part, on a machine without OpenFOAM."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(installation, "_BASHRCS", ())
+    trimesh.creation.box((60.0, 30.0, 20.0)).export(tmp_path / "part.stl")
+    open_box = trimesh.creation.box((60.0, 30.0, 20.0))
+    open_box.update_faces([True] * 11 + [False])
+    open_box.export(tmp_path / "open.stl")
+    return tmp_path
+
+
+def fails(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    """Run the program; its message, once it has written nothing."""
+    before = sorted(Path().rglob("*"))
+    capsys.readouterr()
+    assert main(["field", "simulate", *words]) == 2
+    said = capsys.readouterr().err
+    assert "Traceback" not in said
+    assert sorted(Path().rglob("*")) == before, "something was written"
+    return " ".join(said.split())
+
+
+def test_case_is_written_without_openfoam(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And the program says what it will be: air, cells, times, temperatures of the regions."""
+    words = ["part.stl", "-o", "case", WALL, "--region-temperature=plane +z=450 degC"]
+    assert main(["field", "simulate", *words, "--transition=5mm", "--write-only"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert re.search(r"wall plane \+z: 723.15 K \(450 degC\)", said)
+    assert re.search(r"wall plane -x: 1373.15 K", said)
+    assert "normal (B)" in said
+    assert (folder / "case/system/controlDict").is_file()
+    assert main(["field", "simulate", *words, "--transition=5mm", "--write-only"]) == 0
+    assert "is there already" in capsys.readouterr().out
+
+
+def test_symmetric_part_is_pointed_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["field", "simulate", "part.stl", "-o", "case", WALL, "--write-only"]) == 0
+    assert "--symmetry xy computes 1/4" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ((), "no OpenFOAM on this machine"),
+        (("--wall-temperature=1100 mm",), "--wall-temperature"),
+        (("--wall-temperature=10 degC",), "hotter than the air"),
+        (("--region-temperature=tooth=450 degC",), 'no region "tooth"; its regions are'),
+        (("--region-temperature=450 degC",), "NAME=TEMPERATURE"),
+        (("--transition=5 K",), "--transition"),
+        (("--transition=5 mm",), "two temperatures"),
+        (("--resolution=finest",), "finest"),
+        (("--background-cell=500 mm",), "lose its form"),
+        (("--end-time=-1 s",), "end time"),
+        (("--end-time=1 s", "--average-time=2 s"), "averaged over 2 s of 1 s"),
+        (("--snapshots=-2",), "snapshots"),
+        (("--snapshots=1.5",), "whole number"),
+        (("--processes=0",), "as 0 processes"),
+        (("--margin=nan",), "margin of nan"),
+        (("--field=field.vtk",), "must end in .vtu"),
+        (("--pressure=1 mbar",), "air pressure of 100 Pa"),
+        (("--ambient=0 K",), "in air of 0 K"),
+        (("--ambient", "-300 degC"), "below absolute zero"),
+        (("--background-cell=0.01 mm",), "background cells of 0.01 mm"),
+        (("--snapshots=100000",), "100000 snapshots cannot be kept"),
+    ],
+)
+def test_wrong_input_is_one_sentence(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...],
+    message: str,
+) -> None:
+    wall = () if any(o.startswith("--wall-temp") for o in options) else (WALL,)
+    write_only = ("--write-only",) if options else ()
+    assert message in fails(capsys, "part.stl", "-o", "case", *wall, *options, *write_only)
+
+
+def test_open_part_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is not closed" in fails(capsys, "open.stl", "-o", "case", WALL, "--write-only")
+
+
+def test_part_that_is_not_there(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "no part file" in fails(capsys, "none.stl", "-o", "case", WALL, "--write-only")
+
+
+def test_doctor_says_how_to_get_openfoam(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["field", "doctor"]) == 2
+    assert "make openfoam" in capsys.readouterr().err

@@ -1,0 +1,223 @@
+"""Text exports that are damaged, ambiguous or of another kind: one sentence says what is wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from field_grids import AMBIENT, box
+from hot_block import air, block
+
+from benchmarks.field_files import comsol
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.read import read_field, read_volume
+from iriftrace.part.part import read_part
+
+POINTS = np.asarray(box().points, dtype=np.float64)
+KELVIN = AMBIENT + 50.0 * POINTS[:, 0]
+TETRAHEDRA = np.asarray(box().triangulate().cell_connectivity).reshape(-1, 4)
+
+Edit = Callable[[str], str]
+
+
+def swap(old: str, new: str) -> Edit:
+    """Replace what must be there once or more."""
+
+    def edit(text: str) -> str:
+        assert old in text
+        return text.replace(old, new)
+
+    return edit
+
+
+def cut(count: int) -> Edit:
+    return lambda text: text[:count]
+
+
+def without_header(text: str) -> str:
+    return "\n".join(line for line in text.splitlines() if not line.startswith("%"))
+
+
+def row(number: int, new: str) -> Edit:
+    """Replace one row of numbers."""
+
+    def edit(text: str) -> str:
+        lines = text.splitlines()
+        first = next(k for k, line in enumerate(lines) if not line.startswith("%"))
+        lines[first + number] = new
+        return "\n".join(lines)
+
+    return edit
+
+
+SPREADSHEET = {
+    "no unit": (swap("T (K)", "T"), "does not say in which unit 'T' is.*--temperature-unit"),
+    "unit of another kind": (swap("(K)", "(V)"), "the unit 'V', which is no unit of temperature"),
+    "unknown unit": (swap("(K)", "(Kelvins)"), "'Kelvins', which is no unit"),
+    "unknown unit of length": (swap(" mm", " furlong"), "'furlong' is not a length unit"),
+    "no header": (without_header, "no header line that names its columns"),
+    "no names": (swap("% x", "% Date: x"), "no header line that names"),
+    "one name too few": (swap("z  ", "   "), "names 3 columns, but its rows have 4"),
+    "no z": (swap("z  ", "r  "), "one column each of x, y and z, but has x, y, r"),
+    "two x": (swap("y  ", "x  "), "one column each"),
+    "two dimensions": (swap("Dimension:          3", "Dimension:          2"), "in 2 dimensions"),
+    "no number of nodes": (swap("Nodes:              125", "Nodes: some"), "'some' for nodes"),
+    "cut between rows": (lambda t: "\n".join(t.splitlines()[:60]), "counts 125 nodes.*has 51"),
+    "cut within a row": (lambda t: t.rstrip()[:-30], "cannot be read as numbers.*cut short"),
+    "no rows": (cut(200), "no rows of numbers"),
+    "empty": (cut(0), "no rows of numbers"),
+    "word in a row": (row(3, "1 2 oops 300"), "cannot be read as numbers.*oops"),
+    "complex value": (row(3, "1 2 3 300+2i"), "cannot be read as numbers.*complex"),
+    "not text": (swap("% Model", "\0\1"), "is not text"),
+    "all NaN": (
+        lambda t: re.sub(r"^([^%].*?)\S+\s*$", r"\1NaN", t, flags=re.M),
+        "NaN at all points",
+    ),
+    "infinite": (row(3, "7.5 0 0 inf"), "not a finite number at 1"),
+    "only coordinates": (
+        lambda t: re.sub(r"^([^%].*?)\S+\s*$", r"\1", t, flags=re.M).replace("T (K)", ""),
+        "no results, only coordinates",
+    ),
+}
+
+
+@pytest.mark.parametrize(("edit", "words"), SPREADSHEET.values(), ids=SPREADSHEET.keys())
+def test_spreadsheets(tmp_path: Path, edit: Edit, words: str) -> None:
+    path = comsol.spreadsheet(tmp_path / "f.txt", POINTS, {"T (K)": KELVIN})
+    path.write_text(edit(path.read_text()))
+    with pytest.raises(InputError, match=f"(?s){words}") as caught:
+        read_field(path)
+    assert "f.txt" in str(caught.value) or "length unit" in str(caught.value)
+
+
+SECTIONWISE = {
+    "no unit": (swap("(T (K))", "(T)"), "does not say in which unit 'T' is"),
+    "nothing in the title": (swap(" (T (K))", ""), "in which unit 'Temperature' is"),
+    "no name at all": (
+        lambda t: re.sub(r"% Desc.*\n", "", t).replace(" (T (K))", ""),
+        "does not name its 1 sections",
+    ),
+    "no data": (lambda t: t[: t.index("% Data")], "no section of data"),
+    "no elements": (
+        lambda t: t[: t.index("% Elements (")] + t[t.index("% Data") :],
+        r"0 sections of elements",
+    ),
+    "cut in the data": (lambda t: "\n".join(t.splitlines()[:-4]), "has 121 values for 125 points"),
+    "cut in the elements": (
+        lambda t: "\n".join(
+            t[: t.index("% Data")].splitlines()[:-5] + t[t.index("% Data") :].splitlines()
+        ),
+        "counts 320 elements, but the file has 315",
+    ),
+    "cut in the coordinates": (row(0, ""), "counts 125 nodes, but the file has 124"),
+    "triangles": (
+        lambda t: "\n".join(
+            line.rsplit(None, 1)[0] if re.fullmatch(r"\d+(\s+\d+){3}", line) else line
+            for line in t.splitlines()
+        ),
+        "have 3 corners, so they are a surface",
+    ),
+    "numbered from zero": (
+        lambda t: re.sub(
+            r"^\d+(\s+\d+){3}$",
+            lambda m: " ".join(str(int(n) - 1) for n in m[0].split()),
+            t,
+            flags=re.M,
+        ),
+        "name points from 0 to 124",
+    ),
+    "points that are not there": (
+        swap("Nodes:              125", "Nodes:              124"),
+        "counts 124 nodes",
+    ),
+    "a plane": (lambda t: re.sub(r"^(\S+\s+\S+)\s+\S+$", r"\1", t, flags=re.M), "2 columns|plane"),
+}
+
+
+@pytest.mark.parametrize(("edit", "words"), SECTIONWISE.values(), ids=SECTIONWISE.keys())
+def test_sectionwise_files(tmp_path: Path, edit: Edit, words: str) -> None:
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (K)": KELVIN})
+    path.write_text(edit(path.read_text()))
+    with pytest.raises(InputError, match=f"(?s){words}"):
+        read_field(path)
+
+
+def test_commas_both_as_separator_and_decimal_sign(tmp_path: Path) -> None:
+    path = tmp_path / "f.csv"
+    comsol.spreadsheet(path, POINTS + 0.5, {"T (K)": KELVIN}, separator=",", decimal=",")
+    with pytest.raises(InputError, match=r"names 4 columns, but its rows have 8.*decimal sign"):
+        read_field(path)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"temperature_unit": "degC"}, "is in K, but the temperature unit given is degC"),
+        ({"length_unit": "m"}, "are in mm, but the length unit given is m"),
+    ],
+)
+def test_units_that_contradict_the_header(
+    tmp_path: Path, options: dict[str, str], words: str
+) -> None:
+    path = comsol.sectionwise(tmp_path / "f.txt", POINTS, TETRAHEDRA, {"T (K)": KELVIN})
+    with pytest.raises(InputError, match=words):
+        read_field(path, **options)
+
+
+def test_units_that_the_user_adds(tmp_path: Path) -> None:
+    path = tmp_path / "f.txt"
+    comsol.sectionwise(path, POINTS / 10, TETRAHEDRA, {"T": KELVIN - 273.15}, length_unit=None)
+    field = read_field(path, temperature_unit="degC", length_unit="cm")
+    assert field.grid.volume == pytest.approx(1000.0)
+    assert field.temperature_k.min() == pytest.approx(AMBIENT)
+
+
+def test_a_compressed_file(tmp_path: Path) -> None:
+    (tmp_path / "f.txt.gz").write_bytes(b"\x1f\x8b")
+    with pytest.raises(InputError, match="compressed; unpack it first"):
+        read_field(tmp_path / "f.txt.gz")
+
+
+def test_different_values_at_one_point(tmp_path: Path) -> None:
+    grid = air(6)
+    points = np.asarray(grid.points, dtype=np.float64)
+    kelvin = np.asarray(grid.point_data["T"], dtype=np.float64)
+    path = tmp_path / "f.txt"
+    comsol.spreadsheet(
+        path, np.vstack([points, points[:3]]), {"T (K)": np.append(kelvin, kelvin[:3] + 99.0)}
+    )
+    with pytest.raises(InputError, match="several different values at one point"):
+        read_field(path)
+
+
+def test_scattered_points_need_a_closed_part(tmp_path: Path) -> None:
+    grid = air(6)
+    points = np.asarray(grid.points, dtype=np.float64)
+    path = comsol.spreadsheet(
+        tmp_path / "f.txt", points, {"T (K)": np.asarray(grid.point_data["T"])}
+    )
+    with pytest.raises(InputError, match="give the part so that it can be cut out"):
+        read_field(path)
+    with pytest.raises(InputError, match="give the part"):
+        read_volume(path)
+    mesh = block()
+    mesh.update_faces(np.arange(len(mesh.faces)) > 1)
+    mesh.export(tmp_path / "open.stl")
+    with pytest.warns(IriftraceWarning, match="not closed"):
+        part = read_part(tmp_path / "open.stl")
+    with pytest.raises(InputError, match=r"open\.stl is not a closed surface"):
+        read_field(path, part=part)
+    block().apply_scale(10.0).export(tmp_path / "large.stl")
+    with pytest.raises(InputError, match=r"All points.*lie in the part"):
+        read_field(path, part=read_part(tmp_path / "large.stl"))
+
+
+def test_points_in_a_plane(tmp_path: Path) -> None:
+    flat = np.random.default_rng(0).uniform(size=(50, 3))
+    flat[:, 2] = 0.0
+    path = comsol.spreadsheet(tmp_path / "f.txt", flat, {"T (K)": np.full(50, AMBIENT)})
+    with pytest.raises(InputError, match="fill no volume"):
+        read_field(path)

@@ -1,0 +1,148 @@
+"""Which array of a file is used, what it holds and in which unit."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+import pyvista as pv
+from field_grids import AMBIENT, box, saved, solid
+from numpy.testing import assert_allclose, assert_array_equal
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.read import read_field
+
+
+@pytest.mark.parametrize("unit", ["K", "degC", "degF"])
+def test_temperature_units(tmp_path, unit):
+    grid = solid()
+    kelvin = np.array(grid.point_data["T"])
+    convert = {"K": kelvin, "degC": kelvin - 273.15, "degF": kelvin * 1.8 - 459.67}
+    grid.point_data["T"] = convert[unit]
+    field = read_field(saved(grid, tmp_path / "f.vtu"), temperature_unit=unit)
+    assert_allclose(field.temperature_k, kelvin, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        ("T", "temperature"),
+        ("Temp", "temperature"),
+        ("temperature", "temperature"),
+        ("Temperature", "temperature"),
+        ("T_(K)", "temperature"),
+        ("T (K)", "temperature"),
+        ("Temperature_[K]", "temperature"),
+        ("Static_Temperature", "temperature"),
+        ("T_mean", "temperature"),
+        ("n", "index"),
+        ("index", "index"),
+        ("refractive_index", "index"),
+        ("Refractive index", "index"),
+        ("refractivity", "index"),
+        ("rho", "density"),
+        ("Density", "density"),
+        ("density_(kg/m^3)", "density"),
+    ],
+)
+def test_arrays_are_found_by_the_names_solvers_write(tmp_path, name, quantity):
+    air, grid = Air(), box(2)
+    kelvin = np.array(grid.point_data["T"])
+    values = {
+        "temperature": kelvin,
+        "index": 1.0 + air.refractivity(kelvin),
+        "density": air.ambient_density * AMBIENT / kelvin,
+    }
+    grid.clear_data()
+    grid.point_data["p"] = np.full(grid.n_points, 1e5)
+    grid.point_data["U"] = np.zeros((grid.n_points, 3))
+    grid.point_data["tke"] = np.zeros(grid.n_points)
+    grid.point_data[name] = values[quantity]
+    field = read_field(saved(grid, tmp_path / "f.vti"))
+    assert (field.source.array, field.source.quantity) == (name, quantity)
+    assert_allclose(field.refractivity, air.refractivity(kelvin), rtol=1e-11)
+    assert_allclose(field.temperature_k, kelvin, rtol=1e-11)
+
+
+def test_an_index_may_be_stored_less_one(tmp_path):
+    grid = box(2)
+    refractivity = Air().refractivity(np.array(grid.point_data["T"]))
+    grid.point_data["x"] = refractivity
+    path = saved(grid, tmp_path / "f.vti")
+    field = read_field(path, array="x", quantity="index")
+    assert_array_equal(field.refractivity, refractivity)
+
+
+def test_an_index_in_single_precision_is_said_to_be_coarse(tmp_path):
+    grid = box(2)
+    index = 1.0 + Air().refractivity(np.array(grid.point_data["T"]))
+    grid.clear_data()
+    grid.point_data["n"] = index.astype(np.float32)
+    with pytest.warns(IriftraceWarning, match="single precision"):
+        read_field(saved(grid, tmp_path / "f.vti"))
+
+
+def test_the_usual_name_wins_over_one_that_resembles_it(tmp_path):
+    grid = box(2)
+    grid.point_data["T_snapshot"] = np.array(grid.point_data["T"]) + 1.0
+    path = saved(grid, tmp_path / "f.vti")
+    assert read_field(path).source.array == "T"
+    assert read_field(path, array="T_snapshot").temperature_k.min() == pytest.approx(AMBIENT + 1)
+
+
+@pytest.mark.parametrize("names", [("T_mean", "T_snapshot"), ("T", "Temperature")])
+def test_arrays_that_could_all_be_meant_are_listed(tmp_path, names):
+    grid = box(2)
+    values = np.array(grid.point_data["T"])
+    grid.clear_data()
+    for name in names:
+        grid.point_data[name] = values
+    with pytest.raises(InputError, match=", ".join(names)):
+        read_field(saved(grid, tmp_path / "f.vti"))
+
+
+def test_a_quantity_can_be_asked_for(tmp_path):
+    grid = box(2)
+    grid.point_data["rho"] = Air().ambient_density * AMBIENT / np.array(grid.point_data["T"])
+    path = saved(grid, tmp_path / "f.vti")
+    assert read_field(path).source.array == "T"
+    assert read_field(path, quantity="density").source.array == "rho"
+
+
+@pytest.mark.parametrize(("factor", "warns"), [(1.01, False), (1.05, True)])
+def test_an_index_that_contradicts_the_temperature_is_reported(tmp_path, factor, warns):
+    grid = box(2)
+    kelvin = np.array(grid.point_data["T"])
+    refractivity = Air().refractivity(kelvin)
+    hottest = kelvin.argmax()
+    refractivity[hottest] *= factor
+    grid.point_data["n"] = 1.0 + refractivity
+    path = saved(grid, tmp_path / "f.vti")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        field = read_field(path)
+    assert field.source.array == "T"
+    assert bool(caught) == warns
+    if warns:
+        text = str(caught[0].message)
+        expected = f"{refractivity[hottest]:.4g}", f"{refractivity[hottest] / factor:.4g}"
+        assert all(value in text for value in ("793 K", *expected))
+
+
+def test_an_array_n_that_is_no_index_does_not_matter_beside_a_temperature(tmp_path):
+    grid = box(2)
+    grid.point_data["n"] = np.arange(grid.n_points)
+    assert read_field(saved(grid, tmp_path / "f.vti")).source.array == "T"
+
+
+def test_cell_data_become_volume_weighted_means(tmp_path):
+    # Two cells of 1 and 3 mm3 beside each other: their common points get (1 a + 3 b) / 4.
+    grid = pv.RectilinearGrid([0.0, 1.0, 4.0], [0.0, 1.0], [0.0, 1.0])
+    grid.cell_data["T"] = [AMBIENT, AMBIENT + 100.0]
+    with pytest.warns(IriftraceWarning, match="given in the cells"):
+        field = read_field(saved(grid, tmp_path / "f.vtr"))
+    expected = np.array([AMBIENT, AMBIENT + 75.0, AMBIENT + 100.0])
+    place = np.searchsorted([0.0, 1.0, 4.0], field.grid.points[:, 0])
+    assert_allclose(field.temperature_k, expected[place], rtol=1e-12)

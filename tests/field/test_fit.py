@@ -1,0 +1,168 @@
+"""Part and field must be recognised as belonging together, and typical mistakes be named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+import trimesh
+from aov_by_hand import make_part
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.errors import InputError
+from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.part_fit import Fit, fit_part_to_field
+from iriftrace.field.read import linear_volume, read_field
+from iriftrace.geometry.transform import parse_transform
+from iriftrace.part.part import Part, read_part
+from iriftrace.scenes import folder_of
+
+HALF = np.array([5.0, 10.0, 20.0])
+WALL_K = 1000.0
+
+
+def box_part(centre: tuple[float, float, float] = (0.0, 0.0, 0.0), half: object = HALF) -> Part:
+    mesh = trimesh.creation.box(extents=2 * np.asarray(half))
+    return make_part(mesh.vertices + centre, mesh.faces)
+
+
+@pytest.fixture(scope="module")
+def hot_box() -> IndexField:
+    """Air around a box of 10 x 20 x 40 mm: a grid of 2.5 mm cells from which the box is cut out.
+
+    The temperature falls linearly with the distance from the box, so it is 1000 K at its wall.
+    """
+    grid = pv.ImageData(dimensions=(25, 29, 37), spacing=(2.5,) * 3, origin=(-30, -35, -45))
+    centres = grid.cell_centers().points
+    outside = np.any(np.abs(centres) > HALF, axis=1)
+    cut = linear_volume(grid.extract_cells(np.flatnonzero(outside)))
+    distance = np.maximum(np.abs(cut.points) - HALF, 0).max(axis=1)
+    air = Air()
+    temperature = np.maximum(WALL_K - 30.0 * distance, air.temperature_k)
+    source = FieldSource(
+        path="box.vtu", sha256="0" * 64, array="T", quantity="temperature", length_unit="mm"
+    )
+    return IndexField(
+        grid=cut,
+        refractivity=air.refractivity(temperature),
+        air=air,
+        source=source,
+    )
+
+
+def test_matching_part_has_no_gap_and_no_warning(hot_box: IndexField) -> None:
+    fit = fit_part_to_field(hot_box, box_part(), wall_temperature_k=WALL_K)
+    assert fit.gap_median_mm == pytest.approx(0, abs=1e-4)
+    assert fit.gap_p95_mm == pytest.approx(0, abs=1e-4)
+    assert fit.wall_temperature_k == pytest.approx(WALL_K, abs=1e-3)
+    assert fit.warnings == ()
+
+
+def test_uniformly_smaller_part_has_this_gap(hot_box: IndexField) -> None:
+    """0.5 mm less on every side: on the faces the gap is 0.5 mm, at the edges sqrt(2) as much."""
+    fit = fit_part_to_field(hot_box, box_part(half=HALF - 0.5))
+    assert fit.gap_median_mm == pytest.approx(0.5, abs=1e-4)
+    assert fit.gap_p95_mm == pytest.approx(0.5 * np.sqrt(2), abs=1e-4)
+    assert len(fit.warnings) == 1
+    assert "thermal expansion" in fit.warnings[0]
+
+
+def test_small_gap_is_accepted(hot_box: IndexField) -> None:
+    assert fit_part_to_field(hot_box, box_part(half=HALF - 0.1)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("scale", "advice"),
+    [
+        (1e-3, "--length-unit m"),
+        (1e3, "--field-length-unit m"),
+        (1 / 25.4, "--length-unit inch"),
+        (0.1, "--length-unit cm"),
+    ],
+)
+def test_wrong_unit_is_named(hot_box: IndexField, scale: float, advice: str) -> None:
+    """The part's wall is then nowhere near the field's, so nothing could be computed."""
+    with pytest.raises(InputError, match=advice):
+        fit_part_to_field(hot_box, box_part(half=HALF * scale))
+
+
+def test_swapped_axes_are_named_and_the_advice_works(hot_box: IndexField) -> None:
+    """A y-up part: the named transform must bring it into place."""
+    lying = box_part(half=HALF[[0, 2, 1]])
+    fit = fit_part_to_field(hot_box, lying)
+    (message,) = fit.warnings
+    transform = message.split('--part-transform "')[1].split('"')[0]
+    mended = fit_part_to_field(hot_box, lying.transformed(parse_transform(transform)))
+    assert mended.warnings == ()
+    assert mended.gap_p95_mm < 1e-4 < fit.gap_p95_mm
+
+
+def test_cyclic_axes_with_an_offset_are_mended_by_the_advice(hot_box: IndexField) -> None:
+    moved = box_part(centre=(0, 2, 4), half=HALF[[2, 0, 1]])
+    (message,) = fit_part_to_field(hot_box, moved).warnings
+    transform = message.split('--part-transform "')[1].split('"')[0]
+    mended = fit_part_to_field(hot_box, moved.transformed(parse_transform(transform)))
+    assert mended.warnings == ()
+
+
+def test_offset_is_named(hot_box: IndexField) -> None:
+    (message,) = fit_part_to_field(hot_box, box_part(centre=(0, 0, -8))).warnings
+    assert '--part-transform "translate 0 0 8"' in message.replace("-0 ", "0 ")
+
+
+def test_part_elsewhere_is_refused(hot_box: IndexField) -> None:
+    with pytest.raises(InputError, match=r"box\.vtu does not reach the part.*translate -500"):
+        fit_part_to_field(hot_box, box_part(centre=(500, 0, 0)))
+
+
+def test_other_shape_gets_both_sizes(hot_box: IndexField) -> None:
+    (message,) = fit_part_to_field(hot_box, box_part(half=(4.0, 4.0, 20.0))).warnings
+    assert "8 x 8 x 40 mm" in message
+    assert "10 x 20 x 40 mm" in message
+
+
+@pytest.mark.parametrize(
+    ("expected", "words"), [(WALL_K - 6, "check the field's array"), (WALL_K - 273.15, "degC")]
+)
+def test_wall_temperature_is_compared(hot_box: IndexField, expected: float, words: str) -> None:
+    (message,) = fit_part_to_field(hot_box, box_part(), wall_temperature_k=expected).warnings
+    assert "1000.0 K" in message
+    assert words in message
+    close = fit_part_to_field(hot_box, box_part(), wall_temperature_k=WALL_K - 4.0)
+    assert close.warnings == ()
+
+
+def test_field_without_cavity_is_usable_but_unchecked() -> None:
+    """A solver that also solves the solid leaves no inner wall."""
+    grid = pv.ImageData(dimensions=(25, 29, 37), spacing=(2.5,) * 3, origin=(-30, -35, -45))
+    air = Air()
+    source = FieldSource(
+        path="solid.vti", sha256="0" * 64, array="T", quantity="temperature", length_unit="mm"
+    )
+    field = IndexField(
+        grid=linear_volume(grid),
+        refractivity=np.full(grid.n_points, float(air.refractivity(800.0))),
+        air=air,
+        source=source,
+    )
+    fit: Fit = fit_part_to_field(field, box_part(), wall_temperature_k=800.0)
+    assert np.isnan(fit.gap_median_mm)
+    assert np.isnan(fit.gap_p95_mm)
+    assert fit.wall_temperature_k == pytest.approx(800.0, abs=1e-3)
+    (message,) = fit.warnings
+    assert "no cavity" in message
+    with pytest.raises(InputError, match="does not reach"):
+        fit_part_to_field(field, box_part(centre=(500, 0, 0)))
+
+
+def test_field_of_half_a_part_is_noticed() -> None:
+    """A field solved on one side of a plane: the wall fits, but half of the part is bare."""
+    field = read_field(folder_of("cylinder") / "field.vtu")
+    part = read_part(folder_of("cylinder") / "part.ply")
+    assert fit_part_to_field(field, part).warnings == ()
+    half = field.grid.extract_cells(np.flatnonzero(field.grid.cell_centers().points[:, 0] > 0))
+    points = half.point_data["vtkOriginalPointIds"]
+    halved = IndexField(half, field.refractivity[points], field.air, field.source)
+    (message,) = fit_part_to_field(halved, part).warnings
+    assert "mirror a field" in message
+    assert 0.4 < float(message.split("%")[0]) / 100 < 0.6

@@ -1,0 +1,78 @@
+"""Series of VTK files: which states they have, and how one of them is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from field_grids import AMBIENT, solid
+
+from iriftrace.core.errors import InputError
+from iriftrace.field.read import read_field
+from iriftrace.field.readers.members import member_at, members
+
+
+@pytest.fixture
+def series(tmp_path: Path) -> Path:
+    """Three times, the file names in another order than the times."""
+    for step, offset in (("c", 0.5), ("a", 1.0), ("b", 1.5)):
+        grid = solid()
+        grid.point_data["T"] = np.full(grid.n_points, AMBIENT) + offset
+        grid.save(tmp_path / f"{step}.vtu")
+    entries = "".join(
+        f'<DataSet timestep="{time}" part="0" file="{step}.vtu"/>'
+        for time, step in ((0.1, "c"), (0.25, "a"), (10, "b"))
+    )
+    path = tmp_path / "run.pvd"
+    path.write_text(
+        f'<VTKFile type="Collection" version="0.1"><Collection>{entries}</Collection></VTKFile>'
+    )
+    return path
+
+
+def test_a_series_lists_its_times_and_reads_each(series: Path) -> None:
+    found = members(series)
+    assert [(m.label, m.time, m.index) for m in found] == [
+        ("t = 0.1", 0.1, 0),
+        ("t = 0.25", 0.25, 1),
+        ("t = 10", 10.0, 2),
+    ]
+    for member in found:
+        field = read_field(series, member=member.index)
+        assert field.temperature_k.max() == pytest.approx(AMBIENT + 0.5 + 0.5 * member.index)
+        assert field.source.origin == member.label
+
+
+@pytest.mark.parametrize(
+    ("when", "index"),
+    [("latest", 2), ("first", 0), ("0.25", 1), ("2.5e-1", 1), (" t=10 ", 2), ("10", 2)],
+)
+def test_a_state_can_be_named(series: Path, when: str, index: int) -> None:
+    assert member_at(series, when).index == index
+
+
+@pytest.mark.parametrize("when", ["3", "t = 3", "last", ""])
+def test_states_that_are_not_there(series: Path, when: str) -> None:
+    with pytest.raises(InputError, match=r"no state .*one of t = 0.1; t = 0.25; t = 10"):
+        member_at(series, when)
+
+
+def test_a_plain_file_has_one_state(tmp_path: Path) -> None:
+    solid().save(tmp_path / "f.vtu")
+    (member,) = members(tmp_path / "f.vtu")
+    assert (member.label, member.time) == ("", None)
+    assert read_field(tmp_path / "f.vtu", member=0).source.origin == ""
+    with pytest.raises(InputError, match="no state '3': it has one state without a time; leave"):
+        member_at(tmp_path / "f.vtu", "3")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("none.vtu", "does not exist"), ("f.xlsx", "not a field file"), ("f.pvd", "f.pvd")],
+)
+def test_files_without_states(tmp_path: Path, name: str, words: str) -> None:
+    if not name.startswith("none"):
+        (tmp_path / name).write_text("<VTKFile/>")
+    with pytest.raises(InputError, match=words):
+        members(tmp_path / name)

@@ -1,0 +1,351 @@
+"""OpenFOAM cases: whole and decomposed, chosen times, exact walls, and damaged files."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from hot_block import HALF, OUTER, WALL, air
+from numpy.testing import assert_allclose
+
+from benchmarks.field_files.openfoam import Form, write_case
+from benchmarks.field_files.openfoam_mesh import Patch
+from iriftrace.air.refractivity import Air
+from iriftrace.air.thermophysics import heat_content
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field, read_volume
+from iriftrace.field.readers.members import member_at, members
+
+COOL = Air(temperature_k=321.5)
+"""Ambient of the linear field, so that nothing is said about its coolest air."""
+SINGLE = 1e-7
+"""VTK reads values in single precision."""
+
+
+def grid_in_metres(half: bool = False) -> pv.UnstructuredGrid:
+    grid = air(6)
+    if half:
+        centres = np.asarray(grid.cell_centers().points)
+        grid = grid.extract_cells(np.flatnonzero(centres[:, 0] > 0.0))
+    grid.points = np.asarray(grid.points, dtype=np.float64) / 1e3
+    return grid
+
+
+def linear(grid: pv.UnstructuredGrid) -> np.ndarray:
+    return 440.0 + 8e3 * np.asarray(grid.cell_centers().points)[:, 0]
+
+
+def on_block(centres: np.ndarray) -> np.ndarray:
+    return (np.abs(centres) < 1.001 * HALF / 1e3).all(axis=1)
+
+
+BLOCK = Patch("block", "wall", on_block, WALL)
+OUTSIDE = Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), None)
+
+
+def quarters(grid: pv.UnstructuredGrid) -> np.ndarray:
+    centres = np.asarray(grid.cell_centers().points)
+    return (centres[:, 0] > 0) + 2 * (centres[:, 1] > 0)
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    """Hot block in air whose temperature rises along x, at two times after the initial one."""
+    grid = grid_in_metres()
+    fields = {
+        time: {"T": linear(grid) + offset, "p": np.full(grid.n_cells, 1e5)}
+        for time, offset in (("0", 0.0), ("1", 1.0), ("2.5", 2.5))
+    }
+    return write_case(tmp_path / "case", grid, fields, [BLOCK, OUTSIDE])
+
+
+def assert_linear(field: IndexField, offset: float) -> None:
+    """Wall temperature on the wall, the linear field elsewhere within the domain."""
+    points = np.asarray(field.grid.points)
+    wall = (np.abs(points) < 1.001 * HALF).all(axis=1)
+    assert wall.sum() == 26
+    assert_allclose(field.temperature_k[wall], WALL, rtol=SINGLE)
+    inner = ~wall & (np.abs(points) < 0.99 * OUTER).all(axis=1)
+    assert_allclose(
+        field.temperature_k[inner], 440.0 + offset + 8.0 * points[inner, 0], rtol=4 * SINGLE
+    )
+
+
+def test_the_latest_time_is_read_in_millimetres(case: Path) -> None:
+    with pytest.warns(IriftraceWarning, match="2 states; the last one, t = 2.5, is used"):
+        field = read_field(case, air=COOL)
+    assert field.grid.volume == pytest.approx((2 * OUTER) ** 3 - (2 * HALF) ** 3)
+    assert set(field.grid.celltypes) == {pv.CellType.HEXAHEDRON}
+    assert_linear(field, 2.5)
+    assert field.source.length_unit == "m"
+    assert field.source.origin == "OpenFOAM buoyantPimpleFoam, t = 2.5 s"
+
+
+def test_members_are_the_times_without_the_initial_one(case: Path) -> None:
+    assert [(m.label, m.time, m.index) for m in members(case)] == [
+        ("t = 1", 1.0, 0),
+        ("t = 2.5", 2.5, 1),
+    ]
+    for when, index in (("first", 0), ("latest", 1), ("2.5", 1), ("2.50", 1), ("t=1", 0)):
+        assert member_at(case, when).index == index
+    assert_linear(read_field(case, member=0, air=COOL), 1.0)
+    with pytest.raises(InputError, match="no state '2'; give latest, first or one of t = 1; t ="):
+        member_at(case, "2")
+    with pytest.raises(InputError, match=r"has 2 states.*no state 2"):
+        read_field(case, member=2)
+
+
+@pytest.mark.parametrize("name", ["case.foam", "case.OpenFOAM", "system/controlDict"])
+def test_a_file_in_the_case_names_it(case: Path, name: str) -> None:
+    (case / name).touch()
+    assert_linear(read_field(case / name, member=0, air=COOL), 1.0)
+
+
+def test_the_checksum_is_that_of_the_files_read(case: Path) -> None:
+    before = read_field(case, member=0, air=COOL).source.sha256
+    files = [*(case / "constant/polyMesh").iterdir(), *(case / "1").iterdir()]
+    lines = [
+        f"{hashlib.sha256(f.read_bytes()).hexdigest()}  {f.relative_to(case).as_posix()}\n"
+        for f in sorted(files)
+    ]
+    assert before == hashlib.sha256("".join(lines).encode()).hexdigest()
+    assert read_field(case, member=1, air=COOL).source.sha256 != before
+
+
+@pytest.mark.parametrize("form", ["ascii", "gz", "binary"])
+def test_a_decomposed_case_is_the_same_field(tmp_path: Path, case: Path, form: Form) -> None:
+    grid = grid_in_metres()
+    apart = write_case(
+        tmp_path / "apart",
+        grid,
+        {"1": {"T": linear(grid) + 1.0}},
+        [BLOCK, OUTSIDE],
+        processors=quarters(grid),
+        form=form,
+    )
+    whole, field = read_field(case, member=0, air=COOL), read_field(apart, air=COOL)
+    assert (field.grid.n_points, field.grid.n_cells) == (whole.grid.n_points, whole.grid.n_cells)
+    assert_linear(field, 1.0)
+    # Joined at the seams: the only boundaries are the cube's and the block's.
+    assert field.grid.extract_surface(algorithm="geometry").area == pytest.approx(
+        6 * (2 * OUTER) ** 2 + 6 * (2 * HALF) ** 2
+    )
+    order = [np.lexsort(np.round(np.asarray(f.grid.points), 6).T) for f in (whole, field)]
+    assert_allclose(field.temperature_k[order[1]], whole.temperature_k[order[0]], rtol=1e-9)
+
+
+def test_processors_that_went_on_after_reconstruction_are_reported(tmp_path: Path) -> None:
+    grid = grid_in_metres()
+    patches = [BLOCK, OUTSIDE]
+    folder = write_case(tmp_path, grid, {"1": {"T": linear(grid) + 1.0}}, patches)
+    later = {"2": {"T": linear(grid) + 2.0}}
+    write_case(folder, grid, later, patches, processors=quarters(grid))
+    with pytest.warns(IriftraceWarning, match=r"up to t = 1.*processors go on to t = 2"):
+        assert_linear(read_field(folder, air=COOL), 1.0)
+    shutil.rmtree(folder / "1")
+    assert_linear(read_field(folder, air=COOL), 2.0)
+
+
+def test_polyhedra_keep_their_volume_and_value(tmp_path: Path) -> None:
+    """Pairs of neighbouring cells as polyhedra with ten faces."""
+    grid = grid_in_metres()
+    pairs = np.arange(grid.n_cells) // 2
+    values = np.bincount(pairs, linear(grid)) / 2
+    folder = write_case(tmp_path, grid, {"1": {"T": values}}, [BLOCK, OUTSIDE], groups=pairs)
+    field = read_field(folder, air=Air(temperature_k=values.min()))
+    assert set(field.grid.celltypes) == {pv.CellType.PYRAMID}
+    assert field.grid.volume == pytest.approx((2 * OUTER) ** 3 - (2 * HALF) ** 3)
+    # The centroids that were added carry their cells' values, which the linear field has there.
+    added = np.asarray(field.grid.points)[-len(values) :]
+    assert_allclose(field.temperature_k[-len(values) :], values, rtol=1e-6)
+    assert_allclose(440.0 + 8.0 * added[:, 0], values, rtol=1e-6)
+
+
+def test_faces_with_many_corners_are_split_alike_from_both_sides(tmp_path: Path) -> None:
+    """Prisms on hexagons side by side: eight faces, two of them with six corners."""
+    grid = hexagons()
+    kelvin = np.array([293.15, 400.0, 500.0])
+    write_prisms(tmp_path, grid, kelvin)
+    field = read_field(tmp_path)
+    area = 1.5 * np.sqrt(3.0)
+    assert field.grid.volume == pytest.approx(3 * area * 1e3**3, rel=1e-6)
+    surface = field.grid.extract_surface(algorithm="geometry")
+    assert surface.area == pytest.approx((2 * area + 18.0) * 1e6, rel=1e-6)
+
+
+def hexagons() -> np.ndarray:
+    """Corners of four regular hexagons with edge 1 above each other, (4, 6, 3)."""
+    angle = np.arange(6) * np.pi / 3
+    return np.stack(
+        [np.stack([np.cos(angle), np.sin(angle), np.full(6, float(z))], axis=1) for z in range(4)]
+    )
+
+
+def write_prisms(folder: Path, layers: np.ndarray, kelvin: np.ndarray) -> None:
+    """A stack of three prisms, written by hand: the common writer knows four corners at most."""
+    faces, owner, neighbour = [], [], []
+    for z in (1, 2):
+        faces.append([6 * z + k for k in range(6)])
+        owner.append(z - 1)
+        neighbour.append(z)
+    faces.append(list(range(6))[::-1])
+    owner.append(0)
+    faces.append([18 + k for k in range(6)])
+    owner.append(2)
+    for z in range(3):
+        for k in range(6):
+            a, b = 6 * z + k, 6 * z + (k + 1) % 6
+            faces.append([a, b, b + 6, a + 6])
+            owner.append(z)
+
+    def save(name: str, kind: str, items: list[str]) -> None:
+        path = folder / "constant/polyMesh" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(
+            f"FoamFile {{ version 2.0; format ascii; class {kind}; object {name}; }}\n"
+            f"{len(items)}\n(\n" + "\n".join(items) + "\n)\n"
+        )
+
+    save("points", "vectorField", [f"({x} {y} {z})" for x, y, z in layers.reshape(-1, 3)])
+    save("faces", "faceList", [f"{len(f)}({' '.join(map(str, f))})" for f in faces])
+    save("owner", "labelList", list(map(str, owner)))
+    save("neighbour", "labelList", list(map(str, neighbour)))
+    save("boundary", "polyBoundaryMesh", ["all { type patch; nFaces 20; startFace 2; }"])
+    (folder / "1").mkdir()
+    (folder / "1/T").write_text(
+        "FoamFile { version 2.0; format ascii; class volScalarField; object T; }\n"
+        "dimensions [0 0 0 1 0 0 0];\ninternalField nonuniform List<scalar> 3 ("
+        + " ".join(map(str, kelvin))
+        + ");\nboundaryField { all { type zeroGradient; } }\n"
+    )
+
+
+def test_a_wall_keeps_its_temperature_where_it_meets_other_patches(tmp_path: Path) -> None:
+    """Half the block behind a symmetry plane: its edge is on the wall and on the plane."""
+    grid = grid_in_metres(half=True)
+    mirror = Patch("mirror", "symmetryPlane", lambda c: np.abs(c[:, 0]) < 1e-9, None)
+    cold = Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), 293.15)
+    folder = write_case(
+        tmp_path, grid, {"1": {"T": np.full(grid.n_cells, 400.0)}}, [BLOCK, mirror, cold]
+    )
+    field = read_field(folder)
+    points = np.asarray(field.grid.points)
+    wall = (np.abs(points) < 1.001 * HALF).all(axis=1)
+    assert_allclose(field.temperature_k[wall], WALL, rtol=SINGLE)
+    outside = (np.abs(points) > 0.99 * OUTER).any(axis=1)
+    assert_allclose(field.temperature_k[outside], 293.15, rtol=1e-7)
+    assert_allclose(field.temperature_k[~wall & ~outside], 400.0, rtol=1e-12)
+
+
+def test_velocities_are_read_at_the_points_too(tmp_path: Path) -> None:
+    """Still at the wall, linear in the air; the flux of heat is made of the values in the cells."""
+    grid = grid_in_metres()
+    folder = write_case(tmp_path / "case", grid, {"1": {"T": linear(grid)}}, [BLOCK, OUTSIDE])
+    centres = np.asarray(grid.cell_centers().points, dtype=np.float64)
+    velocity = np.stack((10.0 * centres[:, 2], np.full(len(centres), 0.25), centres[:, 0]), axis=1)
+    rows = "\n".join(f"({x:.17g} {y:.17g} {z:.17g})" for x, y, z in velocity)
+    scalar = (folder / "1/T").read_text()
+    header = scalar[: scalar.index("dimensions")].replace("volScalarField", "volVectorField")
+    (folder / "1/U").write_text(
+        header.replace("object T", "object U")
+        + f"dimensions [0 1 -1 0 0 0 0];\ninternalField nonuniform List<vector>\n{len(velocity)}"
+        f"\n(\n{rows}\n);\nboundaryField\n{{\n    block {{ type noSlip; }}\n"
+        "    outside { type zeroGradient; }\n}\n"
+    )
+    field = read_field(folder, air=COOL, flow=True)
+    assert field.source.array == "T"
+    points = np.asarray(field.grid.points)
+    wall = (np.abs(points) < 1.001 * HALF).all(axis=1)
+    inner = ~wall & (np.abs(points) < 0.99 * OUTER).all(axis=1)
+    assert field.flow.velocity[wall] == pytest.approx(0.0)
+    x, _, z = points[inner].T / 1e3
+    expected = np.stack((10.0 * z, np.full(len(x), 0.25), x), axis=1)
+    assert field.flow.velocity[inner] == pytest.approx(expected, abs=1e-7)
+    content = heat_content(field.temperature_k[inner], COOL.temperature_k, COOL.pressure_pa)
+    # Of values in cells 6 mm apart: mean of the products, not product of the means.
+    assert field.flow.enthalpy_flux[inner] == pytest.approx(
+        content[:, None] * expected, abs=0.03 * content.max() * 0.25
+    )
+    assert read_field(folder, air=COOL).flow is None
+    assert list(read_volume(folder).point_data) == ["T"], "only where they are asked for"
+
+
+def remove(name: str) -> Callable[[Path], None]:
+    def change(case: Path) -> None:
+        target = case / name
+        shutil.rmtree(target) if target.is_dir() else target.unlink()
+
+    return change
+
+
+def cut(name: str) -> Callable[[Path], None]:
+    def change(case: Path) -> None:
+        text = (case / name).read_bytes()
+        (case / name).write_bytes(text[: len(text) // 2])
+
+    return change
+
+
+def regions(case: Path) -> None:
+    (case / "constant/air").mkdir()
+    (case / "constant/polyMesh").rename(case / "constant/air/polyMesh")
+
+
+def collated(case: Path) -> None:
+    for name in ("constant", "1", "2.5", "0"):
+        shutil.rmtree(case / name)
+    (case / "processors4").mkdir()
+
+
+def no_times(case: Path) -> None:
+    for name in ("0", "1", "2.5"):
+        shutil.rmtree(case / name)
+
+
+def wrong_gz(case: Path) -> None:
+    (case / "2.5/T").unlink()
+    (case / "2.5/T.gz").write_bytes(gzip.compress(b"FoamFile")[:-6])
+
+
+DAMAGE = {
+    "no mesh": (remove("constant/polyMesh"), "has no mesh"),
+    "regions": (regions, "the regions air; convert the air with `foamToVTK -region air`"),
+    "collated": (collated, "collated format.*reconstructPar"),
+    "no times": (no_times, "no time folder with results"),
+    "no temperature": (remove("2.5/T"), "no array that looks like a temperature.*are p"),
+    "cut temperature": (cut("2.5/T"), r"2\.5/T cannot be read.*--time"),
+    "empty temperature": (lambda case: (case / "2.5/T").write_text(""), r"2\.5/T cannot be read"),
+    "damaged archive": (wrong_gz, r"2\.5/T cannot be read"),
+    "cut points": (cut("constant/polyMesh/points"), "cannot be read"),
+    "cut faces": (cut("constant/polyMesh/faces"), "cannot be read"),
+    "no owner": (remove("constant/polyMesh/owner"), "cannot be read"),
+    "no boundary": (remove("constant/polyMesh/boundary"), "cannot be read"),
+}
+
+
+@pytest.mark.parametrize(("change", "words"), DAMAGE.values(), ids=DAMAGE.keys())
+def test_damaged_cases(
+    case: Path, capfd: pytest.CaptureFixture[str], change: Callable[[Path], None], words: str
+) -> None:
+    change(case)
+    last = None if not (case / "2.5").is_dir() else 1
+    with pytest.raises(InputError, match=words):
+        read_field(case, member=last)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_folder_that_is_no_case(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is no OpenFOAM case"):
+        read_field(tmp_path)
+
+
+def test_another_unit_of_length_is_refused(case: Path) -> None:
+    with pytest.raises(InputError, match="are in m, but the length unit given is mm"):
+        read_field(case, member=0, length_unit="mm")

@@ -1,0 +1,494 @@
+"""The figures: what they plot and when they refuse, not which pixels they have."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LogNorm
+
+from iriftrace.air.refractivity import Air
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import InputError, SetupError
+from iriftrace.figures import (
+    pose as figure_status,
+)
+from iriftrace.figures import (
+    pose as figures,
+)
+from iriftrace.figures import (
+    scene as figure_scene,
+)
+from iriftrace.figures import (
+    space as figure_surfaces,
+)
+from iriftrace.figures.space import View, box_around, fitting_view, view_direction
+from iriftrace.figures.style import celsius_of, temperature_norm, temperature_ticks
+from iriftrace.image.aov_image import CHANNELS, AovImage, Status
+from iriftrace.part.part import Part, read_part
+from iriftrace.shells.levels import index_levels
+from iriftrace.shells.stack import Shell, ShellStack
+
+WIDTH, HEIGHT = 60, 40
+# What the synthetic picture shows: (rows, columns) of the part, and of a step in depth on it.
+PART = np.s_[8:32, 10:50]
+STEP_COLUMN = 30
+
+
+def png_size(path: Path) -> tuple[int, int]:
+    """Width and height as the PNG's own header says."""
+    start = path.read_bytes()[:24]
+    assert start[:8] == b"\x89PNG\r\n\x1a\n"
+    return struct.unpack(">II", start[16:24])
+
+
+def synthetic_image(seed: int = 1, scale_mm: float = 0.003) -> AovImage:
+    """A wall at 100 mm whose right part stands 20 mm behind the left; lognormal displacements."""
+    camera = Camera(
+        focal_length_mm=10,
+        sensor_mm=(6.0, 4.0),
+        resolution=(WIDTH, HEIGHT),
+        focus_mm=(50, 250),
+    )
+    shape = (HEIGHT, WIDTH)
+    channels = {name: np.zeros(shape, np.float32) for name in CHANNELS}
+    status = np.full(shape, Status.MISSED)
+    status[PART] = Status.GOOD
+    status[8:12, 10:20] = Status.OUT_OF_FOCUS
+    status[20, 20] = Status.INDEX_MISMATCH
+    seen = status != Status.MISSED
+    depth = np.where(np.arange(WIDTH) < STEP_COLUMN, 100.0, 120.0)
+    _, directions = camera.rays()
+    rays = directions.reshape(HEIGHT, WIDTH, 3)
+    hits = rays * (depth[None, :] / rays[..., 2])[..., None]
+    for axis, name in enumerate("XYZ"):
+        channels[f"straight.{name}"][seen] = hits[..., axis][seen]
+    channels["part.face"][seen] = np.broadcast_to(1 + (depth > 110), shape)[seen]
+    channels["incidence.angle"][seen] = np.arccos(rays[..., 2])[seen]
+    norm = scale_mm * np.random.default_rng(seed).lognormal(0.0, 1.0, shape)
+    channels["displacement.norm"][status == Status.GOOD] = norm[status == Status.GOOD]
+    channels["status.code"][:] = status
+    header = {
+        "camera": camera.as_dict(),
+        "wavelength_nm": 633.0,
+        "normals": "gradient",
+        "engine": "shells",
+        "field": {"path": "somewhere/plume.vtu"},
+    }
+    return AovImage(channels, header)
+
+
+def good_um(image: AovImage) -> np.ndarray:
+    """Displacements of the good rays, um, straight from the channels."""
+    return image.channels["displacement.norm"][image.status == 0].astype(np.float64) * 1000.0
+
+
+def marked_edges(image: AovImage) -> set[tuple[float, ...]]:
+    """Pixel edges drawn as silhouettes: (column, row, column, row)."""
+    axes = figures._displacement_figure(image).axes[0]
+    return {
+        tuple(segment.ravel().tolist())
+        for lines in axes.collections
+        if isinstance(lines, LineCollection)
+        for segment in lines.get_segments()
+    }
+
+
+def test_displacement_picture_has_its_size(tmp_path: Path) -> None:
+    """1600 pixels wide whatever was rendered; the height follows the part's shape."""
+    path = tmp_path / "displacement.png"
+    figures.displacement_figure(synthetic_image(), path)
+    width, height = png_size(path)
+    assert width == 1600
+    assert 720 <= height <= 1800
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_plotted_array_is_the_displacement_in_micrometres() -> None:
+    """Millimetres times 1000 where a ray is good, masked everywhere else."""
+    image = synthetic_image()
+    plotted = figures._displacement_figure(image).axes[0].images[-1].get_array()
+    assert isinstance(plotted, np.ma.MaskedArray)
+    np.testing.assert_array_equal(~np.ma.getmaskarray(plotted), image.status == 0)
+    np.testing.assert_allclose(plotted.compressed(), good_um(image), rtol=1e-12)
+
+
+def test_included_status_is_plotted_too() -> None:
+    """`include` counts as it does for the metrics, so that both describe the same rays."""
+    image = synthetic_image()
+    image.channels["displacement.norm"][20, 20] = 0.007
+    plotted = figures._displacement_figure(image, (0, 5)).axes[0].images[-1].get_array()
+    assert plotted[20, 20] == pytest.approx(7.0)
+
+
+def test_colours_end_at_the_percentiles_of_good_rays() -> None:
+    """Colours are logarithmic from the 1st to the 99th percentile, and the bar says more exists."""
+    image = synthetic_image()
+    picture = figures._displacement_figure(image).axes[0].images[-1]
+    low, high = np.percentile(good_um(image), [1, 99])
+    assert isinstance(picture.norm, LogNorm)
+    assert picture.get_clim() == pytest.approx((low, high), rel=1e-12)
+    assert picture.colorbar.extend == "both"
+    assert picture.colorbar.ax.get_ylabel() == "Displacement (µm)"
+
+
+@pytest.mark.parametrize("scale_mm", [1e-9, 1e-4, 0.003, 2.0])
+def test_colour_bar_has_a_few_round_numbers(scale_mm: float) -> None:
+    """From 3 to 9 labels, all within the colours, each a plain number equal to its tick."""
+    picture = figures._displacement_figure(synthetic_image(scale_mm=scale_mm)).axes[0].images[-1]
+    ticks = picture.colorbar.get_ticks()
+    labels = [text.get_text() for text in picture.colorbar.ax.get_yticklabels()]
+    low, high = picture.get_clim()
+    assert 3 <= len(ticks) <= 9
+    assert np.all((ticks >= low) & (ticks <= high))
+    np.testing.assert_allclose([float(label) for label in labels], ticks, rtol=1e-5)
+
+
+@pytest.mark.parametrize("value_mm", [0.0, 0.004])
+def test_equal_displacements_can_be_drawn(value_mm: float, tmp_path: Path) -> None:
+    """Shells without an index step move nothing: no scale may fail or warn then."""
+    image = synthetic_image()
+    image.channels["displacement.norm"][image.status == 0] = value_mm
+    figures.displacement_figure(image, tmp_path / "equal.png")
+    low, high = figures._displacement_figure(image).axes[0].images[-1].get_clim()
+    assert low < high
+    assert low <= 1000 * value_mm <= high
+
+
+def test_rays_without_displacement_are_drawn() -> None:
+    """Zero has no logarithm, but rays that cross no shell are good: they get the lowest colour."""
+    image = synthetic_image()
+    image.channels["displacement.norm"][25, 40] = 0.0
+    picture = figures._displacement_figure(image).axes[0].images[-1]
+    colours = picture.to_rgba(picture.get_array())
+    np.testing.assert_array_equal(colours[..., 3] > 0, image.status == 0)
+    np.testing.assert_allclose(colours[25, 40], picture.cmap(0.0))
+
+
+def test_titles_give_the_statistics_and_the_origin() -> None:
+    """The title agrees with NumPy; the second line names file, wavelength, normals and engine."""
+    image = synthetic_image()
+    figure = figures._displacement_figure(image)
+    median, p95 = np.percentile(good_um(image), [50, 95])
+    assert figure.get_suptitle() == (
+        f"Displacement by hot air: median {median:.1f} µm, 95th percentile {p95:.1f} µm"
+    )
+    second = figure.axes[0].get_title()
+    assert all(
+        text in second for text in ("plume.vtu", "633 nm", "gradient normals", "engine: shells")
+    )
+    assert "somewhere" not in second
+
+
+def test_titles_of_few_rays_give_no_statistics() -> None:
+    """As in the metrics, numbers rest on at least 100 good rays."""
+    image = synthetic_image()
+    status = image.channels["status.code"]
+    good = np.flatnonzero(status == 0)
+    status.ravel()[good[99:]] = Status.OUT_OF_FOCUS
+    title = figures._displacement_figure(image).get_suptitle()
+    assert title == "Displacement by hot air: fewer than 100 good rays, so no numbers"
+    status.ravel()[good[99]] = Status.GOOD
+    assert "median" in figures._displacement_figure(image).get_suptitle()
+
+
+def test_second_line_of_the_continuous_engine_names_its_gradient() -> None:
+    """It has no normals, so the line must not say so."""
+    image = synthetic_image()
+    image.header.update(normals="none, recovered gradient", engine="continuous")
+    second = figures._displacement_figure(image).axes[0].get_title()
+    assert second == "plume.vtu  ·  633 nm  ·  recovered gradient  ·  engine: continuous"
+
+
+def test_second_line_names_the_view() -> None:
+    """A view of a sweep says which pose it is, on a line of its own."""
+    figure = figures._displacement_figure(synthetic_image(), view="Pose 7")
+    assert figure.axes[0].get_title().startswith("Pose 7\nplume.vtu  ·  ")
+
+
+def test_legend_counts_the_pixels_without_displacement() -> None:
+    """40 of the 24 x 40 pixels on the part are out of focus and one has a mismatch; no other."""
+    legend = figures._displacement_figure(synthetic_image()).legends[0]
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "Out of focus: 40 px (4.2 %)",
+        "Index steps do not add up: 1 px (0.1 %)",
+    ]
+
+
+def test_greys_lie_on_their_pixels_and_differ() -> None:
+    """Each status has a grey of its own, and the background stays white."""
+    image = synthetic_image()
+    greys = figures._displacement_figure(image).axes[0].images[0]
+    colours = greys.to_rgba(greys.get_array())
+    status = image.status
+    shown = colours[..., 3] > 0
+    np.testing.assert_array_equal(shown, np.isin(status, [2, 5]))
+    assert len(np.unique(colours[shown], axis=0)) == 2
+    assert len({colour for colour, _ in figure_status.COLOURS.values()}) == len(Status) - 2
+
+
+def test_missing_refracted_rays_do_not_look_like_outlines() -> None:
+    """They lie at the part's black outline: dark greys are for other reasons, so these have hue."""
+    image = synthetic_image()
+    image.channels["status.code"][24:28, 49] = Status.REFRACTED_MISSED
+    shown = figures._displacement_figure(image).axes[0].images[0]
+    red, green, blue, _ = shown.to_rgba(shown.get_array())[25, 49]
+    assert red - blue > 0.5
+    assert red - green > 0.3
+
+
+def test_silhouettes_are_the_outline_and_the_step_in_depth() -> None:
+    """The outline of 24 x 40 pixels is 128 edges long; the step adds 24 and nothing else."""
+    drawn = marked_edges(synthetic_image())
+    step = {(float(STEP_COLUMN), float(row), float(STEP_COLUMN), row + 1.0) for row in range(8, 32)}
+    assert step <= drawn
+    assert len(drawn) == 2 * (24 + 40) + 24
+
+
+def test_faces_without_a_step_in_depth_leave_no_line() -> None:
+    """Edges between faces are not silhouettes: else every triangle of the mesh would be drawn."""
+    image = synthetic_image()
+    hits = image.vector("straight")
+    flat = hits / np.where(hits[..., 2:] > 0, hits[..., 2:], 1.0) * 100.0
+    for axis, name in enumerate("XYZ"):
+        image.channels[f"straight.{name}"][:] = flat[..., axis]
+    assert len(marked_edges(image)) == 2 * (24 + 40)
+
+
+def test_axes_show_the_part_with_equal_scales() -> None:
+    """All that was seen is inside, the margins are below a tenth, and rows count downwards."""
+    axes = figures._displacement_figure(synthetic_image()).axes[0]
+    left, right = axes.get_xlim()
+    bottom, top = axes.get_ylim()
+    assert 5 < left < 10
+    assert 50 < right < 55
+    assert 3 < top < 8
+    assert 32 < bottom < 37
+    assert axes.get_aspect() == 1.0
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Column (px)", "Row (px)")
+
+
+def test_no_good_ray_is_an_error_and_leaves_no_file(tmp_path: Path) -> None:
+    """An empty picture would look like a result."""
+    image = synthetic_image()
+    image.channels["status.code"][image.status == 0] = Status.OUT_OF_FOCUS
+    with pytest.raises(InputError, match="no good ray"):
+        figures.displacement_figure(image, tmp_path / "none.png")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_formats_and_missing_folders_are_refused(tmp_path: Path) -> None:
+    """A PNG under the name of a PDF would not open."""
+    with pytest.raises(InputError, match=r"\.png"):
+        figures.displacement_figure(synthetic_image(), tmp_path / "figure.pdf")
+    with pytest.raises(InputError, match="does not exist"):
+        figures.displacement_figure(synthetic_image(), tmp_path / "nowhere" / "figure.png")
+
+
+def a_camera(**values: object) -> Camera:
+    """A camera at (120, -90, 80) mm that looks at the origin."""
+    settings = {
+        "focal_length_mm": 10,
+        "sensor_mm": (6.7, 5.6),
+        "resolution": (1224, 1024),
+        "focus_mm": (50, 200),
+        "matrix": look_at((120, -90, 80), (0, 0, 0)),
+        **values,
+    }
+    return Camera(**settings)
+
+
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory: pytest.TempPathFactory) -> Part:
+    """A cube of 20 mm about the origin."""
+    path = tmp_path_factory.mktemp("part") / "cube.ply"
+    pv.Cube(x_length=20, y_length=20, z_length=20).triangulate().clean().save(path)
+    return read_part(path)
+
+
+def spheres(layers: int) -> ShellStack:
+    """Concentric spheres of 20 to 40 mm between ambient and air of 1000 K."""
+    air = Air()
+    hottest = float(air.refractivity(1000.0))
+    surfaces, e = index_levels(air.ambient_refractivity, hottest, layers, "midpoint")
+    shells = []
+    for number, radius in enumerate(np.linspace(40, 20, layers)):
+        mesh = pv.Icosphere(radius=radius, nsub=3)
+        shells.append(
+            Shell(
+                layer=number + 1,
+                refractivity=float(surfaces[number]),
+                ext=float(e[number]),
+                int_=float(e[number + 1]),
+                vertices=mesh.points,
+                faces=mesh.regular_faces,
+                normals=mesh.points / radius,
+            )
+        )
+    return ShellStack(tuple(shells), air, "midpoint")
+
+
+def orange_share(picture: np.ndarray) -> float:
+    """Share of pixels with much more red than green and much more green than blue."""
+    red, green, blue = np.moveaxis(picture[..., :3].astype(int), -1, 0)
+    return float(((red - green > 25) & (green - blue > 25)).mean())
+
+
+def test_scene_picture_has_its_size_and_all_that_is_asked_for(cube: Part, tmp_path: Path) -> None:
+    """1600 x 1200 pixels; names, units, temperatures in degC; the part's orange is to be seen."""
+    path = tmp_path / "scene.png"
+    figure_scene.scene_figure(cube, spheres(5), a_camera(), path)
+    assert png_size(path) == (1600, 1200)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+    figure = figure_scene._scene_figure(cube, spheres(5), a_camera())
+    scene, bar = figure.axes
+    texts = [text.get_text() for text in scene.texts]
+    assert {"x (mm)", "y (mm)", "z (mm)", "Camera", "Near focus 50 mm", "Far focus 200 mm"} <= set(
+        texts
+    )
+    assert "°C" in bar.get_ylabel()
+    assert any("5 shells" in text.get_text() for text in figure.texts)
+    picture = np.asarray(scene.images[0].get_array())
+    # Pixel for pixel: else lines and labels of the picture would be resampled.
+    np.testing.assert_allclose(picture.shape[1::-1], scene.bbox.size, atol=1e-6)
+    assert orange_share(picture) > 0.01
+
+
+def test_far_focus_behind_the_scene_is_left_out(cube: Part) -> None:
+    """An unlimited focus has no outline, and a very far one would make the part tiny."""
+    for far in (5000.0, np.inf):
+        figure = figure_scene._scene_figure(cube, spheres(2), a_camera(focus_mm=(0, far)))
+        assert not any("focus" in text.get_text() for text in figure.axes[0].texts)
+
+
+def test_many_shells_are_drawn_in_part_and_the_figure_says_so(cube: Part) -> None:
+    """The eye tells no more than 20 shells apart; outermost and innermost are among them."""
+    drawn = figure_scene._some(spheres(50).shells)
+    assert len(drawn) == len(set(drawn)) == 20
+    assert (drawn[0], drawn[-1]) == (0, 49)
+    figure = figure_scene._scene_figure(cube, spheres(50), a_camera())
+    assert any("20 of 50 shells" in text.get_text() for text in figure.texts)
+
+
+def test_orthographic_and_vertical_views_can_be_drawn(cube: Part, tmp_path: Path) -> None:
+    """A parallel camera has no focal length, and one that looks down has no horizontal axis."""
+    camera = a_camera(
+        projection="orthographic",
+        focal_length_mm=np.nan,
+        sensor_mm=(60, 50),
+        matrix=look_at((0, 0, 150), (0, 0, 0)),
+    )
+    figure_scene.scene_figure(cube, spheres(1), camera, tmp_path / "down.png")
+    assert png_size(tmp_path / "down.png") == (1600, 1200)
+
+
+def test_colours_are_linear_in_refractivity() -> None:
+    """Equal index steps get equal colour steps, from 0 at the coolest to 1 at the hottest shell."""
+    shells = spheres(9)
+    norm = temperature_norm(shells)
+    np.testing.assert_allclose(norm(celsius_of(shells)), np.linspace(0, 1, 9), atol=1e-9)
+    ticks = temperature_ticks(norm)
+    assert len(ticks) >= 4
+    assert min(ticks) >= celsius_of(shells).min()
+    assert max(ticks) <= celsius_of(shells).max()
+
+
+def test_labels_meet_what_vtk_draws(cube: Part) -> None:
+    """A small ball appears where View.pixels says: else the labels would lie beside their lines."""
+    box = box_around(np.array([(-50.0, -40.0, -30.0), (90.0, 20.0, 60.0)]))
+    towards, _ = view_direction(np.array((-0.8, 0.5, -0.4)), np.array((0.0, 0.0, 1.0)))
+    view = fitting_view(towards, box, (400, 300))
+    place = np.array((70.0, -20.0, 40.0))
+    plotter = pv.Plotter(off_screen=True, window_size=[400, 300], theme=pv.themes.DocumentTheme())
+    plotter.add_mesh(pv.Sphere(radius=3, center=place), color="black", lighting=False)
+    view.apply_to(plotter, box)
+    picture = plotter.screenshot(return_img=True)
+    plotter.close()
+    row, column = np.nonzero(picture[..., 0] < 128)
+    found = (column.mean() + 0.5, 300 - (row.mean() + 0.5))
+    np.testing.assert_allclose(found, view.pixels(place)[0], atol=0.5)
+
+
+def test_view_holds_the_box_and_leaves_room_for_labels() -> None:
+    """All corners lie inside the picture, and the box fills it across or upwards."""
+    box = box_around(np.array([(0.0, 0.0, 0.0), (100.0, 60.0, 80.0)]))
+    towards, side = view_direction(np.array((0.0, 1.0, 0.0)), np.array((0.0, 0.0, 1.0)))
+    view = fitting_view(towards, box, (1390, 1080))
+    corners = view.pixels(box.corners)
+    assert np.all(corners > 15)
+    assert np.all(corners < np.array((1390, 1080)) - 15)
+    assert abs(np.linalg.norm(towards) - 1.0) < 1e-12
+    # Across the axis, and on the viewer's side.
+    assert abs(side @ (0.0, 1.0, 0.0)) < 1e-12
+    assert side @ towards > 0.5
+
+
+@pytest.mark.parametrize("azimuth_deg", range(0, 360, 30))
+def test_camera_stands_at_the_right(azimuth_deg: int) -> None:
+    """Wherever the camera is, it looks to the left in the picture, so that pictures compare."""
+    a = np.radians(azimuth_deg)
+    forward = np.array((np.cos(a), np.sin(a), -0.5)) / np.sqrt(1.25)
+    towards, _ = view_direction(forward, np.array((0.0, 0.0, 1.0)))
+    view = View(towards, np.zeros(3), 1.0, (0, 0))
+    assert view.pixels(forward)[0, 0] < -0.5
+
+
+def test_no_opengl_is_a_setup_error(
+    cube: Part, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """VTK would end the process; the user gets one sentence with the remedy instead."""
+    monkeypatch.setattr(figure_surfaces, "opens", lambda window: False)
+    with pytest.raises(SetupError, match="libegl1"):
+        figure_scene.scene_figure(cube, spheres(2), a_camera(), tmp_path / "scene.png")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_window_that_cannot_open_is_noticed_before_vtk_crashes() -> None:
+    """VTK's last resort, OSMesa, is absent on most machines: drawing with it would be a crash."""
+    script = (
+        "import pyvista as pv\n"
+        "from iriftrace import figure_surfaces\n"
+        "with pv.vtk_verbosity('off'):\n"
+        "    plotter = pv.Plotter(off_screen=True)\n"
+        "    print(figure_surfaces.opens(plotter.render_window))\n"
+    )
+    environment = {**os.environ, "VTK_DEFAULT_OPENGL_WINDOW": "vtkOSOpenGLRenderWindow"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() in ("True", "False")
+
+
+def test_importing_the_package_imports_no_plotting() -> None:
+    """`iriftrace --help` must not wait for VTK or Matplotlib."""
+    script = (
+        "import sys, iriftrace\n"
+        "print([m for m in ('vtkmodules', 'pyvista', 'matplotlib') if m in sys.modules])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_drawing_leaves_pyplot_alone() -> None:
+    """No global state: a program's own open figures and settings stay as they are."""
+    script = (
+        "import sys\n"
+        "from iriftrace import figure_scene, figures\n"
+        "print('matplotlib.pyplot' in sys.modules)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "False"

@@ -1,0 +1,195 @@
+"""The report: complete, embedded, escaped, and with the numbers of the plan."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from page import Page, read_page
+from sweep_tables import summary_of, sweep_table, with_faces
+
+from iriftrace.camera.orbit import Orbit, orbit_poses
+from iriftrace.camera.pose import pose_text
+from iriftrace.core.errors import InputError
+from iriftrace.figures import report as report_module
+from iriftrace.figures.report import report_content, write_report
+from iriftrace.figures.sweep import Pictures
+from iriftrace.image.aov_image import Status
+from iriftrace.planning.summary import front_text, ranking_table, stability_text
+
+HOSTILE = "<img src=x onerror='go()'>&amp;<script>go().ply"
+DOT = (
+    b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x00\x01\x00\x00\x00\x01\x08\x00\x00\x00\x00:~\x9bU"
+    b"\x00\x00\x00\nIDATx\x9cc`\x00\x00\x00\x02\x00\x01H\xaf\xa4q\x00\x00\x00\x00IEND\xaeB`\x82"
+)
+POSES = orbit_poses(Orbit((0.0, 0.0, 0.0), (300.0, 200.0, 200.0)), [0.0, 45.0], [0.0, 30.0])
+
+
+def sweep() -> xr.Dataset:
+    table = sweep_table(
+        [1e-3, 2e-3, 3e-3, 4e-3], [0.04, 0.4, 0.3, 0.2], [0.1, 0.2, 0.1, 0.3], [0.3, 0.2, 0.1, 0.3]
+    )
+    counts = {Status.GOOD: 1000, Status.MISSED: 3000, Status.OUT_OF_FOCUS: 500}
+    for status in Status:
+        rays = np.full((4, 1), counts.get(status, 0))
+        rays[3] = 50 if status is Status.GOOD else 0
+        table[f"rays_{status.key}"] = (("pose", "region"), rays)
+    table["rays_open_boundary"] = ("pose", np.array([61, 0, 0, 0]))
+    table["shell_triangles_in_view"] = ("pose", np.full(4, 77))
+    table["matrix"] = (("pose", "row", "column"), POSES.matrices)
+    table["azimuth"] = ("pose", POSES.azimuth_deg)
+    table["elevation"] = ("pose", POSES.elevation_deg)
+    table["distance"] = ("pose", np.linalg.norm(POSES.origins, axis=1))
+    table.attrs.update(
+        version="9.8.7",
+        variant="llvm_ad_mono",
+        wavelength_nm=633.0,
+        part=json.dumps({"path": f"/a/{HOSTILE}", "sha256": "abcdef" * 10}),
+        field=json.dumps({"path": "air.vtu", "sha256": "12", "quantity": "temperature"}),
+        scene=json.dumps({"path": "/a/scene.xml", "sha256": "34", "variables": {"scale": "0.1"}}),
+        camera=json.dumps(
+            {
+                "projection": "pinhole",
+                "focal_length_mm": 10.0,
+                "sensor_mm": [6.7, 5.6],
+                "resolution": [240, 200],
+                "focus_mm": [50.0, None],
+            }
+        ),
+        assumptions=json.dumps({"optics": "geometric optics", "index_rule": "midpoint"}),
+    )
+    seen = [[(0, 10, 1e-3, 20.0)], [(0, 10, 1e-3, 20.0), (1, 5, 2e-3, 40.0)], [], []]
+    return with_faces(table, seen, [1.0, 2.0, 1.0])
+
+
+@pytest.fixture
+def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
+    """The report with one dot in place of the figures, which are tested elsewhere."""
+
+    def draw(*arguments: object, vectors: bool) -> Pictures:
+        assert not vectors
+        file = Path(str(arguments[3])) / "pareto.png"
+        file.write_bytes(DOT)
+        return Pictures((file,), ("The rest is left out & <b>missing</b>.",))
+
+    monkeypatch.setattr(report_module, "draw_sweep", draw)
+    table = sweep()
+    file = tmp_path / "sweep.nc"
+    file.write_bytes(b"content")
+    missing = write_report(tmp_path / "report.html", file, table, summary_of(table), top=2)
+    assert missing == ("The rest is left out & <b>missing</b>.",)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "sweep.nc"]
+    return read_page(tmp_path / "report.html")
+
+
+def test_the_page_needs_nothing_else(page: Page) -> None:
+    page.assert_needs_nothing()
+    assert page.pictures == [DOT]
+
+
+def test_text_from_files_is_text(page: Page) -> None:
+    """Names are data: neither tags nor entities of theirs come into effect."""
+    assert f"Where to put the camera: {HOSTILE}" in page.text
+    assert "left out & <b>missing</b>." in page.text
+
+
+def test_the_numbers_are_those_of_the_plan(page: Page) -> None:
+    summary = summary_of(sweep())
+    ranking = ranking_table(summary, 2)
+    tables = {tuple(table[0]): table[1:] for table in page.tables}
+    both = [table[1:] for table in page.tables if tuple(table[0]) == ranking.headings]
+    assert [tuple(row) for row in both[0]] == list(ranking.rows)
+    # The front has the same columns and all its poses.
+    poses = [int(row[1]) for row in both[1]]
+    assert sorted(poses) == summary.front.tolist()
+    assert f"poses {', '.join(map(str, summary.front.tolist()))}." in front_text(summary)
+    assert stability_text(summary) in page.text
+    best = summary.plan.best
+    text = pose_text(summary.matrices[best], summary.distance[best])
+    assert page.by_id["matrix"].splitlines() == list(text.matrix)
+    assert page.by_id["xml"].splitlines() == list(text.xml)
+    assert text.look_at in page.by_id["best"]
+    assert (
+        "weight of",
+        "rank at \N{MINUS SIGN}50 %",
+        "best pose",
+        "rank at +50 %",
+        "best pose",
+    ) in tables
+
+
+def test_setting_and_limits_are_complete(page: Page) -> None:
+    setting = dict(page.tables[0])
+    assert setting["Field"] == "air.vtu (SHA-256 12…), temperature; light of 633 nm"
+    assert setting["Camera"].endswith(
+        "240 \N{MULTIPLICATION SIGN} 200 pixels, in focus from 50 mm to infinity"
+    )
+    assert setting["Poses"].startswith("4, azimuth 0 to 45°, elevation 0 to 30°, distance")
+    assert setting["Scene parameters"] == "scale = 0.1"
+    limits = page.by_id["limits"]
+    assert "1 of 4 poses are not ranked; 0 failed and 1 see fewer than 100 good rays" in limits
+    assert "61 good rays (2 %) pass an open end of the data" in limits
+    assert "25.0 % of the part's area is seen by no pose." in limits
+    assert "geometric optics" in limits
+    rays = next(table for table in page.tables if table[0][0] == "what became of them")
+    # 3050 good, 9000 missed, 1500 out of focus.
+    assert rays[1:] == [
+        ["Good", "3,050", "22.5 %"],
+        ["Missed the part", "9,000", "66.4 %"],
+        ["Out of focus", "1,500", "11.1 %"],
+    ]
+    assert ["3", "50 good rays, fewer than 100"] in page.tables[-1]
+    assert "iriftrace 9.8.7 from sweep.nc" in page.text
+
+
+def test_every_field_of_an_ensemble_is_named() -> None:
+    """The sweep's own attribute names the first one only."""
+    table = sweep()
+    sources = [{"path": f"air_{k}.vtu", "sha256": f"{k}", "quantity": "density"} for k in (1, 2)]
+    members = [{"number": k, "source": source} for k, source in enumerate(sources, start=1)]
+    table.attrs["scenes"] = json.dumps([{"field": sources[0], "members": members}])
+    named = dict(report_content(table, summary_of(table), 2).setting)["Field"]
+    assert "air_1.vtu" in named
+    assert "air_2.vtu" in named
+
+
+def test_a_winner_that_is_not_clear_is_said(tmp_path: Path) -> None:
+    """Pose 0 sees a tenth of pose 1; with these weights both score the same."""
+    from iriftrace.figures.report import report_content
+    from iriftrace.planning.candidates import Weights
+
+    table = sweep()
+    summary = summary_of(table, weights=Weights(1, 0.5, 0, 0), percentile=100)
+    content = report_content(table, summary, 3)
+    assert content.unclear is not None
+    assert "pose 0 scores" in content.unclear or "pose 1 scores" in content.unclear
+    assert report_content(table, summary_of(table, weights=Weights(1, 0, 0, 0)), 1).unclear is None
+    with pytest.raises(InputError, match="0 rows"):
+        report_content(table, summary, 0)
+
+
+@pytest.mark.parametrize(
+    ("resolution", "frontal"), [("step", True), ("nn3d", False)], ids=["step", "nearest"]
+)
+def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool) -> None:
+    """Its steps have no depth; nearest neighbours have none on tilted planes either."""
+    table = sweep()
+    axial, lateral = ("axial_resolution", "lateral_resolution")
+    if not frontal:
+        for name in (axial, lateral):
+            table[f"{name}_nn3d"] = table[name].copy()
+        axial, lateral = f"{axial}_nn3d", f"{lateral}_nn3d"
+    table[axial][:, 0] = [3e-6, 2e-2, 1e-2, 3e-2]
+    table[lateral][:, 0] = [3e-2, 2e-2, 1e-2, 3e-2]
+    summary = summary_of(table, resolution=resolution)
+    assert summary.plan.best == 0
+    content = report_content(table, summary, 2)
+    assert ("axial resolution 0 (plane seen frontally)" in content.answer) == frontal
+    assert (content.ranking.note == "Axial resolution 0: plane seen frontally.") == frontal
+    column = content.ranking.headings.index(summary.axial.label)
+    assert (content.ranking.rows[0][column] == "0") == frontal
+    assert content.ranking.rows[1][column] in ("20", "10")

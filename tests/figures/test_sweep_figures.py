@@ -1,0 +1,534 @@
+"""The figures of a sweep: what they plot, and that no pose gets lost on the way."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyvista as pv
+import xarray as xr
+from attrs import evolve
+from matplotlib import colormaps
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from sweep_tables import summary_of, sweep_table, with_faces
+
+from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses
+from iriftrace.camera.pose_set import PoseSet, joined
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of
+from iriftrace.figures import sweep_space as sweep_scene_figure_module
+from iriftrace.figures.sweep import _view, sweep_figures
+from iriftrace.figures.sweep_charts import (
+    histogram_figure,
+    normalised_figure,
+    pareto_figure,
+    rays_figure,
+)
+from iriftrace.figures.sweep_maps import _ticks, map_figure
+from iriftrace.figures.sweep_space import sweep_face_figure, sweep_scene_figure
+from iriftrace.image.aov_image import Status
+from iriftrace.part.part import Part, read_part
+from iriftrace.planning.candidates import Weights
+from iriftrace.planning.summary import SweepSummary
+from iriftrace.scenes import folder_of
+from iriftrace.sweep.faces import face_maps_of, faces_seen
+from iriftrace.sweep.reload import Surroundings, surroundings_of
+
+ORBIT = Orbit((0.0, 0.0, 0.0), (200.0, 150.0, 150.0))
+# 4 azimuths at 3 elevations, and one pose at each pole.
+AZIMUTHS, ELEVATIONS = np.linspace(0, 90, 4), np.linspace(-90, 90, 5)
+GRID = orbit_poses(ORBIT, AZIMUTHS, ELEVATIONS)
+EMPTY = (0, 6)
+"""Poses without numbers: the lower pole and one in the middle."""
+
+
+def sweep(poses: PoseSet = GRID, empty: tuple[int, ...] = EMPTY, **attributes: Any) -> xr.Dataset:
+    """A sweep with known numbers: pose i has a displacement of 1.5**i um."""
+    count = len(poses)
+    number = np.arange(count)
+    table = sweep_table(
+        1e-3 * 1.5**number,
+        0.1 + 0.3 * number / count,
+        0.2 + 0.01 * np.cos(number),
+        0.3 + 0.01 * np.sin(number),
+    )
+    counts = {status: 10 * (status + 1) * (number + 1) for status in Status}
+    counts[Status.GOOD] = 1000 + number
+    counts[Status.GAVE_UP] = 0 * number
+    for status, rays in counts.items():
+        rays[list(empty)] = -1
+        table[f"rays_{status.key}"] = (("pose", "region"), rays[:, None])
+    table["shell_triangles_in_view"] = ("pose", np.where(counts[Status.GOOD] < 0, -1, 500 + number))
+    for name, variable in table.items():
+        if variable.dtype == np.float64:
+            table[name][list(empty)] = np.nan
+    table["matrix"] = (("pose", "row", "column"), poses.matrices)
+    table["azimuth"] = ("pose", poses.azimuth_deg)
+    table["elevation"] = ("pose", poses.elevation_deg)
+    table["distance"] = ("pose", np.linalg.norm(poses.origins, axis=1))
+    table["exr"] = ("pose", np.array([""] * count, dtype=object))
+    table.attrs.update({key: json.dumps(value) for key, value in attributes.items()})
+    return table
+
+
+@pytest.fixture(scope="module")
+def summary() -> SweepSummary:
+    return summary_of(sweep())
+
+
+def legend_of(figure: Figure) -> list[str]:
+    return [t.get_text() for body in figure.subfigs for t in body.legends[0].get_texts()]
+
+
+def all_axes(figure: Figure) -> list[Any]:
+    return [axes for body in figure.subfigs for axes in body.axes]
+
+
+# What is summarised ------------------------------------------------------------------------------
+
+
+def test_values_come_in_readable_units(summary: SweepSummary) -> None:
+    """mm become um and shares become per cent; what is unknown stays unknown."""
+    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
+    assert summary.displacement.unit == "µm"
+    assert summary.displacement.values[known] == pytest.approx(1.5**known)
+    assert summary.coverage.label == "Coverage (%)"
+    assert summary.coverage.values[known] == pytest.approx(10 + 30 * known / len(GRID))
+    for quantity in summary.quantities:
+        assert np.flatnonzero(~quantity.known).tolist() == list(EMPTY)
+
+
+def test_lengths_of_centimetres_are_read_in_mm() -> None:
+    data = sweep()
+    data["lateral_resolution"] *= 100.0
+    assert summary_of(data).lateral.unit == "mm"
+
+
+def test_limits_are_those_of_the_plan(summary: SweepSummary) -> None:
+    low, high = summary.displacement.limits
+    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
+    assert low == pytest.approx(1.5)
+    assert high == pytest.approx(np.percentile(1.5**known, 95))
+
+
+def test_only_rays_that_occur_are_counted(summary: SweepSummary) -> None:
+    assert set(summary.rays) == set(Status) - {Status.MISSED, Status.GAVE_UP}
+
+
+def test_poses_with_few_hits_have_no_number() -> None:
+    few = summary_of(sweep(), min_hits=1005)
+    assert np.flatnonzero(~few.displacement.known).tolist() == [0, 1, 2, 3, 4, 6]
+    assert "6 without a rank" in few.subtitle
+
+
+def test_the_pole_stands_for_all_azimuths(summary: SweepSummary) -> None:
+    grid = summary.grid(np.arange(14))
+    assert grid is not None
+    assert grid.tolist() == [
+        [0] * 4,
+        [1, 2, 3, 4],
+        [5, 6, 7, 8],
+        [9, 10, 11, 12],
+        [13] * 4,
+    ]
+
+
+@pytest.mark.parametrize(
+    "poses",
+    [
+        GRID.take(np.delete(np.arange(14), 7)),
+        fibonacci_poses(ORBIT, 12),
+        orbit_poses(ORBIT, [0.0], ELEVATIONS),
+        orbit_poses(ORBIT, AZIMUTHS, [10.0]),
+    ],
+    ids=["a hole", "all around", "one azimuth", "one elevation"],
+)
+def test_other_poses_are_no_grid(poses: PoseSet) -> None:
+    assert summary_of(sweep(poses, empty=())).grid(np.arange(len(poses))) is None
+
+
+def test_poses_without_angles_get_those_of_their_line_of_sight() -> None:
+    """A camera on +y that looks at the origin has azimuth 90 degrees; straight above, 0 and 90."""
+    poses = orbit_poses(ORBIT, [0.0, 90.0], [0.0, 90.0])
+    found = summary_of(sweep(PoseSet(poses.matrices), empty=()))
+    assert found.azimuth == pytest.approx([0.0, 90.0, 0.0])
+    assert found.elevation == pytest.approx([0.0, 0.0, 90.0])
+    assert found.angles_of == "of the line of sight"
+
+
+def test_a_table_of_something_else_is_refused() -> None:
+    with pytest.raises(InputError, match="matrix is missing"):
+        summary_of(sweep().drop_vars("matrix"))
+    with pytest.raises(InputError, match="None of the 14 poses"):
+        summary_of(sweep(empty=tuple(range(14))))
+
+
+# What is drawn -----------------------------------------------------------------------------------
+
+
+def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
+    axes, bar = all_axes(map_figure(summary, summary.displacement))
+    (mesh,) = [item for item in axes.collections if isinstance(item, QuadMesh)]
+    values = np.ma.filled(mesh.get_array(), np.nan)
+    np.testing.assert_array_equal(values, summary.displacement.values[summary.grid(np.arange(14))])
+    corners = mesh.get_coordinates()
+    # Elevations are 45 degrees apart; the cells of the poles end at the poles.
+    assert corners[:, 0, 1].tolist() == [-90, -67.5, -22.5, 22.5, 67.5, 90]
+    assert corners[0, :, 0].tolist() == [-15, 15, 45, 75, 105]
+    assert bar.get_ylabel() == "Mean displacement (µm)"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (
+        "Azimuth on the orbit (°)",
+        "Elevation on the orbit (°)",
+    )
+
+
+def test_ticks_of_a_map_are_angles_of_poses(summary: SweepSummary) -> None:
+    axes = all_axes(map_figure(summary, summary.displacement))[0]
+    assert axes.get_xticks().tolist() == AZIMUTHS.tolist() == [0, 30, 60, 90]
+    assert axes.get_yticks().tolist() == ELEVATIONS.tolist() == [-90, -45, 0, 45, 90]
+
+
+@pytest.mark.parametrize(
+    ("angles", "ticks"),
+    [
+        (np.arange(-85.0, 86.0, 10.0), [-85, -55, -25, 5, 35, 65]),
+        (np.arange(0.0, 360.0, 10.0), [0, 60, 120, 180, 240, 300]),
+        (np.arange(0.0, 91.0, 9.0), [0, 18, 36, 54, 72, 90]),
+        (np.array([3.0, 4.5]), [3, 4.5]),
+    ],
+)
+def test_many_angles_get_some_ticks(angles: np.ndarray, ticks: list[float]) -> None:
+    """At a round step where there is one, and always at angles that poses have."""
+    assert _ticks(angles).tolist() == ticks
+
+
+def test_angles_of_many_digits_get_round_ticks() -> None:
+    """30 poses over 90 degrees: a label 12.4138 would say less than 15."""
+    assert _ticks(np.linspace(0, 90, 30)) is None
+
+
+def test_a_view_says_which_pose_it_is(summary: SweepSummary) -> None:
+    """Pose 6 is the second at elevation 0."""
+    assert _view(summary, 6) == "Pose 6, azimuth 30°, elevation 0°"
+
+
+def test_a_map_marks_poses_without_a_number(summary: SweepSummary) -> None:
+    """Four cells of the pole, one in the middle, and a legend that counts poses and not cells."""
+    figure = map_figure(summary, summary.score)
+    (open_marks,) = [
+        line for line in all_axes(figure)[0].lines if line.get_markerfacecolor() == "none"
+    ]
+    assert sorted(open_marks.get_xdata()) == [0, 30, 30, 60, 90]
+    assert "Without a number: 2 poses" in legend_of(figure)
+
+
+def test_scattered_poses_are_all_there() -> None:
+    found = summary_of(sweep(fibonacci_poses(ORBIT, 30)))
+    axes = all_axes(map_figure(found, found.coverage))[0]
+    dots = axes.collections[0].get_offsets()
+    marks = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
+    assert len(dots) + len(marks[0].get_xdata()) == 30
+
+
+def test_colours_end_at_the_limits_and_say_so(summary: SweepSummary) -> None:
+    axes = all_axes(map_figure(summary, summary.displacement))[0]
+    mesh = axes.collections[0]
+    assert isinstance(mesh.norm, LogNorm)
+    assert mesh.get_clim() == pytest.approx(summary.displacement.limits)
+
+
+def test_a_constant_metric_can_be_drawn() -> None:
+    data = sweep()
+    data["coverage"][:] = 0.25
+    with pytest.warns(UserWarning, match="coverage"):
+        found = summary_of(data)
+    low, high = all_axes(map_figure(found, found.coverage))[0].collections[0].get_clim()
+    assert low < 25 < high
+
+
+def test_histograms_count_every_pose_and_mark_the_limits(summary: SweepSummary) -> None:
+    figure = histogram_figure(summary)
+    for axes, quantity in zip(all_axes(figure), summary.metrics, strict=True):
+        assert sum(bar.get_height() for bar in axes.patches) == len(GRID) - len(EMPTY)
+        marked = [line.get_xdata()[0] for line in axes.lines]
+        assert marked == pytest.approx(quantity.limits)
+        assert axes.get_xlabel() == quantity.label
+    assert "Without a number: 2 poses, not shown" in legend_of(figure)
+
+
+def test_normalised_histograms_fill_0_to_1(summary: SweepSummary) -> None:
+    figure = normalised_figure(summary)
+    *panels, words = all_axes(figure)
+    for axes in panels:
+        assert sum(bar.get_height() for bar in axes.patches) == len(GRID) - len(EMPTY)
+        assert axes.patches[0].get_x() == pytest.approx(0.0)
+    assert "0.2 (1 - coverage)" in words.texts[0].get_text()
+
+
+def test_rays_are_stacked_to_all_that_hit(summary: SweepSummary) -> None:
+    figure = rays_figure(summary)
+    upper, lower = all_axes(figure)
+    top = upper.patches[-1].get_data().values
+    known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
+    assert top[known].tolist() == sum(summary.rays.values())[known].tolist()
+    assert top[list(EMPTY)].tolist() == [0, 0]
+    assert lower.patches[0].get_data().values[known].tolist() == (500 + known).tolist()
+    assert "Without a number: 2 poses" in legend_of(figure)
+
+
+def test_the_pareto_front_is_ringed(summary: SweepSummary) -> None:
+    figure = pareto_figure(summary)
+    others, front = all_axes(figure)[0].collections
+    assert len(front.get_offsets()) == len(summary.front)
+    assert len(others.get_offsets()) + len(front.get_offsets()) == len(GRID) - len(EMPTY)
+    both = np.stack((summary.displacement.values, summary.coverage.values), axis=1)
+    np.testing.assert_allclose(front.get_offsets(), both[summary.front])
+    assert "Without a number, not shown: 2" in legend_of(figure)
+
+
+def test_poses_of_much_the_same_coverage_are_told_apart() -> None:
+    """A sphere shows as much from everywhere: the axis shows the differences, and all of them."""
+    data = sweep()
+    data["coverage"] = 0.35 + 0.03 * data["coverage"]
+    axes = all_axes(pareto_figure(summary_of(data)))[0]
+    values = 100 * data["coverage"].sel(region="part").to_numpy()
+    low, high = axes.get_ylim()
+    assert low < np.nanmin(values) < np.nanmax(values) < high
+    assert np.nanmax(values) - np.nanmin(values) > 0.8 * (high - low)
+
+
+def test_no_text_is_cut_off_or_overlaps(summary: SweepSummary) -> None:
+    """Labels, titles and tick labels of each figure lie inside it and apart from each other."""
+    figures = [map_figure(summary, quantity) for quantity in summary.quantities]
+    figures += [histogram_figure(summary), normalised_figure(summary)]
+    figures += [rays_figure(summary), pareto_figure(summary)]
+    for figure in figures:
+        figure.draw_without_rendering()
+        texts = [figure.texts[0], *(body.texts[0] for body in figure.subfigs)]
+        texts += [t for body in figure.subfigs for t in body.legends[0].get_texts()]
+        for axes in (axes for axes in all_axes(figure) if axes.axison):
+            texts += [axes.xaxis.label, axes.yaxis.label]
+            for axis in (axes.xaxis, axes.yaxis):
+                low, high = sorted(axis.get_view_interval())
+                ticks = axis.get_major_ticks()
+                texts += [
+                    label
+                    for tick in ticks
+                    if low <= tick.get_loc() <= high
+                    for label in (tick.label1, tick.label2)
+                    if label.get_visible()
+                ]
+        boxes = [t.get_window_extent() for t in texts if t.get_text()]
+        width, height = figure.bbox.size
+        for i, box in enumerate(boxes):
+            assert box.x0 >= 0
+            assert box.y0 >= 0
+            assert box.x1 <= width
+            assert box.y1 <= height
+            assert not any(box.overlaps(other) for other in boxes[:i])
+
+
+def test_all_figures_are_written_as_png_and_pdf(summary: SweepSummary, tmp_path: Path) -> None:
+    written = sweep_figures(summary, tmp_path)
+    assert sorted(written) == sorted(tmp_path.iterdir())
+    assert {path.suffix for path in written} == {".png", ".pdf"}
+    assert len({path.stem for path in written}) == 9
+    for path in written:
+        start = b"\x89PNG" if path.suffix == ".png" else b"%PDF"
+        assert path.read_bytes().startswith(start)
+
+
+# Series and faces --------------------------------------------------------------------------------
+
+
+def test_other_focal_lengths_get_panels_of_their_own() -> None:
+    """Two series of the same 14 positions: two grids, each with its poses."""
+    twice = joined([GRID, GRID])
+    data = sweep(twice, empty=())
+    data["focal_length"] = ("pose", np.repeat([8.0, 12.0], 14))
+    found = summary_of(data)
+    assert list(found.series) == ["focal length 8 mm", "focal length 12 mm"]
+    first, second, _ = all_axes(map_figure(found, found.displacement))
+    for axes, members in ((first, np.arange(14)), (second, np.arange(14, 28))):
+        (mesh,) = [item for item in axes.collections if isinstance(item, QuadMesh)]
+        np.testing.assert_array_equal(
+            mesh.get_array(), found.displacement.values[found.grid(members)]
+        )
+    assert (first.get_title(), second.get_title()) == tuple(found.series)
+
+
+def test_what_does_not_differ_is_not_mentioned() -> None:
+    data = sweep()
+    data["focal_length"] = ("pose", np.full(14, 8.0))
+    data["stand_off"] = ("pose", np.full(14, np.nan))
+    data["scene"] = ("pose", np.array(["a/scene.xml"] * 14, dtype=object))
+    found = summary_of(data)
+    assert found.varied == ()
+    assert list(found.series) == [""]
+
+
+def test_scenes_are_told_apart() -> None:
+    data = sweep()
+    data["scene"] = ("pose", np.array(["x/hot/scene.xml", "x/cold/scene.xml"] * 7, dtype=object))
+    assert set(summary_of(data).varied[0].values) == {"hot", "cold"}
+
+
+def test_of_several_at_one_place_the_best_is_shown() -> None:
+    """The second series has larger displacements, so the first one is the better everywhere."""
+    twice = joined([GRID, GRID])
+    found = summary_of(sweep(twice, empty=()), weights=Weights(1, 0, 0, 0))
+    shown = sweep_scene_figure_module._best_at_each_place(found)
+    assert shown.tolist() == [True] * 14 + [False] * 14
+
+
+# A tetrahedron; face i is seen by the first 3 - i poses, and the last one by none.
+TETRAHEDRON = Part(
+    vertices=np.array([(0.0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10)]),
+    faces=np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]),
+    region_of_face=np.array([0, 0, 1, 1]),
+    region_names=("flat", "rest"),
+    smooth_group=np.arange(4),
+    path="tetrahedron.ply",
+    sha256="",
+    length_unit="mm",
+    closed=True,
+)
+
+
+def faces_sweep(**more: Any) -> xr.Dataset:
+    sightings = [
+        [(face, 10, 1e-3 * (1 + face + pose), 20.0 + pose) for face in range(3 - pose)]
+        for pose in range(3)
+    ]
+    return with_faces(
+        sweep(empty=(), **more),
+        [*sightings, *[[]] * 11],
+        TETRAHEDRON.face_areas,
+        TETRAHEDRON.region_of_face + 1,
+    )
+
+
+def test_faces_hit_are_counted_pose_by_pose() -> None:
+    found = summary_of(faces_sweep())
+    assert found.faces.tolist() == [3, 2, 1, *[0] * 11]
+    upper, faces, triangles = all_axes(rays_figure(found))
+    assert faces.get_ylabel() == "Faces of the part hit"
+    assert faces.patches[0].get_data().values.tolist() == found.faces.tolist()
+    assert triangles.get_ylabel() == "Shell triangles in view"
+    assert upper.get_ylabel() == "Rays that hit the part"
+    assert faces_seen(faces_sweep(), "part").tolist() == found.faces.tolist()
+    assert summary_of(sweep()).faces is None
+
+
+def test_maps_of_faces_are_those_of_the_sweep() -> None:
+    displacement, times, incidence = face_maps_of(faces_sweep())
+    # Face 0: 1, 2, 3 um; face 1: 2, 3 um; face 2: 3 um.
+    assert displacement.values == pytest.approx([2.0, 2.5, 3.0, np.nan], nan_ok=True, rel=1e-6)
+    assert times.values == pytest.approx([3, 2, 1, np.nan], nan_ok=True)
+    assert incidence.values == pytest.approx([20, 20, 20, np.nan], nan_ok=True)
+    assert face_maps_of(sweep()) == ()
+
+
+def test_faces_have_the_colours_of_their_numbers(tmp_path: Path) -> None:
+    """All four kinds of faces are to be seen: three colours of the map and the grey of none."""
+    data = faces_sweep()
+    _, times, _ = face_maps_of(data)
+    path = tmp_path / "faces.png"
+    sweep_face_figure(summary_of(data), TETRAHEDRON, times, path)
+    pixels = colours_of(path)
+    assert len(pixels) == 1600 * 1200
+    hue = [np.array(colormaps["viridis"](times.values[face] / 3.0)[:3]) for face in range(3)]
+    # The light scales a colour and leaves its direction.
+    direction = pixels / np.maximum(np.linalg.norm(pixels, axis=1, keepdims=True), 1.0)
+    for colour in hue:
+        alike = direction @ (colour / np.linalg.norm(colour)) > 0.9995
+        assert np.count_nonzero(alike & (pixels.sum(axis=1) < 650)) > 1000
+    grey = (np.ptp(pixels, axis=1) < 3) & (abs(pixels.mean(axis=1) - 195) < 25)
+    assert np.count_nonzero(grey) > 1000
+    with pytest.raises(InputError, match="4 faces and the sweep 3"):
+        sweep_face_figure(summary_of(data), TETRAHEDRON, evolve(times, values=np.ones(3)), path)
+
+
+# In space ----------------------------------------------------------------------------------------
+
+
+def colours_of(path: Path) -> np.ndarray:
+    return np.asarray(pv.read(path).point_data.active_scalars)[:, :3].astype(int)
+
+
+def orange(pixels: np.ndarray) -> int:
+    """Pixels in the colour of the part."""
+    red, green, blue = pixels.T
+    return int(((red > 150) & (red - blue > 90) & (red - green > 40) & (green > 70)).sum())
+
+
+def test_the_part_stands_among_the_poses(summary: SweepSummary, tmp_path: Path) -> None:
+    part = read_part(folder_of("cylinder") / "part.ply")
+    for name, around in (("with", Surroundings(part)), ("without", Surroundings())):
+        sweep_scene_figure(summary, summary.score, around, tmp_path / f"{name}.png")
+    pictures = {path.stem: colours_of(path) for path in tmp_path.iterdir()}
+    assert len(pictures["with"]) == 1600 * 1200
+    # The edge of the red ring around the best pose is a little orange too.
+    assert orange(pictures["with"]) > 1000 + orange(pictures["without"])
+
+
+def test_a_single_pose_can_be_drawn(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match="do not differ"):
+        one = summary_of(sweep(GRID.take([5]), empty=()))
+    assert len(sweep_figures(one, tmp_path)) == 18
+    sweep_scene_figure(one, one.displacement, Surroundings(), tmp_path / "scene.png")
+
+
+def test_files_of_the_sweep_are_found_again() -> None:
+    folder = folder_of("cylinder")
+    scene, mesh = folder / "scene.xml", folder / "part.ply"
+    named = {
+        "scene": {"path": str(scene), "sha256": sha256_of(scene)},
+        "part": {
+            "path": str(mesh),
+            "sha256": sha256_of(mesh),
+            "length_unit": "mm",
+            "to_world": np.eye(4).tolist(),
+        },
+    }
+    found = surroundings_of(sweep(**named))
+    assert found.missing == ()
+    assert found.part is not None
+    assert found.shell is not None
+    # The outermost shell encloses the part.
+    vertices, _ = found.shell
+    assert np.all(vertices.min(axis=0) < found.part.bounds[0])
+    assert np.all(vertices.max(axis=0) > found.part.bounds[1])
+
+    named["scene"]["sha256"] = "another"
+    named["part"]["path"] = "gone.ply"
+    found = surroundings_of(sweep(**named))
+    assert (found.part, found.shell) == (None, None)
+    assert [("gone" in text, "has changed" in text) for text in found.missing] == [
+        (True, False),
+        (False, True),
+    ]
+
+
+def test_a_sweep_that_names_no_files_is_drawn_without_them() -> None:
+    assert len(surroundings_of(sweep()).missing) == 2
+
+
+def test_drawing_leaves_pyplot_alone() -> None:
+    """No global state, and the Matplotlib figures need no VTK."""
+    script = (
+        "import sys\n"
+        "from iriftrace import sweep_figures\n"
+        "print([m for m in ('matplotlib.pyplot', 'pyvista', 'mitsuba') if m in sys.modules])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,82 @@
+"""Transforms written as text: order, sense of rotation, files, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from iriftrace.core.errors import InputError
+from iriftrace.geometry.transform import apply, parse_transform
+
+AXES = np.eye(3)
+
+
+@pytest.mark.parametrize(
+    ("text", "images"),
+    [
+        # A quarter turn about x carries y to z (right-handed), and so on round the axes.
+        ("rotate x 90", [(1, 0, 0), (0, 0, 1), (0, -1, 0)]),
+        ("rotate y 90", [(0, 0, -1), (0, 1, 0), (1, 0, 0)]),
+        ("rotate z 90", [(0, 1, 0), (-1, 0, 0), (0, 0, 1)]),
+        ("rotate z -180", [(-1, 0, 0), (0, -1, 0), (0, 0, 1)]),
+        ("scale 0.001", [(0.001, 0, 0), (0, 0.001, 0), (0, 0, 0.001)]),
+        ("scale 1 2 -3", [(1, 0, 0), (0, 2, 0), (0, 0, -3)]),
+        ("translate 1 2 3", [(2, 2, 3), (1, 3, 3), (1, 2, 4)]),
+    ],
+)
+def test_single_steps(text, images):
+    # Equal, not close: a part turned by a quarter keeps its planes exactly.
+    assert_array_equal(apply(parse_transform(text), AXES), images)
+
+
+def test_the_left_step_comes_first():
+    moved = apply(parse_transform("translate 1 0 0, rotate z 90,scale 2"), np.zeros((1, 3)))
+    assert_array_equal(moved, [(0, 2, 0)])
+
+
+@given(st.sampled_from("xyz"), st.floats(-720.0, 720.0))
+def test_rotations_are_those_of_scipy(axis, angle):
+    expected = Rotation.from_euler(axis, angle, degrees=True).as_matrix()
+    assert_allclose(parse_transform(f"rotate {axis} {angle!r}")[:3, :3], expected, atol=1e-12)
+
+
+def test_numbers_and_files_hold_a_matrix_row_by_row(tmp_path):
+    matrix = parse_transform("rotate x 30, translate 1 2 3")
+    text = " ".join(map(repr, matrix.ravel().tolist()))
+    assert_array_equal(parse_transform(text), matrix)
+    assert_array_equal(parse_transform(text.replace(" ", ", ")), matrix)
+    path = tmp_path / "pose.txt"
+    np.savetxt(path, matrix, fmt="%.17g")
+    assert_array_equal(parse_transform(str(path)), matrix)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "step '' is not known"),
+        ("turn x 90", "'turn x 90' is not known"),
+        ("rotate w 90", "'rotate w 90' is not known"),
+        ("rotate x", "'rotate x' is not known"),
+        ("rotate x ninety", "'ninety'"),
+        ("scale 1 2", "'scale 1 2' is not known"),
+        ("scale 0", "singular"),
+        ("translate 1 2 nan", "not finite"),
+        ("1 2 3", "3 numbers"),
+        ("1 0 0 0 0 1 0 0 0 0 1 0 5 6 7 1", "transposed"),
+        ("no_such_file.txt", "not known"),
+    ],
+)
+def test_wrong_transforms_are_refused(text, message):
+    with pytest.raises(InputError, match=message):
+        parse_transform(text)
+
+
+def test_files_that_hold_something_else_are_refused(tmp_path):
+    path = tmp_path / "pose.txt"
+    path.write_text("rotate x 90")
+    with pytest.raises(InputError, match="expected 16 numbers"):
+        parse_transform(str(path))

@@ -1,0 +1,91 @@
+"""The displacement splits at the line of sight, with the right signs, for both projections."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from aov_by_hand import make_image, plate
+from hypothesis import given
+from hypothesis import strategies as st
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import Status
+from iriftrace.image.displacement import displacement_map, good_mask, shift_map, split_displacement
+
+PINHOLE = Camera(
+    focal_length_mm=10,
+    sensor_mm=(6, 4),
+    resolution=(12, 8),
+    matrix=look_at((0, -100, 0), (0, 0, 0)),
+)
+PARALLEL = Camera(
+    sensor_mm=(6, 4),
+    resolution=(12, 8),
+    matrix=look_at((0, -100, 0), (0, 0, 0)),
+    projection="orthographic",
+)
+WALL = plate((15, 0, 0), (0, 0, 40), (0, 0, 0))
+# Narrower than the parallel camera's picture, so that some pixels see nothing.
+STRIP = plate((2, 0, 0), (0, 0, 40), (0, 0, 0))
+
+
+def test_axial_is_positive_away_from_the_camera() -> None:
+    """The parallel camera looks along +y: y is axial, x and z are lateral."""
+    image = make_image(PARALLEL, WALL, displacement=(0.003, 0.002, 0.004))
+    result = displacement_map(image)
+    assert result.good.any()
+    np.testing.assert_allclose(result.axial[result.good], 0.002, rtol=1e-6)
+    np.testing.assert_allclose(result.lateral[result.good], 0.005, rtol=1e-6)
+    np.testing.assert_allclose(result.norm[result.good], np.sqrt(29) * 1e-3, rtol=1e-6)
+
+
+def test_pinhole_splits_along_each_pixels_own_line_of_sight() -> None:
+    """A displacement of 1 um along y seen under the angle a: cos(a) along, sin(a) across."""
+    image = make_image(PINHOLE, WALL, displacement=(0, 0.001, 0))
+    result = displacement_map(image)
+    _, directions = PINHOLE.rays()
+    cosine = directions[:, 1].reshape(8, 12)[result.good]
+    np.testing.assert_allclose(result.axial[result.good], 1e-3 * cosine, rtol=1e-6)
+    sine = np.sqrt(1 - cosine**2)
+    np.testing.assert_allclose(result.lateral[result.good], 1e-3 * sine, rtol=1e-5, atol=1e-12)
+
+
+@given(
+    vector=st.tuples(*[st.floats(-1, 1)] * 3),
+    towards=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 1e-3),
+)
+def test_parts_obey_pythagoras(
+    vector: tuple[float, float, float], towards: tuple[float, float, float]
+) -> None:
+    sight = np.array([towards]) / np.linalg.norm(towards)
+    lateral, axial = split_displacement(np.array([vector]), sight)
+    assert lateral[0] ** 2 + axial[0] ** 2 == pytest.approx(np.dot(vector, vector), abs=1e-14)
+    opposite = split_displacement(np.array([vector]), -sight)
+    assert opposite[1][0] == pytest.approx(-axial[0])
+
+
+def test_maps_are_zero_where_rays_do_not_count() -> None:
+    status = np.zeros((8, 12))
+    status[:4] = Status.OUT_OF_FOCUS
+    status[4, :] = Status.INDEX_MISMATCH
+    image = make_image(PARALLEL, STRIP, displacement=(1, 0, 0), shift=(0.5, -0.25), status=status)
+    result, shift = displacement_map(image), shift_map(image)
+    missed = image.status == Status.MISSED
+    assert missed.any()
+    np.testing.assert_array_equal(result.good, (image.status == 0))
+    np.testing.assert_array_equal(result.good, shift.good)
+    for values in (result.norm, result.lateral, result.axial, shift.pixels):
+        assert not values[~result.good].any()
+    np.testing.assert_array_equal(
+        shift.pixels[shift.good], np.tile([0.5, -0.25], (shift.good.sum(), 1))
+    )
+    more = displacement_map(image, include=(0, 5))
+    assert more.good.sum() == result.good.sum() + (image.status == 5).sum()
+
+
+@pytest.mark.parametrize("include", [(), (0, 1), (3,), (99,)])
+def test_rays_without_two_hits_cannot_be_included(include: tuple[int, ...]) -> None:
+    with pytest.raises(InputError, match="only 0 and 5"):
+        good_mask(make_image(PARALLEL, WALL), include)

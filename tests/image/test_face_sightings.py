@@ -1,0 +1,199 @@
+"""What poses see of each face: counted ray by ray, stored, and read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from iriftrace.camera.orbit import Orbit, orbit_poses
+from iriftrace.camera.pose_set import PoseSet
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.image.sightings import FaceSightings, seen_by_pose, sight_faces, sightings_of
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scenes import folder_of
+from iriftrace.sweep.sweep import run_sweep
+from iriftrace.trace.render import render_scene
+
+
+@pytest.fixture(scope="module")
+def scene(variant: str) -> LoadedScene:
+    return load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.15}, variant=variant)
+
+
+@pytest.fixture(scope="module")
+def poses(scene: LoadedScene) -> PoseSet:
+    """The last one stands in the part and sees nothing, the one before looks away."""
+    orbit = Orbit(centre=scene.part.centre, semi_axes_mm=(310.0, 238.5, 238.5))
+    matrices = np.array(orbit_poses(orbit, (0.0, 45.0, 90.0), (0.0, 40.0)).matrices)
+    matrices[-2, :3, :3] = matrices[-2, :3, :3] @ np.diag((-1.0, 1.0, -1.0))
+    matrices[-1, :3, 3] = scene.part.centre
+    return PoseSet(matrices)
+
+
+@pytest.fixture(scope="module")
+def images(scene: LoadedScene, poses: PoseSet) -> list[AovImage]:
+    """Of all poses but the one in the part."""
+    return [
+        render_scene(scene, camera=scene.camera.at(matrix), nearest=False, empty=True).image
+        for matrix in poses.matrices[:-1]
+    ]
+
+
+@pytest.fixture(scope="module")
+def swept(
+    scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
+) -> xr.Dataset:
+    return run_sweep(scene, poses, scene.camera, tmp_path_factory.mktemp("sweep") / "sweep.nc")
+
+
+def by_hand(image: AovImage, include: tuple[int, ...] = (0,)) -> dict[int, list[tuple[float, ...]]]:
+    """(displacement, incidence) of every good ray, face by face."""
+    rays: dict[int, list[tuple[float, ...]]] = {}
+    names = ("part.face", "displacement.norm", "incidence.angle")
+    good = np.isin(image.channels["status.code"], include)
+    for face, *values in zip(*(image.channels[name][good].tolist() for name in names), strict=True):
+        rays.setdefault(round(face) - 1, []).append(tuple(values))
+    return rays
+
+
+def test_rays_are_reduced_to_their_faces(images: list[AovImage]) -> None:
+    for image in images:
+        found = sight_faces(image)
+        rays = by_hand(image)
+        assert found.face.tolist() == sorted(rays)
+        assert found.rays.tolist() == [len(rays[face]) for face in found.face]
+        for row, face in enumerate(found.face.tolist()):
+            moved, angle = np.array(rays[face]).T
+            # Both are rounded to float32 once.
+            assert found.displacement[row] == pytest.approx(moved.mean(), rel=1e-6)
+            assert found.incidence[row] == pytest.approx(np.degrees(angle.min()), rel=1e-6)
+    assert len(sight_faces(images[0])) > 100
+    assert len(sight_faces(images[-1])) == 0
+
+
+def test_further_rays_are_included_on_request(images: list[AovImage]) -> None:
+    status = np.array(images[0].channels["status.code"])
+    rows, columns = np.nonzero(status == Status.GOOD)
+    status[rows[:50], columns[:50]] = Status.INDEX_MISMATCH
+    image = AovImage({**images[0].channels, "status.code": status}, images[0].header)
+    fewer, all_of_them = sight_faces(image), sight_faces(image, (0, 5))
+    assert all_of_them.rays.sum() - fewer.rays.sum() == 50
+    assert all_of_them.face.tolist() == sorted(by_hand(image, (0, 5)))
+
+
+def test_sweep_keeps_what_each_pose_sees(swept: xr.Dataset, images: list[AovImage]) -> None:
+    assert swept["sightings"].attrs["sample_dimension"] == "sighting"
+    assert int(swept["sightings"].sum()) == swept.sizes["sighting"]
+    for pose, image in enumerate(images):
+        found = sightings_of(swept, pose)
+        assert np.array_equal(found.as_rows(), sight_faces(image).as_rows())
+        assert int(found.rays.sum()) == int(swept["rays_good"].sel(region="part")[pose])
+    assert len(sightings_of(swept, len(images))) == 0
+
+
+def test_area_of_the_faces_seen_is_the_coverage(swept: xr.Dataset, scene: LoadedScene) -> None:
+    """By face numbers and areas of the file alone, whole part and region by region."""
+    area, region = swept["face_area"].values, swept["face_region"].values
+    assert area.sum() == pytest.approx(scene.part.area)
+    names = np.array([str(name) for name in swept["region"].values])
+    assert names[region].tolist() == [
+        scene.part.region_names[number] for number in scene.part.region_of_face
+    ]
+    seen = seen_by_pose(swept)
+    for number, name in enumerate(names):
+        members = (region == number) | (name == "part")
+        share = (seen & members) @ area / area[members].sum()
+        expected = swept["coverage"].sel(region=name).values
+        known = np.isfinite(expected)
+        # No pose looks at the head that points to -x.
+        assert known.any() == (name != "head -x")
+        assert share[known] == pytest.approx(expected[known])
+
+
+def test_maps_are_those_of_all_rays_of_all_poses(swept: xr.Dataset, images: list[AovImage]) -> None:
+    everything: dict[int, list[tuple[float, ...]]] = {}
+    times: dict[int, int] = {}
+    for image in images:
+        for face, rays in by_hand(image).items():
+            everything.setdefault(face, []).extend(rays)
+            times[face] = times.get(face, 0) + 1
+    for face in range(swept.sizes["face"]):
+        assert int(swept["face_times_seen"][face]) == times.get(face, 0)
+        displacement, incidence = (
+            float(swept[f"face_{name}"][face]) for name in ("displacement", "incidence")
+        )
+        if face in everything:
+            moved, angle = np.array(everything[face]).T
+            assert displacement == pytest.approx(moved.mean(), rel=1e-6)
+            assert incidence == pytest.approx(np.degrees(angle.min()), rel=1e-6)
+        else:
+            assert np.isnan(displacement)
+            assert np.isnan(incidence)
+    assert 0 < len(everything) < swept.sizes["face"]
+
+
+def test_limits_leave_out_what_is_seen_badly(swept: xr.Dataset) -> None:
+    limits = {"max_displacement_mm": 2e-3, "max_incidence_deg": 60.0, "min_rays": 3}
+    seen = seen_by_pose(swept, **limits)
+    for pose in range(swept.sizes["pose"]):
+        found = sightings_of(swept, pose)
+        expected = [
+            face
+            for face, rays, moved, angle in found.as_rows().tolist()
+            if moved <= 2e-3 and angle <= 60 and rays >= 3
+        ]
+        assert np.flatnonzero(seen[pose]).tolist() == expected
+    assert 0 < seen.sum() < seen_by_pose(swept).sum()
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ({"max_displacement_mm": 0.0}, "No face has"),
+        ({"max_displacement_mm": float("nan")}, "No face has"),
+        ({"max_incidence_deg": 91.0}, "91 degrees"),
+        ({"max_incidence_deg": 0.0}, "0 degrees"),
+        ({"min_rays": 0}, "at least 0 rays"),
+    ],
+)
+def test_limits_that_make_no_sense(swept: xr.Dataset, limit: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        seen_by_pose(swept, **limit)
+
+
+def test_pose_that_is_not_there_and_sweep_without_faces(swept: xr.Dataset) -> None:
+    for pose in (-1, swept.sizes["pose"]):
+        with pytest.raises(InputError, match=f"no pose {pose}"):
+            sightings_of(swept, pose)
+    with pytest.raises(InputError, match="does not say which faces"):
+        sightings_of(swept.drop_vars("sightings"), 0)
+
+
+def test_only_the_rows_asked_for_are_read(swept: xr.Dataset) -> None:
+    """Of a fine mesh and many poses they would not fit into memory."""
+    again = xr.open_dataset(swept.encoding["source"], engine="h5netcdf")
+    sightings_of(swept, 1)
+    for dataset in (again, swept):
+        assert not dataset["sighting_face"].variable._in_memory
+    again.close()
+
+
+def test_rows_survive_the_way_to_the_disk(tmp_path: Path) -> None:
+    found = FaceSightings(
+        *(
+            np.array(values, dtype=kind)
+            for values, kind in (
+                ([3, 70_000_000], "i4"),
+                ([1, 2], "i4"),
+                ([0.1, 2.0], "f4"),
+                ([89.9, 0.0], "f4"),
+            )
+        )
+    )
+    np.save(tmp_path / "rows.npy", found.as_rows(), allow_pickle=False)
+    back = FaceSightings.from_rows(np.load(tmp_path / "rows.npy", allow_pickle=False))
+    assert np.array_equal(back.as_rows(), found.as_rows())

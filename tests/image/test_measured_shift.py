@@ -1,0 +1,113 @@
+"""Measured shifts as maps and as markers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from iriftrace.core.errors import InputError
+from iriftrace.image.measured_shift import read_measured_shift
+
+FIELD = np.arange(24, dtype=np.float32).reshape(3, 4, 2) / 7
+FIELD[1, 2] = np.nan
+MEASURED = np.isfinite(FIELD).all(axis=2)
+
+
+def exr(path: Path, **channels: np.ndarray) -> Path:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    planes = {name: np.ascontiguousarray(values) for name, values in channels.items()}
+    OpenEXR.File(header, planes).write(str(path))
+    return path
+
+
+def check_map(path: Path) -> None:
+    """Pixel (row, column) has its centre at (column + 0.5, row + 0.5); NaN was not measured."""
+    found = read_measured_shift(path)
+    assert found.resolution == (4, 3)
+    row, column = np.nonzero(MEASURED)
+    np.testing.assert_array_equal(found.places, np.stack((column + 0.5, row + 0.5), axis=1))
+    np.testing.assert_array_equal(found.shifts, FIELD[MEASURED])
+
+
+@pytest.mark.parametrize("names", [("X", "Y"), ("du", "dv"), ("flow.U", "flow.V"), ("R", "G")])
+def test_two_channel_exr(tmp_path: Path, names: tuple[str, str]) -> None:
+    across, down = names
+    check_map(exr(tmp_path / "map.exr", **{across: FIELD[..., 0], down: FIELD[..., 1]}))
+
+
+def test_aov_image_serves_as_a_map(tmp_path: Path) -> None:
+    """Its good pixels: another rendering can be compared with."""
+    status = np.where(MEASURED, 0, 1).astype(np.float32)
+    filled = np.nan_to_num(FIELD)
+    check_map(
+        exr(
+            tmp_path / "map.exr",
+            **{
+                "shift.px.X": filled[..., 0],
+                "shift.px.Y": filled[..., 1],
+                "status.code": status,
+                "path.length": status,
+            },
+        )
+    )
+
+
+def test_numpy_arrays_in_both_orders(tmp_path: Path) -> None:
+    for field in (FIELD, np.moveaxis(FIELD, 2, 0)):
+        np.save(tmp_path / "map.npy", field)
+        check_map(tmp_path / "map.npy")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "u,v,du,dv\n10,20,0.5,-0.25\n0,1.5,0,1e-3\n",
+        "# markers\nname; DV ;U;V;dU\na;-0,25;10;20;0,5\nb;1e-3;0;1,5;0\n",
+        "u v du dv\n10 20 0.5 -0.25\n0 1.5 0 1e-3\n5 5 nan nan\n",
+        "du,dv,u,v\n0.5,-0.25,10,20\n\n0,1e-3,0,1.5\n,,9,9\n",
+    ],
+)
+def test_markers(tmp_path: Path, text: str) -> None:
+    """(0, 0) is the centre of the first pixel, which is (0.5, 0.5) here."""
+    (tmp_path / "markers.csv").write_text(text)
+    found = read_measured_shift(tmp_path / "markers.csv")
+    assert found.resolution is None
+    np.testing.assert_allclose(found.places, ((10.5, 20.5), (0.5, 2.0)))
+    np.testing.assert_allclose(found.shifts, ((0.5, -0.25), (0.0, 1e-3)))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.csv", "x,y\n1,2\n", "has the columns x, y, but"),
+        ("a.csv", "", "has the columns none, but"),
+        ("a.csv", "u,v,du,dv\n", "holds no measured shift"),
+        ("a.csv", "u,v,du,dv\n1,2,,\n", "holds no measured shift"),
+        ("a.csv", "u,v,du,dv\n1,2,3\n", "line 2 has 3 columns"),
+        ("a.csv", "u,v,du,dv\n1,2,3,4\n1,2,3,far\n", "line 3: 1, 2, 3, far are no four numbers"),
+        ("a.exr", "no picture", "not an OpenEXR file"),
+        ("a.npy", "no array", "is no NumPy array"),
+        ("a.tif", "", "is no measured shift that can be read"),
+    ],
+)
+def test_wrong_files_are_refused(tmp_path: Path, name: str, text: str, message: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_measured_shift(tmp_path / name)
+
+
+def test_wrong_maps_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no file"):
+        read_measured_shift(tmp_path / "gone.csv")
+    np.save(tmp_path / "a.npy", np.zeros((4, 3)))
+    with pytest.raises(InputError, match=r"has the shape \(4, 3\)"):
+        read_measured_shift(tmp_path / "a.npy")
+    np.save(tmp_path / "a.npy", np.full((4, 3, 2), np.nan))
+    with pytest.raises(InputError, match="holds no measured shift"):
+        read_measured_shift(tmp_path / "a.npy")
+    three = {name: FIELD[..., 0] for name in "RGB"}
+    with pytest.raises(InputError, match="has the channels B, G, R, but a map of shifts has two"):
+        read_measured_shift(exr(tmp_path / "a.exr", **three))

@@ -1,0 +1,55 @@
+"""The rays that count, against the plain formulas for one vector at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from aov_by_hand import make_image, plate
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import Status
+from iriftrace.image.displacement import displacement_map, shift_map
+from iriftrace.image.rays import bending, rays_that_count
+
+WALL = plate((8, 3, 0), (0, 1, 9), (0, 0, 0))
+POSE = look_at((20, -60, 15), (0, 0, 0))
+CAMERAS = [
+    Camera(focal_length_mm=10, sensor_mm=(6, 4), resolution=(60, 40), matrix=POSE),
+    Camera(sensor_mm=(24, 16), resolution=(60, 40), matrix=POSE, projection="orthographic"),
+]
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_rays_are_those_of_the_image(camera: Camera) -> None:
+    rng = np.random.default_rng(7)
+    vector = rng.normal(size=(40, 60, 3)) * 1e-3
+    status = rng.choice([Status.GOOD, Status.INDEX_MISMATCH, Status.OUT_OF_FOCUS], size=(40, 60))
+    image = make_image(
+        camera, WALL, displacement=vector, shift=rng.normal(size=(40, 60, 2)), status=status
+    )
+    for include in ((0,), (0, 5)):
+        rays = rays_that_count(image, camera, include)
+        good = np.isin(image.status, include)
+        assert 100 < good.sum() < good.size
+        np.testing.assert_array_equal(rays.pixels, np.flatnonzero(good))
+        np.testing.assert_array_equal(rays.face + 1, image.channels["part.face"][good])
+        hits = image.vector("straight", good)
+        np.testing.assert_allclose(rays.position.T, camera.to_camera(hits), rtol=1e-13, atol=1e-12)
+        np.testing.assert_allclose(rays.distance, image.channels["path.length"][good], rtol=1e-6)
+        np.testing.assert_array_equal(rays.incidence, image.channels["incidence.angle"][good])
+
+        found = bending(image, camera, rays)
+        split, shift = displacement_map(image, include), shift_map(image, include)
+        np.testing.assert_array_equal(found.norm, split.norm[good])
+        np.testing.assert_allclose(found.lateral, split.lateral[good], rtol=1e-12)
+        np.testing.assert_allclose(found.axial, np.abs(split.axial[good]), rtol=1e-9, atol=1e-18)
+        np.testing.assert_allclose(found.shift, np.linalg.norm(shift.pixels[good], axis=1))
+
+
+def test_ray_without_a_face_is_refused() -> None:
+    image = make_image(CAMERAS[0], WALL)
+    image.channels["part.face"][20, 30] = 0
+    with pytest.raises(InputError, match="1 good rays have no face"):
+        rays_that_count(image, CAMERAS[0], (0,))

@@ -1,0 +1,134 @@
+"""Neighbours, orientation, smooth groups and names on bodies whose patches are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from iriftrace.geometry.topology import faces_to_flip, find_neighbours, weld
+from iriftrace.geometry.triangles import face_crosses, unit_vectors
+from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
+
+
+def regions_of(mesh: trimesh.Trimesh, angle_deg: float = 30.0) -> Regions:
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    crosses = face_crosses(vertices, faces)
+    normals = unit_vectors(crosses)
+    neighbours = find_neighbours(weld(vertices)[faces])
+    groups = find_smooth_groups(neighbours, normals, angle_deg)
+    return name_regions(groups, normals, np.linalg.norm(crosses, axis=1) / 2)
+
+
+def test_box_has_six_planes_named_by_direction() -> None:
+    mesh = trimesh.creation.box(extents=(1, 2, 3))
+    regions = regions_of(mesh)
+    # The largest first: the faces across x measure 2 x 3.
+    assert {regions.names[0], regions.names[1]} == {"plane -x", "plane +x"}
+    assert {regions.names[4], regions.names[5]} == {"plane -z", "plane +z"}
+    for face, region in enumerate(regions.of_face):
+        sign, axis = regions.names[region][-2:]
+        expected = np.zeros(3)
+        expected["xyz".index(axis)] = 1.0 if sign == "+" else -1.0
+        np.testing.assert_allclose(mesh.face_normals[face], expected, atol=1e-12)
+
+
+def test_triangle_soup_gives_the_same_regions() -> None:
+    """STL stores each triangle on its own; welding must find the neighbours again."""
+    mesh = trimesh.creation.cylinder(radius=5, height=20)
+    soup = trimesh.Trimesh(
+        mesh.vertices[mesh.faces].reshape(-1, 3),
+        np.arange(3 * len(mesh.faces)).reshape(-1, 3),
+        process=False,
+    )
+    whole, loose = regions_of(mesh), regions_of(soup)
+    assert loose.names == whole.names
+    np.testing.assert_array_equal(loose.of_face, whole.of_face)
+
+
+def test_oblique_cylinder_has_numbered_heads() -> None:
+    mesh = trimesh.creation.cylinder(radius=5, height=20)
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(0.5, (1, 1, 0)))
+    assert set(regions_of(mesh).names) == {"lateral", "head 1", "head 2"}
+
+
+def test_closed_smooth_body_is_one_surface() -> None:
+    assert regions_of(trimesh.creation.icosphere(subdivisions=3)).names == ("surface 1",)
+
+
+def test_equal_directions_are_numbered_by_size() -> None:
+    """Two boxes show two planes to every side; the larger box's come first."""
+    large, small = trimesh.creation.box(extents=(4, 4, 4)), trimesh.creation.box(extents=(2, 2, 2))
+    small.apply_translation((10, 0, 0))
+    both = trimesh.util.concatenate([large, small])
+    regions = regions_of(both)
+    assert len(set(regions.names)) == 12
+    first = regions.of_face[:12]
+    assert {regions.names[i] for i in first} == {f"plane {s}{a} 1" for s in "+-" for a in "xyz"}
+
+
+def test_crumbs_form_the_rest() -> None:
+    """0.6 mm cubes have 0.4 % of the area of a 10 mm cube and get no region of their own."""
+    crumbs = []
+    for i in range(3):
+        crumb = trimesh.creation.box(extents=(0.6, 0.6, 0.6))
+        crumb.apply_translation((20 + 2 * i, 0, 0))
+        crumbs.append(crumb)
+    regions = regions_of(trimesh.util.concatenate([trimesh.creation.box((10, 10, 10)), *crumbs]))
+    assert len(regions.names) == 7
+    assert regions.names[-1] == "rest"
+    np.testing.assert_array_equal(np.flatnonzero(regions.of_face == 6), np.arange(12, 48))
+
+
+def test_mesh_without_large_patches_still_has_a_region() -> None:
+    """A noisy scan falls apart into single faces; all of them are the rest."""
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    assert regions_of(mesh, angle_deg=0.1).names == ("rest",)
+
+
+def test_angle_decides_what_is_smooth() -> None:
+    """The edges of an octagonal prism turn by 45 degrees."""
+    prism = trimesh.creation.cylinder(radius=5, height=20, sections=8)
+    assert len(regions_of(prism, angle_deg=44).names) == 10
+    assert len(regions_of(prism, angle_deg=46).names) == 3
+
+
+def test_open_edges_are_counted() -> None:
+    mesh = trimesh.creation.box()
+    faces = np.asarray(mesh.faces)
+    assert find_neighbours(faces).open_edges == 0
+    assert find_neighbours(faces[1:]).open_edges == 3
+    # Boxes that touch along an edge: four triangles there, and yet nothing is open.
+    other = trimesh.creation.box()
+    other.apply_translation((1, 1, 0))
+    touching = trimesh.util.concatenate([mesh, other])
+    welded = weld(touching.vertices)[touching.faces]
+    found = find_neighbours(welded)
+    assert found.open_edges == 0
+    assert len(found.pairs) == 2 * 18 - 2
+
+
+def test_faces_that_use_a_vertex_twice_change_nothing() -> None:
+    faces = np.asarray(trimesh.creation.box().faces)
+    padded = np.concatenate(([[0, 0, 1]], faces, [[2, 2, 2]]))
+    found = find_neighbours(padded)
+    assert found.open_edges == 0
+    np.testing.assert_array_equal(found.pairs, find_neighbours(faces).pairs + 1)
+    assert len(find_neighbours(np.array([[1, 1, 1]])).pairs) == 0
+
+
+def test_flipping_finds_exactly_the_turned_minority() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=3)
+    areas = np.asarray(mesh.area_faces)
+    rng = np.random.default_rng(5)
+    for share in (0.0, 0.01, 0.3, 0.45):
+        turned = rng.random(len(mesh.faces)) < share
+        faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
+        np.testing.assert_array_equal(faces_to_flip(find_neighbours(faces), areas), turned)
+
+
+def test_weld_ignores_the_sign_of_zero_and_sees_float32() -> None:
+    vertices = np.array([[0.0, 1, 2], [-0.0, 1, 2], [1e-12, 1 + 1e-9, 2], [0, 1, 2.001]])
+    numbers = weld(vertices)
+    assert numbers[0] == numbers[1]
+    assert numbers[3] != numbers[0]
+    assert weld(np.array([[1.0, 0, 0], [1.0 + 1e-9, 0, 0]])).tolist() == [0, 0]

@@ -1,0 +1,487 @@
+"""Ranking by a table worked out by hand, by independent loops, and by what must never win."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from sweep_tables import sweep_table, two_regions
+
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.planning.candidates import METRICS, Weights, pareto_front
+from iriftrace.planning.rank import close_alternative, rank_poses, score_of, stability
+
+# Five poses A to E. NumPy's linear percentile of five values lies at position 0.95 * 4 = 3.8, that
+# is 0.8 of the way from the fourth to the fifth smallest:
+#                 A      B      C      D       E      min   95th percentile           span
+# displacement    6      1      3      12      7      1     7    + 0.8 * 5     = 11   10
+# coverage        0.4    0.1    0.3    0.525   0.2    0.1   0.4  + 0.8 * 0.125 = 0.5  0.4
+# axial           0.1    0.55   0.25   0.2     0.3    0.1   0.3  + 0.8 * 0.25  = 0.5  0.4
+# lateral         4      2      3      6.25    5      2     5    + 0.8 * 1.25  = 6    4
+# normalised (value - min) / span, at most 1:
+# displacement    0.5    0      0.2    1       0.6
+# coverage        0.75   0      0.5    1       0.25
+# axial           0      1      0.375  0.25    0.5
+# lateral         0.5    0      0.25   1       0.75
+# score = 0.5 d + 0.2 (1 - c) + 0.15 a + 0.15 l:
+# A  0.25 + 0.05 + 0       + 0.075  = 0.375
+# B  0    + 0.2  + 0.15    + 0      = 0.35
+# C  0.1  + 0.1  + 0.05625 + 0.0375 = 0.29375
+# D  0.5  + 0    + 0.0375  + 0.15   = 0.6875
+# E  0.3  + 0.15 + 0.075   + 0.1125 = 0.6375
+A, B, C, D, E = range(5)
+FIVE = {
+    "displacement": [6, 1, 3, 12, 7],
+    "coverage": [0.4, 0.1, 0.3, 0.525, 0.2],
+    "axial": [0.1, 0.55, 0.25, 0.2, 0.3],
+    "lateral": [4, 2, 3, 6.25, 5],
+}
+NORMALISED = {
+    "displacement": [0.5, 0, 0.2, 1, 0.6],
+    "coverage": [0.75, 0, 0.5, 1, 0.25],
+    "axial": [0, 1, 0.375, 0.25, 0.5],
+    "lateral": [0.5, 0, 0.25, 1, 0.75],
+}
+SCORES = [0.375, 0.35, 0.29375, 0.6875, 0.6375]
+
+
+def five(**changes: Any) -> xr.Dataset:
+    return sweep_table(**{**FIVE, **changes})
+
+
+def changed(table: xr.Dataset, variable: str, values: Any) -> xr.Dataset:
+    return table.assign({variable: (("pose", "region"), np.asarray(values)[:, None])})
+
+
+def test_five_poses_are_scored_as_by_hand() -> None:
+    plan = rank_poses(five())
+    for name in METRICS:
+        assert_allclose(plan.normalised[name], NORMALISED[name], atol=1e-12)
+    assert_allclose(plan.score, SCORES, atol=1e-12)
+    assert plan.order.tolist() == [C, B, A, E, D]
+    assert plan.best == C
+    assert plan.unranked == {}
+    assert plan.warnings == ()
+    assert plan.limits["displacement"] == pytest.approx((1, 11))
+
+
+def test_discarding_drops_what_lies_above_the_percentile() -> None:
+    """B's axial resolution and D's three metrics lie above it; the others' scores stay."""
+    plan = rank_poses(five(), outside="discard")
+    assert plan.order.tolist() == [C, A, E]
+    assert_allclose(plan.score[[C, A, E]], [0.29375, 0.375, 0.6375], atol=1e-12)
+    assert plan.unranked == {
+        B: "axial 0.55 is above the 95th percentile, 0.5",
+        D: "displacement 12 is above the 95th percentile, 11",
+    }
+    assert np.isnan(plan.score[[B, D]]).all()
+
+
+def test_discarding_cannot_leave_nothing() -> None:
+    """Of two poses, each one is the worse in something, hence above the percentile."""
+    table = sweep_table([1, 2], [0.1, 0.1], [2, 1], [1, 1])
+    with pytest.raises(InputError, match="none is left to rank"):
+        rank_poses(table, outside="discard")
+    # A region where only rounding differs has no outliers.
+    same = sweep_table([1, 1 + 1e-15], [0.1, 0.1], [1, 1], [1, 1])
+    with pytest.warns(IriftraceWarning, match="do not differ"):
+        assert rank_poses(same, outside="discard").order.tolist() == [0, 1]
+
+
+def test_percentile_100_is_the_maximum() -> None:
+    plan = rank_poses(five(), percentile=100)
+    assert_allclose(plan.normalised["displacement"], [5 / 11, 0, 2 / 11, 1, 6 / 11])
+    assert rank_poses(five(), percentile=100, outside="discard").unranked == {}
+
+
+def test_percentile_50_is_the_median() -> None:
+    """Displacements 1, 3, 6, 7, 12: all from 6 on count 1, and 3 lies 2/5 of the way to 6."""
+    plan = rank_poses(five(), percentile=50)
+    assert_allclose(plan.normalised["displacement"], [1, 0, 0.4, 1, 1])
+
+
+def test_weights_count_as_given() -> None:
+    """Displacement alone orders by displacement; twice the weight is twice the score."""
+    alone = Weights(displacement=2, coverage=0, axial=0, lateral=0)
+    plan = rank_poses(five(), weights=alone)
+    assert plan.order.tolist() == [B, C, A, E, D]
+    assert_allclose(plan.score, 2 * np.array(NORMALISED["displacement"]), atol=1e-12)
+    coverage = rank_poses(five(), weights=Weights(0, 1, 0, 0))
+    assert coverage.order.tolist() == [D, A, C, E, B]
+
+
+def test_equal_poses_keep_their_order() -> None:
+    twice = sweep_table(*([*values, *values] for values in FIVE.values()))
+    assert rank_poses(twice).order[:4].tolist() == [C, C + 5, B, B + 5]
+
+
+@pytest.mark.parametrize("statistic", ["median", "p95"])
+def test_robust_statistics_take_their_own_values(statistic: str) -> None:
+    """With all displacements mirrored (13 - d), B has the largest one instead of the smallest."""
+    table = changed(five(), f"displacement_{statistic}", [7, 12, 10, 1, 6])
+    plan = rank_poses(table, statistic=statistic, weights=Weights(1, 0, 0, 0))
+    assert plan.order.tolist() == [D, E, A, C, B]
+
+
+@pytest.mark.parametrize("resolution", ["nn3d", "nnxy"])
+def test_readings_of_the_resolution_take_their_own_values(resolution: str) -> None:
+    table = changed(five(), f"axial_resolution_{resolution}", [5, 4, 3, 2, 1])
+    table = changed(table, f"lateral_resolution_{resolution}", [1, 1, 2, 1, 1])
+    axial = rank_poses(table, resolution=resolution, weights=Weights(0, 0, 1, 0))
+    assert axial.order.tolist() == [E, D, C, B, A]
+    lateral = rank_poses(table, resolution=resolution, weights=Weights(0, 0, 0, 1))
+    assert lateral.order[-1] == C
+
+
+def test_a_region_is_ranked_by_its_own_numbers() -> None:
+    reverse = sweep_table(*(values[::-1] for values in FIVE.values()), rays_good=100)
+    table = two_regions(five(), reverse, "head -x")
+    plan = rank_poses(table, region="head -x")
+    assert_allclose(plan.score, SCORES[::-1], atol=1e-12)
+    assert_array_equal(rank_poses(table).score, rank_poses(five()).score)
+
+
+def test_poses_that_see_nothing_never_win_and_change_nothing() -> None:
+    """Null metrics, failures, untraced poses and too few rays, each with seductive numbers."""
+    empty = np.nan
+    table = sweep_table(
+        [0.0, *FIVE["displacement"], 0.0, empty, 0.0, 0.0],
+        [1.0, *FIVE["coverage"], 1.0, empty, 1.0, 1.0],
+        [0.0, *FIVE["axial"], 0.0, empty, empty, np.inf],
+        [0.0, *FIVE["lateral"], 0.0, empty, empty, 0.0],
+        [99, *[100] * 5, 1000, -1, 1000, 1000],
+    )
+    table["failure"][6] = "the camera stands inside the part"
+    plan = rank_poses(table)
+    assert_allclose(plan.score[1:6], SCORES, atol=1e-12)
+    assert plan.order.tolist() == [1 + pose for pose in (C, B, A, E, D)]
+    assert plan.unranked == {
+        0: "99 good rays, fewer than 100",
+        6: "failed: the camera stands inside the part",
+        7: "not traced",
+        8: "no value of axial, lateral",
+        9: "no value of axial",
+    }
+    assert 0 in rank_poses(table, min_hits=99).order
+
+
+def test_poses_that_see_too_little_never_win_and_change_nothing() -> None:
+    """The best by far in all else sees 4 % of the part."""
+    columns = {name: [0.04 if name == "coverage" else 0.0, *FIVE[name]] for name in METRICS}
+    table = sweep_table(*columns.values(), [1000] * 6)
+    assert rank_poses(table).best == 0
+    assert 0 in pareto_front(table)
+    plan = rank_poses(table, min_coverage=0.05)
+    assert plan.unranked == {0: "coverage 0.04, less than 0.05"}
+    assert_allclose(plan.score[1:], SCORES, atol=1e-12)
+    assert 0 not in pareto_front(table, min_coverage=0.05)
+
+
+def test_a_metric_without_weight_may_be_unknown() -> None:
+    table = five(axial=[np.nan] * 5)
+    plan = rank_poses(table, weights=Weights(axial=0))
+    assert_allclose(plan.score, np.array(SCORES) - 0.15 * np.array(NORMALISED["axial"]))
+    assert np.isnan(plan.normalised["axial"]).all()
+    with pytest.raises(InputError, match="no value of axial_resolution for part"):
+        rank_poses(table)
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_a_constant_metric_counts_zero(name: str) -> None:
+    """The coverage, too: its cost is 0 then and not 1. Noise of rounding is no difference."""
+    noise = 1 + np.array([0, 1, -1, 2, 0]) * 2.0**-52
+    with pytest.warns(IriftraceWarning, match=rf"The ranked poses \(5\) do not differ in {name},"):
+        plan = rank_poses(five(**{name: 0.3 * noise}))
+    expected = sum(
+        weight * (1 - np.array(NORMALISED[n]) if n == "coverage" else np.array(NORMALISED[n]))
+        for n, weight in Weights().as_dict().items()
+        if n != name
+    )
+    assert_allclose(plan.score, expected, atol=1e-12)
+    assert len(plan.warnings) == 1
+
+
+def test_a_metric_that_hardly_differs_is_said_to_decide_as_much() -> None:
+    """It counts as always, since the paper's normalisation knows no size."""
+    little = 0.3 * (1 + 1e-3 * np.array(NORMALISED["lateral"]))
+    with pytest.warns(IriftraceWarning, match=r"differ in lateral by 0\.1 % only"):
+        plan = rank_poses(five(lateral=little))
+    assert plan.constant == ()
+    assert np.ptp(plan.normalised["lateral"]) == 1.0
+    assert len(plan.warnings) == 1
+
+
+def test_one_pose_is_the_best_of_one() -> None:
+    with pytest.warns(IriftraceWarning, match="displacement, coverage, axial, lateral"):
+        plan = rank_poses(sweep_table([1], [0.1], [1], [1]))
+    assert plan.order.tolist() == [0]
+    assert plan.score.tolist() == [0]
+    assert stability(plan).worst_rank == 1
+
+
+def test_nearly_all_poses_at_the_minimum() -> None:
+    """One of 40 poses sees more; minimum and percentile coincide, and it still counts as more."""
+    count = 40
+    coverage = [0.2] * (count - 1) + [0.4]
+    table = sweep_table(np.arange(count), coverage, np.arange(count), np.arange(count))
+    plan = rank_poses(table, weights=Weights(0, 1, 0, 0))
+    assert plan.order[0] == count - 1
+    assert_array_equal(plan.normalised["coverage"], [0] * (count - 1) + [1])
+
+
+def test_a_sweep_from_a_file_ranks_alike(tmp_path: Path) -> None:
+    five().to_netcdf(tmp_path / "sweep.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "sweep.nc", engine="h5netcdf") as table:
+        plan = rank_poses(table)
+    assert_allclose(plan.score, SCORES, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given_weights", "words"),
+    [
+        ({"axial": -0.1}, "weight of axial is -0.1"),
+        ({"coverage": np.nan}, "weight of coverage is nan"),
+        ({"lateral": np.inf}, "weight of lateral is inf"),
+        (dict.fromkeys(METRICS, 0), "All weights are zero"),
+    ],
+)
+def test_impossible_weights_are_refused(given_weights: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Weights(**given_weights)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"statistic": "max"}, "Unknown statistic 'max'; use one of mean, median, p95"),
+        ({"resolution": "nn"}, "Unknown resolution 'nn'"),
+        ({"outside": "keep"}, "Unknown outside 'keep'; use one of clip, discard"),
+        ({"region": "head +x"}, "no region 'head \\+x'; it has part"),
+        ({"percentile": 0}, "percentile is 0"),
+        ({"percentile": 101}, "percentile is 101"),
+        ({"percentile": np.nan}, "percentile is nan"),
+        ({"min_hits": 0}, "good rays is 0"),
+        ({"min_coverage": 30}, r"coverage is 30, .*from 0 to 1"),
+        ({"min_coverage": 1}, r"None of the 5 poses .*coverage 0\.\d+, less than 1"),
+        ({"min_hits": 1001}, r"None of the 5 poses .*pose 0: 1000 good rays, fewer than 1001"),
+    ],
+)
+def test_wrong_options_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        rank_poses(five(), **options)
+
+
+def test_other_files_are_refused() -> None:
+    with pytest.raises(InputError, match="not a sweep of iriftrace: coverage is missing"):
+        rank_poses(five().drop_vars("coverage"))
+    with pytest.raises(InputError, match="not a sweep of iriftrace: displacement_mean"):
+        rank_poses(xr.Dataset())
+    with pytest.raises(InputError, match="not a sweep of iriftrace: region"):
+        pareto_front(five().drop_vars("region"))
+    with pytest.raises(InputError, match="no poses"):
+        rank_poses(five().isel(pose=slice(0)))
+    scattered = sweep_table([1, np.nan], [0.1, 0.2], [np.nan, 1], [1, 1])
+    with pytest.raises(InputError, match="None of the 2 poses has all of displacement, coverage"):
+        rank_poses(scattered)
+
+
+metric_values = st.floats(0.01, 10).map(lambda value: round(value, 2))
+
+
+@st.composite
+def tables(draw: st.DrawFn, smallest: int = 2) -> dict[str, list[float]]:
+    """Random metrics; few distinct values, so that equal ones and duplicates occur."""
+    count = draw(st.integers(smallest, 12))
+    values = st.one_of(st.integers(1, 4).map(float), metric_values)
+    return {name: draw(st.lists(values, min_size=count, max_size=count)) for name in METRICS}
+
+
+def rank(table: dict[str, list[float]], **options: Any) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IriftraceWarning)
+        return rank_poses(sweep_table(**table), **options)
+
+
+@given(tables())
+def test_scores_equal_a_loop_over_sorted_lists(table: dict[str, list[float]]) -> None:
+    count = len(table["coverage"])
+    expected = [0.0] * count
+    for name, weight in zip(METRICS, (0.5, 0.2, 0.15, 0.15), strict=True):
+        ascending = sorted(table[name])
+        position = 0.95 * (count - 1)
+        below = min(int(position), count - 2)
+        upper = ascending[below] + (position - below) * (ascending[below + 1] - ascending[below])
+        if ascending[0] == ascending[-1]:
+            continue
+        for pose, value in enumerate(table[name]):
+            if upper - ascending[0] > 1e-12:
+                share = min((value - ascending[0]) / (upper - ascending[0]), 1.0)
+            else:
+                share = float(value > ascending[0])
+            expected[pose] += weight * (1 - share if name == "coverage" else share)
+    plan = rank(table)
+    assert_allclose(plan.score, expected, atol=1e-9)
+    assert_array_equal(np.diff(plan.score[plan.order]) >= 0, True)
+
+
+@given(tables(), st.floats(0.1, 100))
+def test_units_do_not_matter(table: dict[str, list[float]], factor: float) -> None:
+    """A metric in other units gives the same scores: normalised values have no unit."""
+    scaled = {name: [factor * value for value in values] for name, values in table.items()}
+    assert_allclose(rank(scaled).score, rank(table).score, atol=1e-9)
+
+
+def test_stability_by_hand() -> None:
+    """C against B, costs C - B: d 0.1, c -0.1, a -0.09375, l 0.0375 (weighted, sum -0.05625).
+
+    With one weight halved or half as large again the sum changes by half of one of them, at most
+    to -0.00625 (d up: C 0.34375, B 0.35), so C stays first; with all at once it can reach
+    -0.05625 + 0.5 * 0.33125 > 0, so B is a rival. A: d -0.15, c 0.05, a 0.05625, l -0.0375, sum
+    -0.08125 + 0.5 * 0.29375 > 0, a rival. D: d -0.4, c 0.1, a 0.01875, l -0.1125, sum -0.39375 +
+    0.5 * 0.63125 < 0. E is worse than C in everything.
+    """
+    found = stability(rank_poses(five()))
+    assert found.ranks == dict.fromkeys(METRICS, (1, 1))
+    assert found.winners == dict.fromkeys(METRICS, (C, C))
+    assert found.worst_rank == 1
+    assert sorted(found.rivals.tolist()) == [A, B]
+
+
+@settings(max_examples=30)
+@given(tables(), st.sampled_from([0.5, 0.9]))
+def test_stability_is_what_ranking_anew_gives(table: dict[str, list[float]], share: float) -> None:
+    plan = rank(table)
+    found = stability(plan, share)
+    for name in METRICS:
+        for side, factor in enumerate((1 - share, 1 + share)):
+            weights = Weights().as_dict()
+            weights[name] *= factor
+            score = rank(table, weights=Weights(**weights)).score
+            assert found.ranks[name][side] == 1 + np.count_nonzero(score < score[plan.best] - 1e-12)
+            assert score[found.winners[name][side]] == pytest.approx(score.min(), abs=1e-12)
+    corners = np.stack(np.meshgrid(*[(1 - share, 1 + share)] * 4), axis=-1).reshape(-1, 4)
+    rivals = set()
+    for corner in corners:
+        weights = dict(zip(METRICS, corner * list(Weights().as_dict().values()), strict=True))
+        score = rank(table, weights=Weights(**weights)).score
+        rivals |= set(np.flatnonzero(score < score[plan.best] - 1e-12).tolist())
+    assert set(found.rivals.tolist()) == rivals
+
+
+def test_a_winner_by_a_hair_is_not_stable() -> None:
+    """Pose 0 has the better displacement, pose 1 all else: 0.5 against 0.2 + 0.15 + 0.15."""
+    table = sweep_table([1, 2], [0.1, 0.2], [2, 1], [2, 1])
+    plan = rank_poses(table, weights=Weights(displacement=0.51))
+    found = stability(plan)
+    assert plan.best == 0
+    assert found.ranks["displacement"] == (2, 1)
+    assert found.winners["displacement"] == (1, 0)
+    assert found.ranks["coverage"] == (1, 2)
+    assert found.worst_rank == 2
+    with pytest.raises(InputError, match="vary by 1"):
+        stability(plan, 1)
+    # A weight of zero stays zero.
+    alone = stability(rank_poses(table, weights=Weights(1, 0, 0, 0)))
+    assert alone.ranks == {"displacement": (1, 1)}
+
+
+def test_pareto_front_by_hand() -> None:
+    """E is worse than C in everything; every other pose is the best in something or near it."""
+    assert pareto_front(five()).tolist() == [A, B, C, D]
+
+
+@given(tables(smallest=1))
+def test_pareto_front_equals_all_comparisons(table: dict[str, list[float]]) -> None:
+    costs = list(
+        zip(
+            table["displacement"],
+            [-value for value in table["coverage"]],
+            table["axial"],
+            table["lateral"],
+            strict=True,
+        )
+    )
+    expected = [
+        i
+        for i, mine in enumerate(costs)
+        if not any(
+            all(o <= m for o, m in zip(other, mine, strict=True)) and other != mine
+            for other in costs
+        )
+    ]
+    assert pareto_front(sweep_table(**table)).tolist() == expected
+
+
+def test_pareto_front_leaves_out_what_cannot_be_compared() -> None:
+    table = five(displacement=[6, np.nan, 3, 12, 7], rays_good=[1000, 1000, 99, 1000, 1000])
+    # Without B and C, E is dominated by A.
+    assert pareto_front(table).tolist() == [A, D]
+    with pytest.raises(InputError, match="no region"):
+        pareto_front(table, region="lateral")
+
+
+@given(tables())
+def test_a_pose_outside_is_scored_as_one_inside(table: dict[str, list[float]]) -> None:
+    """Scoring the sweep's own poses one by one gives the sweep's scores."""
+    plan = rank(table)
+    for pose in range(len(table["coverage"])):
+        metrics = {name: table[name][pose] for name in METRICS}
+        assert score_of(plan, metrics) == pytest.approx(plan.score[pose], abs=1e-12)
+
+
+def test_scores_of_other_poses_by_hand() -> None:
+    """Beyond both ends of the normalisation, and with one value unknown."""
+    plan = rank_poses(five())
+    best = {"displacement": 0.5, "coverage": 0.6, "axial": 0.0, "lateral": 2.0}
+    assert score_of(plan, best) == pytest.approx(0.0)
+    worst = {"displacement": 20, "coverage": 0.0, "axial": 1.0, "lateral": 4.0}
+    assert score_of(plan, worst) == pytest.approx(0.5 + 0.2 + 0.15 + 0.15 * 0.5)
+    assert np.isnan(score_of(plan, {**worst, "axial": np.nan}))
+    discarding = rank_poses(five(), outside="discard")
+    assert np.isnan(score_of(discarding, worst))
+    assert score_of(discarding, dict(zip(METRICS, (6, 0.4, 0.1, 4), strict=True))) == (
+        pytest.approx(SCORES[A])
+    )
+
+
+def test_a_winner_that_sees_far_less_is_not_clear() -> None:
+    """Pose 0 sees a tenth of pose 1 and is ahead by next to nothing; 2 sees no more, 3 is far.
+
+    Normalised displacement 0, 0.2, 0.21, 1 (percentile 100) and coverage 0, 1, 0.05, 1: with
+    weights 0.5 and 0.1 the scores are 0.1, 0.1 + x, 0.2, 0.5.
+    """
+    displacement = [1.0, 1.205, 1.21, 2.0]
+    coverage = [0.04, 0.4, 0.058, 0.4]
+    table = sweep_table(displacement, coverage, [1, 1, 1, 1], [1, 1, 1, 1])
+    with pytest.warns(IriftraceWarning, match="axial, lateral"):
+        plan = rank_poses(table, weights=Weights(0.5, 0.1, 0.2, 0.2), percentile=100)
+    assert plan.score == pytest.approx([0.1, 0.1025, 0.2, 0.5])
+    found = close_alternative(plan)
+    assert found is not None
+    assert found.pose == 1
+    assert found.behind == pytest.approx(0.0025)
+    assert (found.best_coverage, found.coverage) == (0.04, 0.4)
+
+
+@pytest.mark.parametrize(
+    ("displacement", "coverage"),
+    [
+        ([1.0, 1.5, 2.0], [0.04, 0.4, 0.4]),  # far behind
+        ([1.0, 1.201, 2.0], [0.30, 0.40, 0.4]),  # of the same kind
+        ([1.0, 1.201, 2.0], [0.01, 0.03, 0.03]),  # next to nothing, both
+    ],
+)
+def test_a_clear_winner_has_no_alternative(
+    displacement: list[float], coverage: list[float]
+) -> None:
+    table = sweep_table(displacement, coverage, [1, 1, 1], [1, 1, 1])
+    with pytest.warns(IriftraceWarning, match="axial, lateral"):
+        plan = rank_poses(table, weights=Weights(0.5, 0.1, 0.2, 0.2), percentile=100)
+    assert close_alternative(plan) is None

@@ -1,0 +1,132 @@
+"""Several views chosen from a sweep: only faces within the limits count."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from sweep_tables import sweep_table, two_regions, with_faces
+
+from iriftrace.core.errors import InputError
+from iriftrace.planning.cover import ViewLimits, plan_views
+
+# A unit cube, faces +x +y +z -x -y -z, seen from six directions (pose i from face i's side) and
+# from two opposite corners. A corner sees three faces at 54.7 degrees, moved by 30 um.
+NORMALS = np.concatenate((np.eye(3), -np.eye(3)))
+CORNERS = np.array([(1, 1, 1), (-1, -1, -1)]) / np.sqrt(3)
+DIRECTIONS = np.concatenate((NORMALS, CORNERS))
+
+
+def cube(rays_good: Any = 1000, areas: Any = (1, 1, 1, 1, 1, 1)) -> xr.Dataset:
+    sightings = []
+    for direction in DIRECTIONS:
+        cosine = NORMALS @ direction
+        moved = 0.01 if np.abs(direction).max() == 1 else 0.03
+        sightings.append(
+            [
+                (face, 400, moved, float(np.degrees(np.arccos(c))))
+                for face, c in enumerate(cosine)
+                if c > 1e-9
+            ]
+        )
+    ones = [1.0] * len(DIRECTIONS)
+    return with_faces(sweep_table(ones, ones, ones, ones, rays_good), sightings, areas)
+
+
+def test_two_corners_see_the_whole_cube() -> None:
+    found = plan_views(cube(), 2)
+    assert sorted(found.poses.tolist()) == [6, 7]
+    assert found.covered == pytest.approx(1)
+    assert found.exact
+
+
+@pytest.mark.parametrize(
+    "limits", [ViewLimits(displacement_mm=0.02), ViewLimits(incidence_deg=45.0)]
+)
+def test_a_face_beyond_a_limit_is_not_seen(limits: ViewLimits) -> None:
+    """The corners no longer count, so k views see k faces, and six are needed for all."""
+    for k in range(1, 8):
+        found = plan_views(cube(), k, limits)
+        assert found.covered == pytest.approx(min(k, 6) / 6)
+        assert set(found.poses.tolist()) <= set(range(6))
+        assert found.coverable == pytest.approx(1)
+
+
+def test_the_best_pair_by_trying_all() -> None:
+    rng = np.random.default_rng(5)
+    areas = rng.uniform(1, 3, 30)
+    sightings = [
+        [
+            (int(face), 10, float(rng.uniform(0, 0.04)), float(rng.uniform(0, 90)))
+            for face in np.sort(rng.choice(30, 12, replace=False))
+        ]
+        for _ in range(12)
+    ]
+    ones = [1.0] * 12
+    table = with_faces(sweep_table(ones, ones, ones, ones), sightings, areas)
+    found = plan_views(table, 2, ViewLimits(0.025, 70.0))
+    good = [
+        {f for f, _, moved, angle in rows if moved <= 0.025 and angle <= 70} for rows in sightings
+    ]
+    best = max(
+        sum(areas[face] for face in good[a] | good[b]) for a, b in combinations(range(12), 2)
+    )
+    assert found.covered == pytest.approx(best / areas.sum())
+    assert found.exact
+    for face in set().union(*(good[pose] for pose in found.poses)):
+        assert any(
+            f == face and moved <= 0.025 and angle <= 70
+            for pose in found.poses
+            for f, _, moved, angle in sightings[pose]
+        )
+
+
+def test_a_region_is_covered_alone() -> None:
+    """The faces -x, -y and -z are a region; the second corner sees all of it."""
+    table = cube()
+    joined = two_regions(
+        table.drop_vars([name for name in table if "pose" not in table[name].dims]).drop_vars(
+            "sightings"
+        ),
+        sweep_table(*([[1.0] * 8] * 4)),
+        "below",
+    )
+    faces = [name for name in table if set(table[name].dims) <= {"face", "sighting"}]
+    joined = joined.assign({name: table[name] for name in [*faces, "sightings"]})
+    joined["face_region"] = ("face", np.array([2, 2, 2, 1, 1, 1], dtype="i2"))
+    found = plan_views(joined, 1, region="below")
+    assert found.poses.tolist() == [7]
+    assert found.covered == pytest.approx(1)
+
+
+def test_poses_with_few_rays_are_no_candidates() -> None:
+    found = plan_views(cube([1000] * 6 + [99, 99]), 2)
+    assert set(found.poses.tolist()) <= set(range(6))
+
+
+@pytest.mark.parametrize(
+    ("table", "k", "options", "words"),
+    [
+        (cube(), 0, {}, "number of views is 0"),
+        (cube(), 1, {"region": "hat"}, "no region 'hat'"),
+        (cube(), 1, {"limits": ViewLimits(displacement_mm=0.001)}, "10 to 30 um"),
+        (cube(), 1, {"limits": ViewLimits(displacement_mm=-1)}, "positive limit"),
+        (cube(), 1, {"limits": ViewLimits(incidence_deg=91)}, "0 to 90"),
+        (cube(), 1, {"min_hits": 1001}, "relax"),
+        (sweep_table([1], [1], [1], [1]), 1, {}, "earlier version"),
+    ],
+)
+def test_what_cannot_be_chosen_is_refused(
+    table: xr.Dataset, k: int, options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        plan_views(table, k, **options)
+
+
+def test_limits_are_said_in_words() -> None:
+    assert ViewLimits().text == "at all"
+    both = ViewLimits(0.02, 75.0).text
+    assert both == "with a displacement of 20 um at most and at an angle of 75 degrees at most"

@@ -1,0 +1,407 @@
+"""Variants, and the LLVM library they need: found, judged and set before it can do harm.
+
+What depends on the order of imports or could kill the process runs in a process of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import mitsuba
+import pytest
+
+from iriftrace.core.errors import InputError, SetupError
+from iriftrace.runtime import llvm
+from iriftrace.runtime import variant as runtime
+
+PURE = (
+    "air camera displacement doctor errors exr field fit llvm metrics part resolution runtime "
+    "shell_edit shell_import shell_report shells status transform units"
+).split()
+WITHOUT_VTK = sorted(
+    {*PURE, "cli"} - {"field", "fit", "shells", "shell_edit", "shell_import", "shell_report"}
+)
+OLD_LIBRARIES = [library.path for library in llvm.llvm_libraries() if not library.ok]
+#: Seconds after which a process that does not end says on stderr where it stands.
+TOO_LONG = 60
+
+
+def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run `code` in a fresh Python whose only LLVM and variant settings are `environment`."""
+    watched = (
+        f"import faulthandler\nfaulthandler.dump_traceback_later({TOO_LONG}, exit=True)\n{code}"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", watched],
+        capture_output=True,
+        text=True,
+        env={**without_settings(), **environment},
+        timeout=120,
+        check=False,
+    )
+
+
+def run_past_hangs(code: str, path: str) -> subprocess.CompletedProcess[str]:
+    """Run `code` with an LLVM library that may be of no use; anew if it does not get past loading.
+
+    Twice in many runs a process stood still before Dr.Jit said what it thinks of LLVM 14, a large
+    file that nothing else reads. Three such processes in a row leave the test out, which the last
+    line of the run says. Waiting for our own probe fails.
+    """
+    for _ in range(3):
+        done = run_python(code, DRJIT_LIBLLVM_PATH=path)
+        waits_for_probe = re.search(r'iriftrace[\\/]llvm\.py"', done.stderr)
+        if "Timeout (" not in done.stderr or waits_for_probe:
+            return done
+    pytest.skip(f"Mitsuba with {path} not tested: it does not load ({done.stderr})")
+
+
+def without_settings() -> dict[str, str]:
+    hidden = (llvm.PATH_VARIABLE, runtime.VARIANT_VARIABLE)
+    return {key: value for key, value in os.environ.items() if key not in hidden}
+
+
+def answer_of(code: str, **environment: str) -> Any:
+    """Run `code` and return the JSON that it wrote."""
+    done = run_python(code, **environment)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def library(major: int) -> dict[str, Any]:
+    """What the probe answers for a sound LLVM of that version."""
+    return {"version": [major, 0, 0], "missing": [], "error": ""}
+
+
+@pytest.fixture
+def fake_machine(monkeypatch: pytest.MonkeyPatch):
+    """A machine with just these LLVM libraries: {path: what the probe answers}."""
+
+    def install(answers: dict[str, dict[str, Any]]) -> None:
+        monkeypatch.delenv(llvm.PATH_VARIABLE, raising=False)
+        monkeypatch.setattr(llvm, "candidate_paths", lambda: list(answers))
+        monkeypatch.setattr(llvm, "run_probe", lambda kind, path: answers[path])
+
+    return install
+
+
+# ---- imports
+
+
+@pytest.mark.parametrize(
+    ("modules", "forbidden"),
+    [(PURE, ["mitsuba", "drjit"]), (WITHOUT_VTK, ["mitsuba", "drjit", "vtkmodules", "pyvista"])],
+    ids=["without mitsuba", "without vtk"],
+)
+def test_importing_does_not_import_what_the_module_can_do_without(
+    modules: list[str], forbidden: list[str]
+) -> None:
+    """Reading metrics needs no renderer, and --help must not wait seconds for VTK."""
+    code = f"""
+import importlib, json, sys
+import iriftrace
+dragged = {{}}
+for name in {modules!r}:
+    importlib.import_module("iriftrace." + name)
+    for heavy in {forbidden!r}:
+        if heavy in sys.modules:
+            dragged.setdefault(heavy, "iriftrace." + name)
+print(json.dumps(dragged))
+"""
+    assert answer_of(code) == {}
+
+
+def test_help_imports_neither_vtk_nor_mitsuba() -> None:
+    code = """
+import sys
+sys.argv = ["iriftrace", "--help"]
+from iriftrace.cli import main
+try:
+    code = main()
+except SystemExit as leaving:
+    code = leaving.code
+heavy = [name for name in ("mitsuba", "drjit", "vtkmodules", "pyvista") if name in sys.modules]
+sys.exit(f"exit code {code}, imported {heavy}" if code or heavy else 0)
+"""
+    done = run_python(code)
+    assert done.returncode == 0, done.stderr
+    assert "doctor" in done.stdout
+
+
+# ---- which variant
+
+
+def test_nothing_set_gives_the_llvm_variant_with_plugins_and_the_path_set() -> None:
+    """ensure() alone is enough in a fresh process, and a second call changes nothing."""
+    code = """
+import json, os
+from iriftrace.runtime.variant import ensure
+first = ensure()
+import mitsuba
+plugin = mitsuba.load_dict({"type": "first_hit"}).__class__.__name__
+print(json.dumps([first, ensure(), mitsuba.variant(), os.environ["DRJIT_LIBLLVM_PATH"]]))
+"""
+    first, second, variant, path = answer_of(code)
+    assert first == second == variant == "llvm_ad_mono"
+    assert path == runtime.require_llvm().path
+
+
+def test_a_path_that_the_user_set_is_left_as_it_is() -> None:
+    path = runtime.require_llvm().path
+    alias = str(Path(path).resolve())
+    code = "import os; from iriftrace.runtime.variant import ensure; ensure();"
+    code += "import json; print(json.dumps(os.environ['DRJIT_LIBLLVM_PATH']))"
+    assert answer_of(code, DRJIT_LIBLLVM_PATH=alias) == alias
+
+
+def test_argument_beats_session_beats_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IRIFTRACE_VARIANT", "cuda_ad_mono")
+    monkeypatch.setattr(runtime, "current_variant", lambda: None)
+    assert runtime.wanted_variant() == "cuda_ad_mono"
+    monkeypatch.setattr(runtime, "current_variant", lambda: "llvm_ad_mono")
+    assert runtime.wanted_variant() == "llvm_ad_mono"
+    assert runtime.wanted_variant("cuda_ad_mono") == "cuda_ad_mono"
+    monkeypatch.setattr(runtime, "current_variant", lambda: None)
+    monkeypatch.setenv("IRIFTRACE_VARIANT", "")
+    assert runtime.wanted_variant() == "llvm_ad_mono"
+
+
+@pytest.mark.parametrize("name", ["scalar_rgb", "scalar_spectral", "llvm_ad_rgb", "gpu", ""])
+def test_other_variants_are_refused_in_one_sentence(name: str) -> None:
+    """A scalar variant would run, slowly and in single precision: worse than an error."""
+    with pytest.raises(InputError, match="choose llvm_ad_mono or cuda_ad_mono") as caught:
+        runtime.ensure(name)
+    assert repr(name) in str(caught.value)
+    assert str(caught.value).count(".") == 1
+
+
+def test_a_session_in_a_scalar_variant_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Switching behind the user's back would break the objects that are loaded already."""
+    monkeypatch.setattr(runtime, "current_variant", lambda: "scalar_rgb")
+    with pytest.raises(InputError, match=r"Mitsuba's current variant 'scalar_rgb'.*scalar"):
+        runtime.ensure()
+
+
+def test_a_wrong_environment_variable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runtime, "current_variant", lambda: None)
+    monkeypatch.setenv("IRIFTRACE_VARIANT", "scalar_rgb")
+    with pytest.raises(InputError, match="IRIFTRACE_VARIANT = 'scalar_rgb'"):
+        runtime.wanted_variant()
+
+
+@pytest.mark.parametrize("former", ["llvm_ad_rgb", "scalar_rgb"])
+def test_using_switches_and_comes_back(variant: str, former: str) -> None:
+    """Also when the block raises, and the plugins work again after each switch."""
+    mitsuba.set_variant(former)
+    try:
+        for _ in range(2):
+            with runtime.using(variant) as name:
+                assert mitsuba.variant() == name == variant
+                assert mitsuba.load_dict({"type": "first_hit"}) is not None
+            assert mitsuba.variant() == former
+        with pytest.raises(ZeroDivisionError), runtime.using(variant):
+            _ = 1 / 0
+        assert mitsuba.variant() == former
+    finally:
+        mitsuba.set_variant(variant)
+
+
+def test_using_the_variant_that_is_set_already_changes_nothing(variant: str) -> None:
+    with runtime.using(variant):
+        assert mitsuba.variant() == variant
+    assert mitsuba.variant() == variant
+
+
+def test_cuda_without_a_device_is_an_error_that_names_the_other_variant(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nothing = runtime.CudaState(devices=(), why="libcuda.so.1: no such file")
+    monkeypatch.setattr(runtime, "cuda_state", lambda: nothing)
+    with pytest.raises(SetupError, match=r"NVIDIA.*libcuda\.so\.1.*llvm_ad_mono"):
+        runtime.ensure("cuda_ad_mono")
+
+
+# ---- which LLVM
+
+
+def test_this_machine_has_a_usable_llvm_and_it_comes_first() -> None:
+    libraries = runtime.llvm_libraries()
+    assert libraries[0].ok
+    assert libraries[0].version is not None
+    assert libraries[0].version >= (17, 0, 0)
+    assert len({Path(found.path).resolve() for found in libraries}) == len(libraries)
+
+
+def test_the_newest_usable_library_is_taken(fake_machine) -> None:
+    fake_machine({"a-14": library(14), "b-17": library(17), "c-19": library(19)})
+    assert [found.path for found in runtime.llvm_libraries()] == ["c-19", "b-17", "a-14"]
+    assert [found.ok for found in runtime.llvm_libraries()] == [True, True, False]
+
+
+@pytest.mark.parametrize("major", [11, 14, 15, 16])
+def test_only_old_libraries_are_as_bad_as_none(fake_machine, major: int) -> None:
+    fake_machine({"/usr/lib/libLLVM.so": library(major)})
+    with pytest.raises(SetupError, match=rf"libLLVM\.so is LLVM {major}\.0\.0.*17 or newer"):
+        runtime.require_llvm()
+
+
+def test_no_library_gives_the_command_that_installs_one(fake_machine, monkeypatch) -> None:
+    fake_machine({})
+    monkeypatch.setattr(llvm, "current_platform", lambda: "debian")
+    with pytest.raises(SetupError, match=r"No LLVM.*apt-get install -y libllvm19"):
+        runtime.require_llvm()
+
+
+def test_an_incomplete_library_is_refused(fake_machine) -> None:
+    """llvmlite and libclang bring LLVM without the functions that Dr.Jit calls."""
+    fake_machine({"x": {"version": None, "missing": ["LLVMRunPasses"], "error": ""}})
+    with pytest.raises(SetupError, match=r"not a complete LLVM library \(LLVMRunPasses missing\)"):
+        runtime.require_llvm()
+
+
+def test_the_variable_is_obeyed_even_when_it_is_wrong(fake_machine, monkeypatch) -> None:
+    """Dr.Jit would look nowhere else, so falling back silently is not possible."""
+    fake_machine({"/new/libLLVM.so": library(19), "/old/libLLVM.so": library(15)})
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/old/libLLVM.so")
+    first, second = runtime.llvm_libraries()
+    assert (first.path, first.ok, second.ok) == ("/old/libLLVM.so", False, True)
+    with pytest.raises(SetupError, match=r"DRJIT_LIBLLVM_PATH names '/old/libLLVM\.so'.*unset it"):
+        runtime.require_llvm()
+
+
+def test_a_file_that_is_no_library_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "libLLVM.so"
+    path.write_text("not a library")
+    found = llvm.inspect_llvm(str(path))
+    assert not found.ok
+    assert found.version is None
+    assert found.why.startswith("cannot be loaded")
+
+
+def test_a_library_that_is_not_llvm_is_refused() -> None:
+    import _ctypes
+
+    found = llvm.inspect_llvm(_ctypes.__file__)
+    assert not found.ok
+    assert "LLVMRunPasses" in found.why
+
+
+def test_a_probe_that_dies_is_an_answer() -> None:
+    """Some libraries abort when they are opened; that must not reach the user's process."""
+    answer = llvm.run_probe("llvm")  # no path: the probe ends with an IndexError
+    assert answer["error"].startswith("the process that opened it died: IndexError")
+
+
+def test_candidates_prefer_the_newest_name_and_list_each_file_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("libLLVM-14.0.6.so.1", "libLLVM.so.19.1", "libLLVM-9.so", "libLLVMCore.so.19"):
+        (tmp_path / name).write_bytes(b"")
+    (tmp_path / "libLLVM-19.so").symlink_to("libLLVM.so.19.1")
+    monkeypatch.setattr(llvm, "current_platform", lambda: "debian")
+    monkeypatch.setattr(llvm, "_LINUX_FOLDERS", ())
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "nowhere"))
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    names = [Path(path).resolve().name for path in llvm.candidate_paths()]
+    assert names == ["libLLVM.so.19.1", "libLLVM-14.0.6.so.1", "libLLVM-9.so"]
+
+
+NO_LLVM = """
+import sys
+from iriftrace import llvm, runtime
+from iriftrace.core.errors import SetupError
+llvm.candidate_paths = lambda: []
+try:
+    runtime.ensure()
+except SetupError as error:
+    print(error)
+sys.exit("mitsuba" in sys.modules or "drjit" in sys.modules)
+"""
+
+
+def test_without_llvm_the_error_comes_before_mitsuba_is_imported() -> None:
+    """One failed load cannot be repaired in the same process, so it must not happen."""
+    done = run_python(NO_LLVM)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("No LLVM library was found")
+
+
+@pytest.mark.parametrize("path", [*OLD_LIBRARIES, "/nowhere/libLLVM.so"])
+def test_a_bad_path_is_found_out_before_mitsuba_is_imported(path: str) -> None:
+    """With LLVM 15 the process would die at the first float64 maximum, not raise."""
+    done = run_python(NO_LLVM, DRJIT_LIBLLVM_PATH=path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(f"DRJIT_LIBLLVM_PATH names {path!r}")
+    assert done.stdout.count("\n") == 1
+
+
+def test_a_library_that_mitsuba_lacks_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bare systems have no libatomic; Dr.Jit then raises a NameError about its own module."""
+
+    def drjit_without_libatomic() -> None:
+        try:
+            raise ImportError("libatomic.so.1: cannot open shared object file")
+        except ImportError:
+            raise NameError("name '_drjit_ext' is not defined")  # noqa: B904
+
+    monkeypatch.setattr(runtime, "_mitsuba", drjit_without_libatomic)
+    monkeypatch.setattr(runtime, "current_variant", lambda: None)
+    monkeypatch.setattr(llvm, "current_platform", lambda: "debian")
+    with pytest.raises(SetupError, match=r"\(libatomic\.so\.1: .*install -y libllvm19 libatomic1"):
+        runtime.ensure()
+
+
+def test_ctrl_c_within_the_import_is_no_fault_of_mitsuba(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It arrives as the ImportError of the extension that was being loaded."""
+
+    def interrupted() -> Any:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise ImportError("initialization failed") from error
+
+    monkeypatch.setattr(runtime, "_mitsuba", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        runtime._import_mitsuba()
+
+
+def test_mitsuba_that_is_not_installed_is_to_be_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent() -> None:
+        raise ModuleNotFoundError("No module named 'mitsuba'")
+
+    monkeypatch.setattr(runtime, "_mitsuba", absent)
+    monkeypatch.setattr(runtime, "current_variant", lambda: None)
+    with pytest.raises(SetupError, match=r'No module named .*pip install "mitsuba>=3\.9,<3\.10"'):
+        runtime.ensure()
+
+
+TOO_LATE = """
+import os
+import mitsuba
+try:
+    mitsuba.set_variant("llvm_ad_rgb")
+except ImportError:
+    pass
+del os.environ["DRJIT_LIBLLVM_PATH"]
+from iriftrace import runtime
+from iriftrace.core.errors import SetupError
+try:
+    runtime.ensure("llvm_ad_mono")
+except SetupError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("path", [*OLD_LIBRARIES, "/nowhere/libLLVM.so"])
+def test_mitsuba_imported_earlier_with_a_bad_llvm_needs_a_restart(path: str) -> None:
+    """Dr.Jit looks for LLVM once per process; a better path given later is not read."""
+    done = run_past_hangs(TOO_LATE, path)
+    assert done.returncode == 0, done.stderr
+    assert "Mitsuba was imported" in done.stdout
+    assert "restart Python" in done.stdout

@@ -1,0 +1,242 @@
+"""What a scene says of where its rays are bent, and which shells may be placed by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from attrs import evolve
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.part.part import part_of_mesh
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.scenes.analytic import concentric_cylinders
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.edit import smooth_taubin
+from iriftrace.shells.hessian import SECOND_DERIVATIVES
+from iriftrace.shells.stack import ShellStack
+from iriftrace.trace.render import render_scene, trace_rays
+from tests.shell_fields import sphere_field
+
+pytestmark = pytest.mark.usefixtures("variant")
+
+CAMERA = Camera(
+    focal_length_mm=10.0,
+    sensor_mm=(6.0, 5.0),
+    resolution=(120, 100),
+    matrix=look_at((0.0, -60.0, 5.0), (0.0, 0.0, 0.0)),
+)
+FIELD = sphere_field(12)
+BALL = trimesh.creation.icosphere(2, 4.0)
+PART = part_of_mesh(BALL.vertices, BALL.faces, name="ball")
+TURN = trimesh.transformations.rotation_matrix(np.radians(33.0), (0.6, 0.0, -0.8))[:3, :3]
+IN_LAYERS = "all along the layers"
+AT_SHELLS = "at the shells alone"
+NOT_STEEP = "at the shells alone, which do not say how steep the index is"
+
+
+@pytest.fixture(scope="module")
+def stack() -> ShellStack:
+    return contour_shells(FIELD, 4)
+
+
+def written(folder: Path, stack: ShellStack) -> Path:
+    return write_scene(folder, PART, stack, CAMERA, paraview=False, field=FIELD)
+
+
+@pytest.fixture
+def xml(tmp_path: Path, stack: ShellStack) -> Path:
+    return written(tmp_path / "scene", stack)
+
+
+def said(xml: Path, values: Mapping[str, str] | None = None, engine: str | None = None) -> str:
+    """What scene, header and metrics say, which is the same."""
+    scene = load_scene(xml, values or {}, engine=engine)
+    rendering = render_scene(scene)
+    header = rendering.image.header
+    found = {
+        scene.bending,
+        header["bending"],
+        header["assumptions"]["bending"],
+        rendering.metrics["assumptions"]["bending"],
+    }
+    (one,) = found
+    return one
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, IN_LAYERS),
+        ({"bending": "shells"}, AT_SHELLS),
+        ({"normals": "facet"}, AT_SHELLS),
+        ({"normals": "facet", "bending": "shells"}, AT_SHELLS),
+    ],
+)
+def test_shells_of_a_field_bend_as_they_are_told(
+    xml: Path, values: dict[str, str], expected: str
+) -> None:
+    assert said(xml, values) == expected
+
+
+def test_the_continuous_engine_bends_continuously(xml: Path) -> None:
+    assert said(xml, engine="continuous") == "continuously"
+
+
+def test_one_shell_that_is_not_steep_keeps_all_from_it(tmp_path: Path, stack: ShellStack) -> None:
+    first, *others = stack.shells
+    shells = [evolve(first, steepness=None), *others]
+    assert said(written(tmp_path, evolve(stack, shells=shells))) == NOT_STEEP
+
+
+@pytest.mark.parametrize("column", ["gradient", "straight", "mixed"])
+def test_one_shell_without_a_column_keeps_all_from_it(xml: Path, column: str) -> None:
+    """As of files that other versions or programs wrote."""
+    mesh = xml.parent / "shells/shell_02.ply"
+    old, new = f" {column}_".encode(), f" {column[::-1]}_".encode()
+    mesh.write_bytes(mesh.read_bytes().replace(old, new, 3))
+    with pytest.warns(IriftraceWarning, match="is not of the shells"):
+        assert said(xml) == NOT_STEEP
+
+
+def test_mitsuba_reads_all_that_the_shells_know(xml: Path, stack: ShellStack) -> None:
+    import mitsuba as mi
+
+    found = {shape.id(): mi.traverse(shape) for shape in load_scene(xml).mitsuba_scene.shapes()}
+    for shell in stack.shells:
+        values = found[f"shell_{shell.layer:02d}"]
+        gradient, straight, mixed = (
+            np.array(values[f"vertex_{name}"]).reshape(-1, 3)
+            for name in ("gradient", "straight", "mixed")
+        )
+        assert shell.normals is not None
+        assert shell.steepness is not None
+        np.testing.assert_allclose(gradient, shell.normals * shell.steepness[:, :1], rtol=1e-6)
+        np.testing.assert_array_equal(np.hstack((straight, mixed)), shell.steepness[:, 1:])
+
+
+def test_smoothed_shells_and_those_of_the_outer_rule_are_not_steep(
+    tmp_path: Path, stack: ShellStack
+) -> None:
+    assert said(written(tmp_path / "smooth", smooth_taubin(stack, 2))) == NOT_STEEP
+    shells = concentric_cylinders(3, rule="outer")
+    exact = write_scene(tmp_path / "exact", *shells, CAMERA, paraview=False)
+    assert load_scene(exact).bending == NOT_STEEP
+    assert load_scene(exact, {"bending": "shells"}).bending == AT_SHELLS
+
+
+def test_shells_alone_bend_as_if_they_were_not_steep(
+    xml: Path, tmp_path: Path, stack: ShellStack
+) -> None:
+    """The parameter takes what is known of the steepness away, bit for bit, and does matter."""
+    bare = [evolve(shell, steepness=None) for shell in stack.shells]
+    plain = render_scene(written(tmp_path / "bare", evolve(stack, shells=bare))).image
+    told = render_scene(load_scene(xml, {"bending": "shells"})).image
+    for name, plane in plain.channels.items():
+        np.testing.assert_array_equal(plane, told.channels[name])
+    layers = render_scene(load_scene(xml)).image
+    good = (plain.status == 0) & (layers.status == 0)
+    size = plain.channels["displacement.norm"][good]
+    ratio = layers.channels["displacement.norm"][good] / size
+    # Four shells are up to some per cent off.
+    assert 0.01 < np.percentile(np.abs(ratio - 1.0), 95) < 0.5
+
+
+def test_index_on_the_surface_is_written_where_it_is_needed(
+    xml: Path, tmp_path: Path, stack: ShellStack
+) -> None:
+    loaded = load_scene(xml)
+    found = {shape.id(): shape.bsdf() for shape in loaded.mitsuba_scene.shapes()}
+    for shell in stack.shells:
+        assert found[f"shell_{shell.layer:02d}"].iso_ior == pytest.approx(
+            1.0 + shell.refractivity, abs=1e-15
+        )
+    assert "iso_ior" not in xml.read_text()
+    unequal = contour_shells(FIELD, levels=[2.6e-4, 2.5e-4, 2.2e-4])
+    loaded = load_scene(written(tmp_path / "unequal", unequal))
+    found = {shape.id(): shape.bsdf() for shape in loaded.mitsuba_scene.shapes()}
+    assert any(abs(2 * s.refractivity - s.ext - s.int_) > 1e-6 for s in unequal.shells)
+    for shell in unequal.shells:
+        assert found[f"shell_{shell.layer:02d}"].iso_ior == pytest.approx(
+            1.0 + shell.refractivity, abs=1e-15
+        )
+
+
+def placed(xml: Path, transform: str, *, part: bool = False) -> Path:
+    """The scene with its shells, and its part if wanted, placed by hand."""
+    placement = f'<transform name="to_world">{transform}</transform>'
+    lines = []
+    for line in xml.read_text().splitlines():
+        named = '"shells/shell_' in line or (part and '"part.ply"' in line)
+        lines += [line, placement] if named else [line]
+    xml.write_text("\n".join(lines))
+    return xml
+
+
+def with_second_derivatives(stack: ShellStack, turn: np.ndarray) -> ShellStack:
+    """Shells whose second derivatives are turned, or made zero, but nothing else."""
+    rows, columns = np.array(SECOND_DERIVATIVES).T
+    shells = []
+    for shell in stack.shells:
+        assert shell.steepness is not None
+        full = np.empty((len(shell.vertices), 3, 3))
+        full[:, rows, columns] = full[:, columns, rows] = shell.steepness[:, 1:]
+        full = turn @ full @ turn.T
+        steepness = np.hstack((shell.steepness[:, :1], full[:, rows, columns]))
+        shells.append(evolve(shell, steepness=steepness))
+    return evolve(stack, shells=shells)
+
+
+def test_shells_that_are_scaled_by_hand_bend_at_the_shells_alone(xml: Path) -> None:
+    """Their files tell the steepness per mm of before."""
+    scaled = placed(xml, '<scale value="1.1"/>')
+    with pytest.raises(InputError, match=r"'shell_01'.* changes lengths.*-D bending=shells"):
+        load_scene(scaled)
+    assert load_scene(scaled, {"bending": "shells"}).bending == AT_SHELLS
+    assert load_scene(scaled, {"normals": "facet"}).bending == AT_SHELLS
+
+
+def test_shells_that_are_not_steep_may_be_scaled(tmp_path: Path) -> None:
+    shells = concentric_cylinders(3, rule="outer")
+    exact = write_scene(tmp_path, *shells, CAMERA, paraview=False)
+    assert load_scene(placed(exact, '<scale value="1.1"/>')).bending == NOT_STEEP
+
+
+def test_turned_shells_bend_turned_rays_alike(xml: Path, tmp_path: Path, stack: ShellStack) -> None:
+    """What shells know turns with them: displacements agree to the float32 of the vertices.
+
+    Without the second derivatives, or with those of other axes, they are far from that.
+    """
+    without = written(tmp_path / "without", with_second_derivatives(stack, np.zeros((3, 3))))
+    other = written(tmp_path / "other", with_second_derivatives(stack, TURN))
+    axes = np.random.default_rng(5).normal(size=(400, 3))
+    outward = axes / np.linalg.norm(axes, axis=1)[:, None]
+    aside = np.cross(outward, np.roll(outward, 1, axis=1))
+    origins, directions = 40.0 * outward, -40.0 * outward + 2.5 * aside
+    before, *others = (
+        trace_rays(load_scene(path), origins, directions) for path in (xml, without, other)
+    )
+    turned_xml = placed(
+        xml, '<rotate x="0.6" z="-0.8" angle="33"/><translate x="3" y="-1" z="2"/>', part=True
+    )
+    scene = load_scene(turned_xml)
+    assert scene.bending == IN_LAYERS
+    after = trace_rays(scene, origins @ TURN.T + (3.0, -1.0, 2.0), directions @ TURN.T)
+    good = (before.status == 0) & (after.status == 0)
+    assert good.sum() > 300
+    expected = before.displacement[good] @ TURN.T
+    size = np.median(np.linalg.norm(expected, axis=1))
+    difference = np.linalg.norm(after.displacement[good] - expected, axis=1)
+    assert size > 1e-4
+    assert np.percentile(difference, 95) < 1e-3 * size
+    for rays in others:
+        both = good & (rays.status == 0)
+        assert both.sum() > 300
+        missed = np.linalg.norm((rays.displacement - before.displacement)[both], axis=1)
+        assert np.percentile(missed, 95) > 1e-2 * size

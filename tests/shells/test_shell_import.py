@@ -1,0 +1,252 @@
+"""Ready-made iso-surfaces as other programs export them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import pyvista as pv
+from attrs import evolve
+from numpy.testing import assert_allclose, assert_array_equal
+from shell_fields import (
+    AIR,
+    AMBIENT,
+    edge_counts,
+    is_wound_consistently,
+    signed_volume,
+    sphere_field,
+)
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.errors import InputError
+from iriftrace.geometry.transform import parse_transform
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.files import save_shells
+from iriftrace.shells.imported import import_shells
+
+# Hotter towards the centre; equal steps of n - 1 from ambient on, so that layers are known.
+RADII = (30.0, 20.0, 10.0)
+STEP = 4e-5
+LEVELS = AMBIENT - STEP * (np.arange(3) + 0.5)
+KELVIN = AIR.temperature(LEVELS)
+
+
+def spheres(name: str = "T", values: np.ndarray = KELVIN, *, cells: bool = False) -> pv.MultiBlock:
+    """Three spheres with a value each, every second triangle turned over, in a mixed order."""
+    blocks = pv.MultiBlock()
+    for i in (1, 2, 0):
+        ball = pv.Icosphere(radius=RADII[i], nsub=2)
+        faces = np.asarray(ball.regular_faces).copy()
+        faces[::2] = faces[::2, ::-1]
+        mesh = pv.PolyData.from_regular_faces(ball.points, faces)
+        count = mesh.n_cells if cells else mesh.n_points
+        (mesh.cell_data if cells else mesh.point_data)[name] = np.full(count, values[i])
+        blocks.append(mesh)
+    return blocks
+
+
+def merged(blocks: pv.MultiBlock) -> pv.PolyData:
+    return blocks.combine().extract_surface(algorithm="geometry")
+
+
+def check(stack) -> None:
+    """The three spheres, outermost first, closed and outward, with layers at equal steps."""
+    assert stack.rule == "imported"
+    assert [s.layer for s in stack.shells] == [1, 2, 3]
+    assert_allclose([s.refractivity for s in stack.shells], LEVELS, rtol=1e-5)
+    assert_allclose([s.ext for s in stack.shells], AMBIENT - STEP * np.arange(3), rtol=1e-5)
+    assert_allclose([s.int_ for s in stack.shells], AMBIENT - STEP * np.arange(1, 4), rtol=1e-5)
+    for shell, radius in zip(stack.shells, RADII, strict=True):
+        assert_allclose(np.linalg.norm(shell.vertices, axis=1), radius, rtol=1e-5)
+        assert np.all(edge_counts(shell.faces)[1] == 2)
+        assert is_wound_consistently(shell.faces)
+        assert 0.9 < signed_volume(shell.vertices, shell.faces) / (4 / 3 * np.pi * radius**3) < 1
+
+
+@pytest.mark.parametrize("cells", [True, False])
+@pytest.mark.parametrize("name", ["s.vtm", "s.vtp", "s.vtu"])
+def test_all_file_types_and_data_of_points_or_cells(tmp_path, name, cells):
+    blocks = spheres(cells=cells)
+    match name[-1]:
+        case "m":
+            blocks.save(tmp_path / name)
+        case "p":
+            merged(blocks).save(tmp_path / name)
+        case "u":
+            blocks.combine().save(tmp_path / name)
+    stack = import_shells(tmp_path / name)
+    check(stack)
+    assert not stack.has_normals
+    assert stack.source.array == "T"
+    assert stack.source.quantity == "temperature"
+    assert len(stack.source.sha256) == 64
+
+
+@pytest.mark.parametrize(
+    "values", [KELVIN, 1.0 + LEVELS, LEVELS], ids=["kelvin", "index", "refractivity"]
+)
+def test_comsols_nameless_array_is_told_by_its_values(tmp_path, values):
+    merged(spheres("Color", values)).save(tmp_path / "s.vtp")
+    check(import_shells(tmp_path / "s.vtp"))
+
+
+def test_units_and_transform(tmp_path):
+    surface = merged(spheres("Temperature", KELVIN - 273.15))
+    surface.points = surface.points / 1000 + [0, 0, 1]
+    surface.save(tmp_path / "s.vtp")
+    stack = import_shells(
+        tmp_path / "s.vtp",
+        temperature_unit="degC",
+        length_unit="m",
+        transform=parse_transform("translate 0 0 -1000, rotate x 90"),
+    )
+    # 1 m is stored in float32, which leaves 6e-5 mm, so the radii are only as good.
+    check(stack)
+    assert stack.source.length_unit == "m"
+
+
+def test_own_surfaces_come_back_with_the_same_winding(tmp_path):
+    # No gradient is in the file, so the winding follows from the neighbours alone.
+    stack = contour_shells(sphere_field(12), layers=4, rule="midpoint")
+    save_shells(stack, tmp_path)
+    back = import_shells(tmp_path / "shells.vtm", array="refractivity")
+    for a, b in zip(stack.shells, back.shells, strict=True):
+        assert_array_equal(a.vertices, b.vertices)
+        assert_array_equal(a.faces, b.faces)
+        assert_allclose((a.ext, a.int_), (b.ext, b.int_), rtol=1e-12)
+
+
+@pytest.mark.parametrize("quantity", ["temperature", "index"])
+def test_gradient_of_the_file_gives_normals(tmp_path, quantity):
+    # The gradient of T points to the centre, that of n away from it.
+    inward = quantity == "temperature"
+    surface = merged(spheres("T" if inward else "n", KELVIN if inward else LEVELS))
+    surface.point_data["grad"] = surface.points * (-2.0 if inward else 1e-5)
+    surface.save(tmp_path / "s.vtp")
+    stack = import_shells(tmp_path / "s.vtp")
+    check(stack)
+    for shell in stack.shells:
+        radial = shell.vertices / np.linalg.norm(shell.vertices, axis=1)[:, None]
+        assert_allclose(shell.normals, radial, atol=1e-6)
+
+
+def test_gradient_turns_as_a_gradient_does(tmp_path):
+    # Stretched twofold along x the normals of an ellipsoid are (x / 4, y, z), not (x, y, z) nor
+    # the stretched (2 x, y, z).
+    surface = merged(spheres("n", LEVELS))
+    surface.point_data["Gradient_n"] = np.asarray(surface.points)
+    surface.save(tmp_path / "s.vtp")
+    stack = import_shells(tmp_path / "s.vtp", transform=np.diag([2.0, 1, 1, 1]))
+    expected = stack.shells[0].vertices * [0.25, 1, 1]
+    expected = expected / np.linalg.norm(expected, axis=1)[:, None]
+    assert_allclose(stack.shells[0].normals, expected, atol=1e-6)
+
+
+def test_single_surface_is_turned_away_from_its_centre(tmp_path):
+    blocks = spheres()
+    blocks[0].save(tmp_path / "s.vtp")
+    (shell,) = import_shells(tmp_path / "s.vtp").shells
+    assert signed_volume(shell.vertices, shell.faces) > 0
+    # One step of twice the distance from ambient to the surface.
+    assert_allclose(shell.ext - shell.int_, 2 * (AMBIENT - LEVELS[1]), rtol=1e-5)
+
+
+def test_triangle_soup_is_welded_and_crumbs_are_dropped(tmp_path):
+    blocks = spheres(cells=True)
+    crumb = pv.Icosphere(radius=0.2, center=(50, 0, 0), nsub=1)
+    crumb.cell_data["T"] = np.full(crumb.n_cells, KELVIN[0])
+    surface = merged(pv.MultiBlock([*blocks, crumb]))
+    corners = np.asarray(surface.points)[np.asarray(surface.regular_faces)].reshape(-1, 3)
+    soup = pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
+    soup.cell_data["T"] = surface.cell_data["T"]
+    soup.save(tmp_path / "s.vtp")
+    stack = import_shells(tmp_path / "s.vtp")
+    check(stack)
+    assert stack.crumbs == ((1, 1, crumb.n_cells),)
+
+
+def test_rounded_values_are_one_surface(tmp_path):
+    surface = merged(spheres())
+    noise = np.random.default_rng(5).uniform(-1e-3, 1e-3, surface.n_points)
+    surface.point_data["T"] = (surface.point_data["T"] + noise).astype(np.float32)
+    surface.save(tmp_path / "s.vtp")
+    check(import_shells(tmp_path / "s.vtp"))
+
+
+def save_two_arrays(path):
+    surface = merged(spheres("a"))
+    surface.point_data["b"] = surface.point_data["a"]
+    surface.save(path)
+
+
+def save_continuous(path):
+    surface = merged(spheres())
+    surface.point_data["T"] = 300.0 + np.asarray(surface.points)[:, 2]
+    surface.save(path)
+
+
+def save_continuous_cells(path):
+    surface = pv.Icosphere(radius=5, nsub=2)
+    surface.cell_data["T"] = np.linspace(300.0, 900.0, surface.n_cells)
+    surface.save(path)
+
+
+def save_with_nan(path):
+    surface = merged(spheres(cells=True))
+    surface.cell_data["T"][3] = np.nan
+    surface.save(path)
+
+
+def save_missing_in_block(path):
+    blocks = spheres()
+    del blocks[1].point_data["T"]
+    blocks.save(path)
+
+
+def save_volume(path):
+    grid = sphere_field(4).grid
+    grid["T"] = np.full(grid.n_points, 300.0)
+    grid.save(path)
+
+
+def save_colder_than_ambient(path):
+    merged(spheres(values=KELVIN - 60)).save(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "save", "message"),
+    [
+        ("s.vtp", lambda path: None, "does not exist"),
+        ("s.stl", lambda path: pv.Sphere().save(path), "cannot be read as surfaces"),
+        ("s.vtp", lambda path: path.write_text("<VTKFile"), "no triangles|cannot be read"),
+        ("s.vtu", save_volume, "no triangles; volume data"),
+        ("s.vtp", save_two_arrays, "no array that looks like"),
+        ("s.vtp", save_continuous, "change along the triangles"),
+        ("s.vtp", save_continuous_cells, "change along the triangles"),
+        ("s.vtp", save_with_nan, "not finite"),
+        ("s.vtm", save_missing_in_block, "lacks the array 'T'"),
+        ("s.vtp", save_colder_than_ambient, "ambient"),
+    ],
+)
+def test_wrong_files_are_refused(tmp_path, name, save, message):
+    path = tmp_path / name
+    save(path)
+    with pytest.raises(InputError, match=message):
+        import_shells(path)
+
+
+def test_wrong_options_are_refused(tmp_path):
+    path = tmp_path / "s.vtp"
+    merged(spheres()).save(path)
+    with pytest.raises(InputError, match="no gradient 'g'"):
+        import_shells(path, gradient="g")
+    with pytest.raises(InputError, match="no array 'U'"):
+        import_shells(path, array="U")
+    with pytest.raises(InputError, match="length unit or allow"):
+        import_shells(path, min_size_mm=100.0)
+
+
+def test_ambient_air_sets_the_outermost_layer(tmp_path):
+    path = tmp_path / "s.vtp"
+    merged(spheres()).save(path)
+    warm = import_shells(path, air=evolve(Air(), temperature_k=300.0))
+    assert warm.shells[0].ext == Air(temperature_k=300.0).ambient_refractivity

@@ -1,0 +1,411 @@
+"""A sweep is its poses rendered one by one, whatever interrupts it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import pyvista as pv
+import xarray as xr
+from attrs import evolve
+
+from iriftrace.camera.orbit import Orbit, orbit_poses
+from iriftrace.camera.pose_set import PoseSet
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.image.sightings import sightings_of
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scenes import folder_of
+from iriftrace.sweep.export import write_surface, write_table
+from iriftrace.sweep.journal import sole_writer
+from iriftrace.sweep.measures import MEASURES
+from iriftrace.sweep.series import Series
+from iriftrace.sweep.store import read_sweep
+from iriftrace.sweep.sweep import SweepOptions, run_series, run_sweep
+from iriftrace.trace.render import render_scene
+
+# Some poses look straight down the plume.
+pytestmark = pytest.mark.filterwarnings("ignore:Single rays of .* poses change")
+
+
+@pytest.fixture(scope="module")
+def scene(variant: str) -> LoadedScene:
+    return load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1}, variant=variant)
+
+
+@pytest.fixture(scope="module")
+def poses(scene: LoadedScene) -> PoseSet:
+    orbit = Orbit(centre=scene.part.centre, semi_axes_mm=(310.0, 238.5, 238.5))
+    return orbit_poses(orbit, np.array((0.0, 45.0, 90.0)), np.array((-40.0, 0.0, 90.0)))
+
+
+@pytest.fixture(scope="module")
+def swept(
+    scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, xr.Dataset]:
+    path = tmp_path_factory.mktemp("sweep") / "sweep.nc"
+    return path, run_sweep(scene, poses, scene.camera, path)
+
+
+def same_results(one: xr.Dataset, other: xr.Dataset) -> bool:
+    """Bit for bit, times apart."""
+    times = [name for name in one.data_vars if str(name).startswith("time_")]
+    return bool(one.drop_vars(times).identical(other.drop_vars(times)))
+
+
+def test_each_pose_holds_the_metrics_of_its_own_rendering(
+    scene: LoadedScene, poses: PoseSet, swept: tuple[Path, xr.Dataset]
+) -> None:
+    dataset = swept[1]
+    assert dataset.sizes["pose"] == len(poses) == 7
+    for number, matrix in enumerate(poses.matrices):
+        metrics = render_scene(
+            scene, camera=scene.camera.at(matrix), nearest=False, empty=True
+        ).metrics
+        for name, (keys, _, _) in MEASURES.items():
+            expected = metrics
+            for key in keys:
+                expected = expected[key]
+            found = float(dataset[name].sel(region="part")[number])
+            assert (np.isnan(found) and expected is None) or found == expected
+        lateral = metrics["regions"]["lateral"]
+        assert int(dataset["rays_good"].sel(region="lateral")[number]) == lateral["rays"]["good"]
+
+
+def test_file_says_what_it_holds_and_reads_back(swept: tuple[Path, xr.Dataset]) -> None:
+    path, dataset = swept
+    plain = xr.open_dataset(path, engine="h5netcdf").load()
+    assert plain["displacement_median"].attrs["units"] == "mm"
+    assert list(plain["region"].values) == ["part", "lateral", "head -x", "head +x"]
+    assert json.loads(plain.attrs["camera"])["focal_length_mm"] == 10
+    assert json.loads(plain.attrs["assumptions"])["optics"].startswith("geometric")
+    assert read_sweep(path).identical(dataset.astype(dataset.dtypes))
+    assert not list(path.parent.glob("*journal*"))
+
+
+def test_head_on_view_covers_the_head(swept: tuple[Path, xr.Dataset]) -> None:
+    """Along the axis a cylinder shows one head: 3.68 % of its area exactly, 3.67 % of the mesh."""
+    dataset = swept[1]
+    head_on = (dataset["azimuth"] == 0) & (dataset["elevation"] == 0)
+    whole = dataset.sel(region="part").isel(pose=np.flatnonzero(head_on.values))
+    # By footprint: at a tenth of the resolution some small faces are hit by no ray.
+    assert float(whole["coverage_area"][0]) == pytest.approx(0.0367, abs=0.0003)
+    assert float(whole["axial_resolution"][0]) < 1e-4
+
+
+def test_interrupted_sweep_goes_on_and_ends_the_same(
+    scene: LoadedScene, poses: PoseSet, swept: tuple[Path, xr.Dataset], tmp_path: Path
+) -> None:
+    path = tmp_path / "sweep.nc"
+    rendered: list[int] = []
+
+    def stop_after_three(done: int, total: int) -> None:
+        rendered.append(done)
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(scene, poses, scene.camera, path, progress=stop_after_three)
+    assert not path.exists()
+    journal = tmp_path / "sweep.nc.journal"
+    # What a kill leaves behind: a pose without its line, half a pose, half a line.
+    (journal / "faces_000003.npy").write_bytes(b"of an earlier day")
+    (journal / ".faces_000004.123.npy").write_bytes(b"half")
+    with (journal / "poses.jsonl").open("ab") as file:
+        file.write(b'{"pose": 3, "metr')
+    rendered.clear()
+    dataset = run_sweep(
+        scene, poses, scene.camera, path, progress=lambda done, total: rendered.append(done)
+    )
+    assert rendered[0] == 3
+    assert same_results(dataset, swept[1])
+    assert not journal.exists()
+
+
+def test_a_full_disk_costs_no_pose(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All poses are done, but the result does not fit; when it does, none is rendered again."""
+    path = tmp_path / "sweep.nc"
+    usage = shutil.disk_usage(tmp_path)
+    with monkeypatch.context() as full:
+        full.setattr(shutil, "disk_usage", lambda folder: usage._replace(free=1000))
+        with pytest.raises(InputError, match="make room and give the same command again"):
+            run_sweep(scene, poses.take([0, 2]), scene.camera, path)
+    assert not path.exists()
+    rendered: list[int] = []
+    run_sweep(
+        scene,
+        poses.take([0, 2]),
+        scene.camera,
+        path,
+        progress=lambda done, total: rendered.append(done),
+    )
+    assert rendered == [2]
+    assert path.is_file()
+
+
+def test_finished_sweep_is_not_repeated(
+    scene: LoadedScene, poses: PoseSet, swept: tuple[Path, xr.Dataset]
+) -> None:
+    path, dataset = swept
+
+    def never(done: int, total: int) -> None:
+        raise AssertionError
+
+    assert run_sweep(scene, poses, scene.camera, path, progress=never).identical(read_sweep(path))
+    assert same_results(read_sweep(path), dataset)
+
+
+def test_other_sweep_is_not_overwritten(
+    scene: LoadedScene, poses: PoseSet, swept: tuple[Path, xr.Dataset], tmp_path: Path
+) -> None:
+    path, _ = swept
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="other poses"):
+        run_sweep(scene, poses.take([0, 1]), scene.camera, path)
+    assert path.read_bytes() == before
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc", progress=_stop_after_one)
+    with pytest.raises(InputError, match="belongs to a sweep of other"):
+        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc", options=SweepOptions(nearest=True))
+
+
+def _stop_after_one(done: int, total: int) -> None:
+    if done == 1:
+        raise KeyboardInterrupt
+
+
+def test_failed_and_empty_poses_do_not_stop_the_rest(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """One camera in the part, one that looks away, one that sees it."""
+    matrices = np.array(poses.matrices[:3])
+    matrices[0, :3, 3] = (0.0, 0.0, 0.0)
+    matrices[1, :3, :3] = matrices[1, :3, :3] @ np.diag((-1.0, 1.0, -1.0))
+    odd = PoseSet(matrices=matrices)
+    with pytest.warns(IriftraceWarning, match="2 of 3 poses see fewer than 100 good rays"):
+        dataset = run_sweep(scene, odd, scene.camera, tmp_path / "odd.nc")
+    assert "inside the part" in str(dataset["failure"][0].values)
+    whole = dataset.sel(region="part")
+    assert whole["rays_good"].values.tolist()[:2] == [-1, 0]
+    assert np.isnan(whole["displacement_mean"].values[:2]).all()
+    assert whole["rays_good"].values[2] > 100
+
+
+def test_a_part_far_away_is_said_to_be_small(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """It is hit, in the picture, and in focus."""
+    matrices = np.array(poses.matrices[:1])
+    matrices[0, :3, 3] *= 20.0
+    camera = evolve(scene.camera, focus_mm=(50.0, np.inf))
+    with pytest.warns(IriftraceWarning, match="the part covers fewer than 100 pixels"):
+        dataset = run_sweep(scene, PoseSet(matrices=matrices), camera, tmp_path / "far.nc")
+    assert 0 < int(dataset["rays_good"].sel(region="part")[0]) < 100
+
+
+def test_images_are_kept_on_request(scene: LoadedScene, poses: PoseSet, tmp_path: Path) -> None:
+    dataset = run_sweep(
+        scene, poses.take([2]), scene.camera, tmp_path / "one.nc", options=SweepOptions(exr=True)
+    )
+    assert (tmp_path / str(dataset["exr"].values[0])).is_file()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_table_has_a_row_for_each_pose(
+    swept: tuple[Path, xr.Dataset], tmp_path: Path, suffix: str
+) -> None:
+    path, dataset = tmp_path / f"sweep{suffix}", swept[1]
+    write_table(path, dataset)
+    table = pd.read_csv(path, index_col="pose") if suffix == ".csv" else pd.read_parquet(path)
+    assert table.index.tolist() == list(range(dataset.sizes["pose"]))
+    assert table.columns[0] == "displacement_mean"
+    for name in ("displacement_median", "elevation", "rays_good", "sightings", "focal_length"):
+        variable = dataset[name]
+        whole = variable.sel(region="part") if "region" in variable.dims else variable
+        assert table[name].to_numpy().tolist() == whole.values.tolist()
+
+
+def test_two_programs_never_write_one_sweep(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """Somebody forgot the first terminal; the poses of both would end up in one journal."""
+    folder = tmp_path / "one.nc.journal"
+    with sole_writer(folder):
+        with pytest.raises(InputError, match="Another program is writing"):
+            run_sweep(scene, poses.take([2]), scene.camera, tmp_path / "one.nc")
+        assert folder.is_dir()
+    assert not folder.exists()
+    run_sweep(scene, poses.take([2]), scene.camera, tmp_path / "one.nc")
+
+
+def test_journal_that_outlived_its_sweep_is_removed(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """Killed after the result was written and before the journal was gone."""
+    path, journal = tmp_path / "one.nc", tmp_path / "one.nc.journal"
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(scene, poses.take([2, 5]), scene.camera, path, progress=_stop_after_one)
+    kept = tmp_path / "kept"
+    shutil.copytree(journal, kept)
+    run_sweep(scene, poses.take([2, 5]), scene.camera, path)
+    kept.rename(journal)
+    run_sweep(scene, poses.take([2, 5]), scene.camera, path)
+    assert not journal.exists()
+
+
+def test_damaged_journal_is_refused(scene: LoadedScene, poses: PoseSet, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc", progress=_stop_after_one)
+    lines = tmp_path / "a.nc.journal" / "poses.jsonl"
+    lines.write_bytes(lines.read_bytes().replace(b'"pose"', b'"nose"'))
+    with pytest.raises(InputError, match="is damaged"):
+        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc")
+
+
+@pytest.fixture(scope="module")
+def other_scene(
+    scene: LoadedScene, variant: str, tmp_path_factory: pytest.TempPathFactory
+) -> LoadedScene:
+    """The same part in other air: refracted at facets."""
+    folder = tmp_path_factory.mktemp("other") / "scene"
+    shutil.copytree(folder_of("cylinder"), folder)
+    values = {"scale": 0.1, "normals": "facet"}
+    return load_scene(folder / "scene.xml", values, variant=variant)
+
+
+def test_scenes_focal_lengths_and_distances_in_one_sweep(
+    scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """Each pose is what a sweep of its own gives."""
+    one, other = poses.take([1, 2]), poses.take([4])
+    wide = evolve(scene.camera, focal_length_mm=8.0)
+    series = [
+        Series(scene, scene.camera, one, 225.0),
+        Series(scene, wide, other, 200.0),
+        Series(other_scene, other_scene.camera, one),
+    ]
+    dataset = run_series(series, tmp_path / "all.nc")
+    assert dataset["focal_length"].values.tolist() == [10, 10, 8, 10, 10]
+    stand_off = dataset["stand_off"].values
+    assert stand_off[:3].tolist() == [225, 225, 200]
+    assert np.isnan(stand_off[3:]).all()
+    names = [str(scene.path)] * 3 + [str(other_scene.path)] * 2
+    assert dataset["scene"].values.tolist() == names
+    listed = json.loads(dataset.attrs["scenes"])
+    assert [entry["variables"].get("normals") for entry in listed] == [None, "facet"]
+    first = 0
+    for number, single in enumerate(series):
+        alone = run_series([single], tmp_path / f"{number}.nc")
+        last = first + len(single.poses)
+        mine = dataset.isel(pose=slice(first, last))
+        per_pose = [n for n, v in alone.data_vars.items() if v.dims[0] == "pose"]
+        assert same_results(
+            mine[per_pose].drop_attrs(deep=False), alone[per_pose].drop_attrs(deep=False)
+        )
+        for pose in range(first, last):
+            got, expected = sightings_of(dataset, pose), sightings_of(alone, pose - first)
+            assert np.array_equal(got.as_rows(), expected.as_rows())
+        first = last
+
+
+def test_scenes_that_cannot_be_compared_are_refused(
+    scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    mine = Series(scene, scene.camera, poses)
+    coarse = Series(other_scene, other_scene.camera.scaled(0.5), poses)
+    with pytest.raises(InputError, match="differ in more than pose and focal length"):
+        run_series([mine, coarse], tmp_path / "a.nc")
+    part = evolve(other_scene.part, sha256="0" * 64)
+    foreign = evolve(other_scene, part=part)
+    with pytest.raises(InputError, match="different parts"):
+        run_series([mine, Series(foreign, foreign.camera, poses)], tmp_path / "a.nc")
+    moved = evolve(other_scene, part_to_world=2 * np.eye(4))
+    with pytest.raises(InputError, match="place them differently"):
+        run_series([mine, Series(moved, moved.camera, poses)], tmp_path / "a.nc")
+    assert not list(tmp_path.iterdir())
+
+
+def test_changed_mesh_makes_another_sweep(
+    scene: LoadedScene, other_scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    """The XML is the same, but a resumed sweep would mix poses of two fields."""
+    path = tmp_path / "a.nc"
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(other_scene, poses, other_scene.camera, path, progress=_stop_after_one)
+    mesh = other_scene.path.parent / "shells" / "shell_03.ply"
+    mesh.write_bytes(mesh.read_bytes() + b"\0")
+    with pytest.raises(InputError, match="belongs to a sweep of other"):
+        run_sweep(other_scene, poses, other_scene.camera, path)
+
+
+def test_surface_carries_the_maps(
+    scene: LoadedScene, swept: tuple[Path, xr.Dataset], tmp_path: Path
+) -> None:
+    """What ParaView shows of a face is what the file says of it, in the order of the part."""
+    dataset = swept[1]
+    for name in ("part.vtp", "part.vtu"):
+        write_surface(tmp_path / name, dataset, scene.part)
+        surface = pv.read(tmp_path / name)
+        centres = scene.part.vertices[scene.part.faces].mean(axis=1)
+        assert np.allclose(surface.cell_centers().points, centres, atol=1e-4)
+        data = surface.cell_data
+        assert np.array_equal(data["times seen"], dataset["face_times_seen"])
+        never = data["times seen"] == 0
+        assert 0 < never.sum() < len(never)
+        assert np.array_equal(np.isnan(data["displacement (um)"]), never)
+        expected = 1e3 * dataset["face_displacement"].values
+        assert np.allclose(data["displacement (um)"], expected, rtol=1e-6, equal_nan=True)
+        assert np.array_equal(
+            data["best incidence (deg)"], dataset["face_incidence"], equal_nan=True
+        )
+
+
+@pytest.mark.parametrize("content", [b"", b"not netCDF"])
+def test_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "odd.nc"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="no netCDF"):
+        read_sweep(path)
+
+
+def test_a_sweep_that_is_not_finished_is_no_missing_one(tmp_path: Path) -> None:
+    (tmp_path / "half.nc.journal").mkdir()
+    with pytest.raises(
+        InputError, match=r"half\.nc is not finished, what is done lies in .*journal"
+    ):
+        read_sweep(tmp_path / "half.nc")
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """HDF5 finds wrong checksums in the middle of a file only when it gets there."""
+    path = tmp_path / "damaged.nc"
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(path, engine="h5netcdf")
+
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("incorrect metadata checksum after all read attempts")
+
+    monkeypatch.setattr(xr, "open_dataset", fail)
+    with pytest.raises(InputError, match=r"damaged\.nc is damaged or no netCDF file .*checksum"):
+        read_sweep(path)
+
+
+def test_netcdf_of_another_program_is_refused(tmp_path: Path) -> None:
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match="no sweep of this version"):
+        read_sweep(tmp_path / "other.nc")
+
+
+def test_file_of_another_program_is_not_replaced(
+    scene: LoadedScene, poses: PoseSet, tmp_path: Path
+) -> None:
+    path = tmp_path / "other.nc"
+    path.write_bytes(b"somebody's work")
+    with pytest.raises(InputError, match="is there already and is no sweep"):
+        run_sweep(scene, poses, scene.camera, path)
+    assert path.read_bytes() == b"somebody's work"
+    assert list(tmp_path.iterdir()) == [path]
