@@ -12,7 +12,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 help:
 	@echo 'make demo    trace the bundled scene into out/'
 	@echo 'make test    run the tests'
-	@echo 'make lint    check format, style and types'
+	@echo 'make lint    check format, style, the direction of imports and types'
 	@echo 'make bench   print the speed ratios'
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
 	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and mend it where needed'
@@ -28,9 +28,17 @@ TWO_AT_A_TIME = --numprocesses 2 --dist loadfile --no-loadscope-reorder
 test: $(VENV)/installed-dev $(VENV)/drawing llvm
 	$(BIN)/python -m pytest $(TWO_AT_A_TIME)
 
+# The linter of imports follows one folder, so it gets the package as it is once installed.
+define rooms
+@rm -rf build/imports && mkdir -p build/imports && cp -r iriftrace build/imports/ \
+    && cp -r plugins build/imports/iriftrace/plugins
+cd build/imports && PYTHONPATH=. $(abspath $(BIN))/lint-imports --config ../../pyproject.toml --no-cache
+endef
+
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(call rooms)
 	$(BIN)/mypy
 
 bench: $(VENV)/installed llvm

@@ -5,7 +5,7 @@ from __future__ import annotations
 from statistics import median
 
 from iriftrace.scene.load import LoadedScene
-from iriftrace.studies.timing import Recording
+from iriftrace.trace.query_replay import Recording
 
 
 def trace_over_queries(scene: LoadedScene, repeats: int) -> tuple[float, int]:

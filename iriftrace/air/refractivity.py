@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from attrs import asdict, field, frozen
+from attrs import asdict, evolve, field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
@@ -275,3 +275,21 @@ def _positive(value: ArrayLike, name: str, unit: str) -> FloatArray:
             + " does not exist in air; it must be positive and finite."
         )
     return array
+
+
+def dispersion(air: Mapping[str, Any], wavelength_nm: float) -> float:
+    """By how much n - 1 of an air (`iriftrace.air.Air.as_dict`) is larger at another wavelength.
+
+    Raises
+    ------
+    InputError
+        If nothing is known of the air, or the wavelength is outside its model's range.
+    """
+    if not air:
+        raise InputError(
+            f"The scene does not state its air, so n - 1 at {wavelength_nm:g} nm is not known; "
+            "make the scene with `iriftrace scene ... --wavelength` instead."
+        )
+    own = Air(**air)
+    there = evolve(own, wavelength_nm=wavelength_nm)
+    return there.ambient_refractivity / own.ambient_refractivity

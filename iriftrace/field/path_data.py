@@ -11,11 +11,11 @@ import numpy as np
 from attrs import asdict, evolve, frozen
 from numpy.typing import NDArray
 
+from iriftrace.air.refractivity import dispersion
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, numpy_reason, whole_file
 from iriftrace.field.gradient import CORNERS
-from iriftrace.scene.wavelength import dispersion
 
 if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField

@@ -22,10 +22,11 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import synthetic_mark
-from iriftrace.figures.style import Limits, check_png_name, colour_norm, round_ticks, write_png
+from iriftrace.figures.style import check_png_name, colour_norm, round_ticks, write_png
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask
 from iriftrace.image.metrics import FEWEST_RAYS
+from iriftrace.sweep.measures import Limits
 
 # MERGE figure_status: Pixels that see the part but have no displacement, in a colour for each rea
 

@@ -27,7 +27,6 @@ from iriftrace.figures.space import (
     fitting_view,
     rendered,
     sight_lines,
-    surface_of,
     thinned,
     titled_figure,
     view_direction,
@@ -39,6 +38,7 @@ from iriftrace.figures.style import (
     temperature_ticks,
     write_png,
 )
+from iriftrace.geometry.triangles import surface_of
 from iriftrace.part.part import Part
 from iriftrace.shells.stack import Shell, ShellStack
 

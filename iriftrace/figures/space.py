@@ -20,6 +20,7 @@ from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import SetupError
+from iriftrace.geometry.triangles import surface_of
 from iriftrace.part.part import Part
 
 # MERGE figure_view: Parallel view of a scene in space and the labelled box around it.
@@ -304,12 +305,6 @@ def add_part(plotter: pv.Plotter, part: Part) -> None:
         split_vertices=True, feature_angle=30.0, auto_orient_normals=False
     )
     plotter.add_mesh(surface, color=PART_COLOUR, smooth_shading=True, ambient=0.35, specular=0.2)
-
-
-def surface_of(vertices: NDArray[Any], faces: NDArray[Any]) -> pv.PolyData:
-    """Triangles as a mesh that VTK draws."""
-    surface: pv.PolyData = pv.PolyData.from_regular_faces(vertices, faces)
-    return surface
 
 
 def thinned(surface: pv.PolyData) -> pv.PolyData:

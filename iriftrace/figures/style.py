@@ -26,6 +26,7 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.planning.quantities import Quantity
 from iriftrace.planning.summary import SweepSummary
 from iriftrace.shells.stack import ShellStack
+from iriftrace.sweep.measures import Limits
 
 
 def check_png_name(path: str | Path) -> None:
@@ -68,8 +69,6 @@ def write_pdf(figure: Figure, path: str | Path) -> None:
 
 
 # MERGE figure_scale: Colour scales of figures and the round numbers on them.
-
-Limits = tuple[float, float]
 
 
 def colour_norm(limits: Limits) -> Normalize:

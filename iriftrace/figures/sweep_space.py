@@ -26,7 +26,6 @@ from iriftrace.figures.space import (
     box_around,
     fitting_view,
     rendered,
-    surface_of,
     thinned,
     titled_figure,
 )
@@ -44,6 +43,7 @@ from iriftrace.figures.style import (
     round_ticks,
     write_png,
 )
+from iriftrace.geometry.triangles import surface_of
 from iriftrace.part.part import Part
 from iriftrace.planning.quantities import Quantity
 from iriftrace.planning.summary import SweepSummary

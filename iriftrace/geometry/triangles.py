@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 
 def face_crosses(vertices: FloatArray, faces: IntArray) -> FloatArray:
@@ -20,3 +26,11 @@ def unit_vectors(vectors: FloatArray) -> FloatArray:
     length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
     units: FloatArray = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
     return units
+
+
+def surface_of(vertices: NDArray[Any], faces: NDArray[Any]) -> pv.PolyData:
+    """Triangles as a VTK mesh."""
+    import pyvista as pv
+
+    surface: pv.PolyData = pv.PolyData.from_regular_faces(vertices, faces)
+    return surface

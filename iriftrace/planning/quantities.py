@@ -14,7 +14,7 @@ from iriftrace.planning.rank import Plan
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.figures.style import Limits
+    from iriftrace.sweep.measures import Limits
 
 
 _STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th percentile of the"}

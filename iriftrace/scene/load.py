@@ -12,6 +12,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 from numpy.typing import NDArray
 
+from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.field.path_data import FIELD_FILE
@@ -29,7 +30,6 @@ from iriftrace.scene.air import (
 from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, members_of
 from iriftrace.scene.file import read_scene_file, readable
 from iriftrace.scene.wavelength import (
-    dispersion,
     of_the_file,
     set_shells,
     table_at,

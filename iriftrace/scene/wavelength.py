@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from attrs import evolve
-
-from iriftrace.air.refractivity import Air
+from iriftrace.air.refractivity import dispersion
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
 
@@ -34,24 +32,6 @@ def wanted_wavelength(values: Mapping[str, str]) -> float | None:
 def of_the_file(values: Mapping[str, str]) -> dict[str, str]:
     """The parameters that are the scene file's own."""
     return {name: value for name, value in values.items() if name != WAVELENGTH}
-
-
-def dispersion(air: Mapping[str, Any], wavelength_nm: float) -> float:
-    """By how much n - 1 of an air (`iriftrace.air.Air.as_dict`) is larger at another wavelength.
-
-    Raises
-    ------
-    InputError
-        If nothing is known of the air, or the wavelength is outside its model's range.
-    """
-    if not air:
-        raise InputError(
-            f"The scene does not state its air, so n - 1 at {wavelength_nm:g} nm is not known; "
-            "make the scene with `iriftrace scene ... --wavelength` instead."
-        )
-    own = Air(**air)
-    there = evolve(own, wavelength_nm=wavelength_nm)
-    return there.ambient_refractivity / own.ambient_refractivity
 
 
 def table_at(table: Mapping[str, Any], wavelength_nm: float) -> dict[str, Any]:

@@ -31,10 +31,9 @@ from iriftrace.studies.hit_comparison import (
     check_references,
     references_of,
 )
-from iriftrace.studies.modes import Mode, shells_of
+from iriftrace.studies.modes import CONTINUOUS, Mode, shells_of
 from iriftrace.studies.picture import View, picture_of_field, picture_of_shells
 
-CONTINUOUS = "continuous"
 LINEAR_CELLS = "linear cells"
 THE_PAPERS = 20
 """Shells of the reference of Kern et al. (2025)."""

@@ -15,9 +15,8 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, own_size
 from iriftrace.image.metrics import FEWEST_RAYS
-from iriftrace.studies.accuracy import CONTINUOUS
 from iriftrace.studies.cases import Entry, run_cases
-from iriftrace.studies.modes import Mode, shells_of
+from iriftrace.studies.modes import CONTINUOUS, Mode, shells_of
 from iriftrace.studies.picture import View, picture_of_field, picture_of_shells
 
 if TYPE_CHECKING:

@@ -13,6 +13,9 @@ from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.levels import RULES
 from iriftrace.shells.stack import ShellStack
 
+CONTINUOUS = "continuous"
+"""Name of the continuous engine among the references of a study."""
+
 NORMALS = ("gradient", "facet")
 INSIDE_HITS = ("refract", "drop")
 

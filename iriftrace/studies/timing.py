@@ -2,157 +2,26 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import tempfile
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
 
-from iriftrace.plugins.kernels.march import refracted_hits
-from iriftrace.plugins.kernels.queries import straight_hits
 from iriftrace.scene.load import LoadedScene
 from iriftrace.studies.cases import Entry, run_cases
 from iriftrace.studies.hit_comparison import Axis, attributes
 from iriftrace.studies.modes import Mode
 from iriftrace.studies.picture import rendered
+from iriftrace.trace.query_replay import Recording, free_memory
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-# MERGE query_replay: What refraction costs beyond the ray queries themselves: the recorded querie
-
-RECORDED = 24
-"""Queries recorded of each ray; hardly one crosses more shells of the usual 13."""
-
-
-class PairOfTimes(NamedTuple):
-    """Seconds of a trace and of its queries alone, one right after the other."""
-
-    trace_s: float
-    queries_s: float
-
-
-class Recording:
-    """All queries of a pose's refracted rays, in the order in which the tracer makes them.
-
-    Parameters
-    ----------
-    scene : LoadedScene
-        With the integrator ``first_hit``.
-    queries : int
-        Most queries recorded of each ray.
-    """
-
-    def __init__(self, scene: LoadedScene, queries: int = RECORDED) -> None:
-        import drjit as dr
-        import mitsuba as mi
-
-        self.scene = scene.mitsuba_scene
-        self.integrator = scene.integrator
-        self.prepared = scene.integrator.prepare(self.scene)
-        sensor = self.scene.sensors()[0]
-        width, height = sensor.film().size()
-        pixel = dr.arange(mi.UInt32, int(width) * int(height))
-        origin, direction = self._rays(sensor, pixel, int(width))
-        hits = straight_hits(
-            self.prepared.opaque,
-            self.prepared.tables,
-            origin,
-            direction,
-            coherent=True,
-            step=self.prepared.step,
-        )
-        chosen = dr.compress(hits.outcome == 1)
-        self.origin, self.direction = self._rays(sensor, chosen, int(width))
-        dr.eval(self.origin, self.direction)
-        self.rays = dr.width(chosen)
-        points, directions = [mi.Point3f(self.origin)], [mi.Vector3f(self.direction)]
-        for crossings in range(1, queries):
-            state = self._trace(crossings)
-            points.append(mi.Point3f(state.point + state.direction * self.prepared.step))
-            directions.append(mi.Vector3f(state.direction))
-            dr.eval(points[-1], directions[-1])
-        self.points = mi.Point3f(*(dr.concat([p[k] for p in points]) for k in range(3)))
-        self.directions = mi.Vector3f(*(dr.concat([d[k] for d in directions]) for k in range(3)))
-        self.last = dr.minimum(self._trace(1000).crossings, queries - 1)
-        dr.eval(self.points, self.directions, self.last)
-
-    @staticmethod
-    def _rays(sensor: Any, pixel: Any, width: int) -> tuple[Any, Any]:
-        import mitsuba as mi
-
-        x, y = mi.Float64(pixel % width) + 0.5, mi.Float64(pixel // width) + 0.5
-        origin, direction = sensor.rays64(x, y)
-        return origin, direction
-
-    def _trace(self, max_crossings: int) -> Any:
-        tables = self.prepared.tables
-        return refracted_hits(
-            self.scene,
-            self.prepared.opaque,
-            tables,
-            self.origin,
-            self.direction,
-            coherent=True,
-            bending=self.integrator.rule(tables),
-            max_crossings=max_crossings,
-            step=self.prepared.step,
-            drop_inside_hits=self.integrator.inside_hit == "drop",
-        )
-
-    def trace(self) -> None:
-        """The refracted trace."""
-        import drjit as dr
-
-        dr.eval(*self._trace(1000))
-        dr.sync_thread()
-
-    def replay(self) -> None:
-        """The same queries and nothing else."""
-        import drjit as dr
-        import mitsuba as mi
-
-        number = dr.arange(mi.UInt32, self.rays)
-
-        def query(k: Any, total: Any, active: Any) -> tuple[Any, Any, Any]:
-            index = k * self.rays + number
-            ray = mi.Ray3f(
-                dr.gather(mi.Point3f, self.points, index, active),
-                dr.gather(mi.Vector3f, self.directions, index, active),
-            )
-            found = self.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
-            total += dr.select(active & found.is_valid(), found.t, 0)
-            return k + 1, total, active & (k < self.last)
-
-        state = (
-            dr.zeros(mi.UInt32, self.rays),
-            dr.zeros(mi.Float, self.rays),
-            dr.full(mi.Bool, True, self.rays),
-        )
-        _, total, _ = dr.while_loop(state, lambda *s: s[-1], query, compress=False)
-        dr.eval(total)
-        dr.sync_thread()
-
-    def time_pairs(self, repeats: int) -> list[PairOfTimes]:
-        """Times of trace and replay in turn, after one of each that compiles the kernels."""
-        self.trace()
-        self.replay()
-        pairs = []
-        for _ in range(repeats):
-            started = time.perf_counter()
-            self.trace()
-            traced = time.perf_counter()
-            self.replay()
-            pairs.append(PairOfTimes(traced - started, time.perf_counter() - traced))
-        return pairs
 
 
 STAGES = {
@@ -232,7 +101,7 @@ def run_timing(
     length = len(study.axis.values)
 
     def measure(number: int) -> Entry:
-        _forget_last_case()
+        free_memory()
         with study.scene(study.modes[number // length], number % length) as (scene, *counts):
             return {**_times(scene), **_counts(scene, *counts)}
 
@@ -244,14 +113,6 @@ def run_timing(
         lambda entries: _dataset(study, entries),
         progress,
     )
-
-
-def _forget_last_case() -> None:
-    """Free the last case's scene, whose objects refer to each other, and Dr.Jit's arrays."""
-    import drjit as dr
-
-    gc.collect()
-    dr.flush_malloc_cache()
 
 
 def _times(scene: LoadedScene) -> dict[str, float | int]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.files import whole_file
+from iriftrace.geometry.triangles import surface_of
 from iriftrace.part.part import Part
 from iriftrace.sweep.store import WHOLE_PART
 
@@ -103,8 +104,6 @@ def write_surface(path: Path, dataset: xr.Dataset, part: Part) -> None:
     InputError
         If the name has another ending, the file cannot be written, or the part is another one.
     """
-    from iriftrace.figures.space import surface_of
-
     check_surface(path)
     if dataset.sizes.get("face") != len(part.faces):
         raise InputError(

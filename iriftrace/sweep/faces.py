@@ -13,7 +13,7 @@ from iriftrace.image.sightings import COUNTS
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.figures.style import Limits
+    from iriftrace.sweep.measures import Limits
 
 
 # A few rays at silhouettes jump by millimetres; these percentiles keep them out of the colours.

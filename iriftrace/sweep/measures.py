@@ -9,6 +9,9 @@ import numpy as np
 
 from iriftrace.image.aov_image import Status
 
+Limits = tuple[float, float]
+"""Least and greatest value of a colour scale."""
+
 # Name in the file: (keys in the pose metrics, unit, description).
 MEASURES: dict[str, tuple[tuple[str, ...], str, str]] = {
     **{

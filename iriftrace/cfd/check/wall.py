@@ -13,9 +13,9 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import ROUNDS, cell_corners, consistent_gradient, point_gradient
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.tetrahedra import tetrahedra_of
-from iriftrace.geometry.query import WallDistance
 from iriftrace.geometry.triangles import face_crosses, unit_vectors
 from iriftrace.part.part import Part
+from iriftrace.part.wall_distance import WallDistance
 
 # MERGE field_check.wall_state: What happens at a field's wall: temperature, heat flux, and how fi
 

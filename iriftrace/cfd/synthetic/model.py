@@ -10,8 +10,8 @@ from scipy.special import erf
 from iriftrace.cfd.check.heat_balance import reference_temperature
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.query import WallDistance
 from iriftrace.part.part import Part
+from iriftrace.part.wall_distance import WallDistance
 
 # MERGE synthetic.plume: The warm air that rises from a part, as the similarity solution of a lami
 
