@@ -362,7 +362,8 @@ def layers(
         cell: the limit of facet normals), or a number of shells in the same mode; repeatable. By
         default 20, as in the paper, and continuous.
     """
-    from iriftrace.studies.accuracy import CONTINUOUS, THE_PAPERS, layers_study
+    from iriftrace.studies.accuracy import THE_PAPERS, layers_study
+    from iriftrace.studies.modes import CONTINUOUS
 
     counts = whole_numbers(layers, "--layers")
     modes = options.mode.modes()
@@ -412,9 +413,9 @@ def smoothing(
         "same mode" (shells of the fine field) or "continuous" (the continuous engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.accuracy import CONTINUOUS, smoothing_study
+    from iriftrace.studies.accuracy import smoothing_study
     from iriftrace.studies.hit_comparison import SAME_MODE
-    from iriftrace.studies.modes import Mode
+    from iriftrace.studies.modes import CONTINUOUS, Mode
 
     counts = whole_numbers(iterations, "--iterations")
     modes = [*options.mode.modes(), Mode("ours but facet normals", normals="facet")]
@@ -466,8 +467,9 @@ def mesh(
         "same mode" (shells of the finest field) or "continuous" (the continuous engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.accuracy import CONTINUOUS, mesh_study
+    from iriftrace.studies.accuracy import mesh_study
     from iriftrace.studies.hit_comparison import SAME_MODE
+    from iriftrace.studies.modes import CONTINUOUS
 
     modes = options.mode.modes()
     paths = [field, *finer]

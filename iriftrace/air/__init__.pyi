@@ -1,0 +1,2 @@
+from .refractivity import Air as Air
+from .refractivity import dispersion as dispersion
