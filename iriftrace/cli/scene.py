@@ -16,7 +16,6 @@ from iriftrace.cli.console import out, show_warning, working
 from iriftrace.cli.field_options import (
     AirOptions,
     FieldOptions,
-    GivenField,
     PartOptions,
     ShellOptions,
 )
@@ -35,6 +34,7 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.index_field import IndexField
+    from iriftrace.field.readers.members import Member
     from iriftrace.part.part import Part
     from iriftrace.scene.write_ensemble import MemberAir
     from iriftrace.shells.report import ShellReport
@@ -133,8 +133,8 @@ def scene(
         Leave out what lies farther than this beside the camera's view, such as "10 mm"; the scene
         then serves this camera only.
     """
-    from iriftrace.cli.field_options import members_given
     from iriftrace.cli.output import print_fit, print_shells
+    from iriftrace.field.readers.members import chosen_members
     from iriftrace.scene.write import PART_FILE, write_scene
 
     if not field_options.isosurfaces:
@@ -149,10 +149,20 @@ def scene(
         )
     trim_mm = optional_quantity(trim, "mm", "--trim")
     measured = part_options.read(part)
-    fields = members_given([field, *(member or [])], field_options)
-    if len(fields) > 1:
+    check_field(*(member or []))
+    if field_options.isosurfaces and member:
+        raise InputError(
+            "An ensemble is made of volume fields, from which the shells of all members are cut in "
+            "the same way; leave out --isosurfaces or --member."
+        )
+    states = (
+        ()
+        if field_options.isosurfaces
+        else chosen_members([field, *(member or [])], field_options.time)
+    )
+    if len(states) > 1:
         make_ensemble(
-            fields,
+            states,
             measured,
             output,
             air=air,
@@ -166,9 +176,9 @@ def scene(
             wall_temperature_k=part_options.hot_temperature_k(),
         )
         return
-    stack, volume = _stack(
-        field, measured, air, field_options, shell_options, fields[0].member_asked_for
-    )
+    # Without --time whoever reads the file says which of several states it is.
+    number = states[0].index if states and field_options.time is not None else None
+    stack, volume = _stack(field, measured, air, field_options, shell_options, number)
     fit = None if volume is None else _fit(volume, measured, part_options)
     camera = camera_options.camera(measured, volume, stack, scale)
     with working("Measuring the shells"):
@@ -288,7 +298,7 @@ def print_scene(path: Path, camera: Camera, scale: float, what: str = "Scene") -
 
 
 def make_ensemble(
-    given: Sequence[GivenField],
+    given: Sequence[Member],
     part: Part,
     output: Path,
     *,
@@ -314,7 +324,7 @@ def make_ensemble(
         for number, one in enumerate(given, start=1):
             with working(f"Member {number} of {len(given)}: {one.label}"):
                 with _named(one):
-                    volume = field_options.read(one.path, air.air(), part, one.member)
+                    volume = field_options.read(one.path, air.air(), part, one.index)
                     fit = fit_part_to_field(volume, part, wall_temperature_k=wall_temperature_k)
                     stack = shell_options.build(volume)
                 told.update(dict.fromkeys(fit.warnings))
@@ -347,7 +357,7 @@ def make_ensemble(
 
 
 @contextmanager
-def _named(one: GivenField) -> Iterator[None]:
+def _named(one: Member) -> Iterator[None]:
     """Name the member in an error that does not."""
     try:
         yield
@@ -367,7 +377,7 @@ def _table(count: int) -> Table:
 
 
 def _add_row(
-    table: Table, number: int, one: GivenField, stack: ShellStack, volume: IndexField
+    table: Table, number: int, one: Member, stack: ShellStack, volume: IndexField
 ) -> None:
     temperatures = stack.temperature_k
     table.add_row(

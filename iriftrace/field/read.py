@@ -21,19 +21,11 @@ from iriftrace.field.flow import flow_in
 from iriftrace.field.gradient import CORNERS
 from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.origin import WALL_HEAT, origin_of, state_origin, wall_heat_of
-from iriftrace.field.readers import (
-    comsol as comsol_text,
-)
-from iriftrace.field.readers import (
-    openfoam as openfoam_case,
-)
-from iriftrace.field.readers import (
-    vtk_files as vtk_file,
-)
-from iriftrace.field.readers.members import kind_of
+from iriftrace.field.readers.members import read_state
 from iriftrace.field.readers.scattered import cells_outside
 from iriftrace.field.readers.states import Contents
-from iriftrace.field.seams import refuse_cells_twice, without_seams
+from iriftrace.field.readers.vtk_files import blocks_of
+from iriftrace.field.seams import refuse_repeated_cells, without_seams
 from iriftrace.geometry import transform as motion
 
 if TYPE_CHECKING:
@@ -41,8 +33,6 @@ if TYPE_CHECKING:
 
 
 # MERGE field_io: A solver's result as one unstructured grid of linear volume cells, whatever wrot
-
-_READERS = {"vtk": vtk_file.read, "comsol": comsol_text.read}
 
 # Volume cells that are not used as they are, by VTK's numbers.
 _VOXEL = 11
@@ -108,11 +98,7 @@ def open_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
         The file is missing, of another type, damaged, or has no volume cells.
     """
     path = Path(path)
-    kind = kind_of(path)
-    if kind == "openfoam":
-        contents = openfoam_case.read(path, member, flow=flow)
-    else:
-        contents = _READERS[kind](path, member)
+    contents = read_state(path, member, flow=flow)
     if member is None and len(contents.states) > 1:
         warn(
             f"{path} has {len(contents.states)} states; the last one, {contents.states[-1][0]}, "
@@ -131,7 +117,7 @@ def open_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     pieces = linear_volume(grid)
     volume = without_seams(pieces)
     if volume is not pieces or isinstance(contents.data, pv.MultiBlock):
-        refuse_cells_twice(volume, str(path))
+        refuse_repeated_cells(volume, str(path))
     heat = wall_heat_of(contents.data)
     volume.clear_field_data()
     state_origin(volume, origin)
@@ -169,7 +155,7 @@ def linear_volume(grid: Any) -> pv.UnstructuredGrid:
 
 def _joined(data: Any, path: Path) -> Any:
     """The volume cells of all blocks as one grid."""
-    blocks = [_volume_cells(block) for block in vtk_file.blocks_of(data)]
+    blocks = [_volume_cells(block) for block in blocks_of(data)]
     blocks = [block for block in blocks if block.n_cells]
     if not blocks:
         raise InputError(

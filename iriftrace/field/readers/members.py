@@ -1,24 +1,22 @@
-"""The states that one field file holds: time steps, or values of a parameter."""
+"""Field files of any format: their states, the choice among them, and one state read.
+
+Every reader has two functions: ``states(path)`` lists label and time of the states in a file, and
+``read(path, number)`` reads one of them as `iriftrace.field.readers.states.Contents`.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.field.readers import (
-    comsol as comsol_text,
-)
-from iriftrace.field.readers import (
-    openfoam as openfoam_case,
-)
-from iriftrace.field.readers import (
-    vtk_files as vtk_file,
-)
-
-# MERGE readers.kinds: Which program wrote a field file, told by its name and what lies beside it.
+from iriftrace.core.files import check_readable
+from iriftrace.field.readers import comsol, openfoam, vtk_files
+from iriftrace.field.readers.states import Contents
 
 VTK = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm")
 OPENFOAM = (".foam", ".openfoam")
@@ -27,17 +25,49 @@ COMPRESSED = (".gz", ".zip", ".bz2", ".xz", ".7z")
 SUFFIXES = (*VTK, *OPENFOAM, *COMSOL_TEXT)
 """Suffixes of files that can hold a field; an OpenFOAM case may also be named by its folder."""
 
+EVERY_STATE = "all"
+"""In place of a time: every state of a file."""
+
+_STATES = {"vtk": vtk_files.states, "openfoam": openfoam.states, "comsol": comsol.states}
+
+# Solvers write their times with six digits and more.
+_SAME_TIME = 1e-5
+
+
+@frozen
+class Member:
+    """One state of a field file.
+
+    Attributes
+    ----------
+    path : Path
+        The file, or the folder of a case.
+    label : str
+        What tells it from the others, such as ``"t = 2.5"`` or ``"t=2, P=100"``; "" where the file
+        has one state and no name for it.
+    time : float or None
+        In the file's unit, s as a rule; None where the file does not say.
+    index : int
+        Its place in the file, from 0; `iriftrace.field.read.read_field` takes it as ``member``.
+    """
+
+    path: Path
+    label: str
+    time: float | None
+    index: int
+
 
 def kind_of(path: Path) -> str:
-    """``"vtk"``, ``"openfoam"`` or ``"comsol"``.
+    """Format of a field file: ``"vtk"``, ``"openfoam"`` or ``"comsol"``.
 
     Raises
     ------
     InputError
-        The file does not exist, is of another type, or is a folder that is no OpenFOAM case.
+        The file does not exist, may not be read, is of another type, or is a folder that is no
+        OpenFOAM case.
     """
     if path.is_dir():
-        if is_case(path):
+        if openfoam.is_case(path):
             return "openfoam"
         raise InputError(
             f"The folder {path} is no OpenFOAM case (it has neither system/controlDict nor "
@@ -45,6 +75,7 @@ def kind_of(path: Path) -> str:
         )
     if not path.is_file():
         raise InputError(f"The field file {path} does not exist; check the path.")
+    check_readable(path)
     suffix = path.suffix.lower()
     if suffix in OPENFOAM or path.name == "controlDict":
         return "openfoam"
@@ -60,42 +91,27 @@ def kind_of(path: Path) -> str:
     )
 
 
-def is_case(folder: Path) -> bool:
-    """Whether a folder looks like an OpenFOAM case, reconstructed or decomposed."""
-    return any(
-        (folder / name).exists()
-        for name in ("system/controlDict", "constant/polyMesh", "processor0/constant/polyMesh")
-    )
+def read_state(path: Path, number: int | None, *, flow: bool = False) -> Contents:
+    """Read one state of a field file, the last one when `number` is None.
 
-
-_STATES = {
-    "vtk": vtk_file.states,
-    "openfoam": openfoam_case.states,
-    "comsol": comsol_text.states,
-}
-
-# Solvers write their times with six digits and more.
-_SAME_TIME = 1e-5
-
-
-@frozen
-class Member:
-    """One state of a field file.
-
-    Attributes
+    Parameters
     ----------
-    label : str
-        What tells it from the others, such as ``"t = 2.5"`` or ``"t=2, P=100"``; "" where the file
-        has one state and no name for it.
-    time : float or None
-        In the file's unit, s as a rule; None where the file does not say.
-    index : int
-        Its place in the file, from 0; `iriftrace.field.read.read_field` takes it as ``member``.
-    """
+    path : Path
+    number : int or None
+    flow : bool, optional
+        Whether velocities are wanted at the points of an OpenFOAM case, which take memory; other
+        files are read whole in any case.
 
-    label: str
-    time: float | None
-    index: int
+    Raises
+    ------
+    InputError
+        The file is missing, of another type, damaged, or has no such state.
+    """
+    kind = kind_of(path)
+    with _file_errors(path):
+        if kind == "openfoam":
+            return openfoam.read(path, number, flow=flow)
+        return vtk_files.read(path, number) if kind == "vtk" else comsol.read(path, number)
 
 
 def members(path: str | Path) -> tuple[Member, ...]:
@@ -113,8 +129,9 @@ def members(path: str | Path) -> tuple[Member, ...]:
     """
     path = Path(path)
     kind = kind_of(path)
-    states = _STATES[kind](path)
-    return tuple(Member(label, time, index) for index, (label, time) in enumerate(states))
+    with _file_errors(path):
+        states = _STATES[kind](path)
+    return tuple(Member(path, label, time, index) for index, (label, time) in enumerate(states))
 
 
 def member_at(path: str | Path, when: str) -> Member:
@@ -140,16 +157,76 @@ def member_at(path: str | Path, when: str) -> Member:
     if len(chosen) != 1:
         if not found[0].label:
             raise InputError(
-                f"{path} has no state {word!r}: it has {listed(found)}; leave --time out."
+                f"{path} has no state {word!r}: it has {_listed(found)}; leave --time out."
             )
         what = "no state" if not chosen else "several states"
         raise InputError(
-            f"{path} has {what} {word!r}; give latest, first or one of {listed(found)}."
+            f"{path} has {what} {word!r}; give latest, first or one of {_listed(found)}."
         )
     return chosen[0]
 
 
-def listed(found: tuple[Member, ...]) -> str:
+def chosen_members(paths: Sequence[str | Path], when: str | None = None) -> tuple[Member, ...]:
+    """States of several files that make an ensemble, labelled so that each label occurs once.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        Files or cases, each once.
+    when : str, optional
+        Of each file: one state as in `member_at`, a span of times ``"FIRST:LAST"``, or ``"all"``;
+        when left out all states, of an OpenFOAM case the latest.
+
+    Raises
+    ------
+    InputError
+        A file is given twice, cannot be read, or has no such state.
+    """
+    files = [Path(path) for path in paths]
+    places = [path.resolve() for path in files]
+    twice = [path for path in files if places.count(path.resolve()) > 1]
+    if twice:
+        raise InputError(f"{twice[0]} is given twice, so it would count twice; remove one.")
+    chosen = []
+    for path in files:
+        for member in _chosen(path, when):
+            file = path.name if len(files) > 1 or not member.label else ""
+            chosen.append(evolve(member, label=", ".join(filter(None, (file, member.label)))))
+    return tuple(chosen)
+
+
+def _chosen(path: Path, when: str | None) -> tuple[Member, ...]:
+    if when is None and kind_of(path) == "openfoam":
+        # A case that was run to its steady state keeps the times before it, too.
+        when = "latest"
+    if when is None or when.strip() == EVERY_STATE:
+        return members(path)
+    if ":" not in when:
+        return (member_at(path, when),)
+    begin, end = _span(when)
+    listed = members(path)
+    found = tuple(m for m in listed if m.time is not None and begin <= m.time <= end)
+    if not found:
+        raise InputError(
+            f"{path} has no time from {begin:g} to {end:g}; it has {_listed(listed)}."
+        )
+    return found
+
+
+def _span(when: str) -> tuple[float, float]:
+    """First and last time of FIRST:LAST."""
+    try:
+        begin, end = (float(time) for time in when.split(":"))
+    except ValueError:
+        begin = end = math.nan
+    if not begin <= end:
+        raise InputError(
+            f'--time is "{when}", but a span FIRST:LAST goes from an earlier to a later time.'
+        )
+    return begin, end
+
+
+def _listed(found: tuple[Member, ...]) -> str:
     """Labels of states for a message, the first and last ones of many."""
     labels = [m.label or "one state without a time" for m in found]
     if len(labels) > 12:
@@ -169,3 +246,14 @@ def _is_time(member: Member, word: str) -> bool:
     return member.time is not None and math.isclose(
         member.time, time, rel_tol=_SAME_TIME, abs_tol=1e-12
     )
+
+
+@contextmanager
+def _file_errors(path: Path) -> Iterator[None]:
+    """Report what the file system or a decompressor refuses as wrong input."""
+    try:
+        yield
+    except (OSError, EOFError) as error:
+        name = getattr(error, "filename", None) or path
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"Cannot read {name}: {reason}.") from error

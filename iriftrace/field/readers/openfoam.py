@@ -93,6 +93,14 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     )
 
 
+def is_case(folder: Path) -> bool:
+    """Whether a folder looks like an OpenFOAM case, reconstructed or decomposed."""
+    return any(
+        (folder / name).exists()
+        for name in ("system/controlDict", "constant/polyMesh", "processor0/constant/polyMesh")
+    )
+
+
 def folder_of(path: Path) -> Path:
     """The folder of a case that is named by itself, by a .foam file in it or its controlDict."""
     if path.is_dir():
