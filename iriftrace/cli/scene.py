@@ -376,9 +376,7 @@ def _table(count: int) -> Table:
     return table
 
 
-def _add_row(
-    table: Table, number: int, one: Member, stack: ShellStack, volume: IndexField
-) -> None:
+def _add_row(table: Table, number: int, one: Member, stack: ShellStack, volume: IndexField) -> None:
     temperatures = stack.temperature_k
     table.add_row(
         str(number),

@@ -207,9 +207,7 @@ def _chosen(path: Path, when: str | None) -> tuple[Member, ...]:
     listed = members(path)
     found = tuple(m for m in listed if m.time is not None and begin <= m.time <= end)
     if not found:
-        raise InputError(
-            f"{path} has no time from {begin:g} to {end:g}; it has {_listed(listed)}."
-        )
+        raise InputError(f"{path} has no time from {begin:g} to {end:g}; it has {_listed(listed)}.")
     return found
 
 
