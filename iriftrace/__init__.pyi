@@ -12,9 +12,12 @@ from .image.displacement import shift_map as shift_map
 from .image.metrics import pose_metrics as pose_metrics
 from .part.part import Part as Part
 from .part.part import read_part as read_part
+from .scene.build import build_ensemble as build_ensemble
+from .scene.build import build_scene as build_scene
 from .scene.load import load_scene as load_scene
 from .scene.write import write_scene as write_scene
 from .shells.contour import contour_shells as contour_shells
+from .shells.files import load_shells as load_shells
 from .shells.imported import import_shells as import_shells
 from .trace.render import render_scene as render_scene
 from .trace.render import trace_rays as trace_rays

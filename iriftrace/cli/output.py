@@ -69,10 +69,10 @@ def print_shells(
     )
     if stack.source is not None and stack.source.origin:
         console.print(f"Field: {stack.source.origin}.", markup=False, soft_wrap=True)
-    for crumb in stack.crumbs:
+    for small in stack.small_components:
         console.print(
-            f"Shell {crumb.layer}: {crumb.components} small pieces dropped "
-            f"({crumb.triangles} triangles)."
+            f"Shell {small.layer}: {small.components} small pieces dropped "
+            f"({small.triangles} triangles)."
         )
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -26,7 +25,6 @@ from iriftrace.cli.options import (
     check_order,
     check_output,
     optional_quantity,
-    removed_on_failure,
 )
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
     from iriftrace.field.readers.members import Member
     from iriftrace.part.part import Part
     from iriftrace.scene.write_ensemble import MemberAir
-    from iriftrace.shells.report import ShellReport
     from iriftrace.shells.stack import ShellStack
 
 
@@ -68,6 +65,7 @@ def shells(
         The part's mesh; adds gaps and cuts to the table.
     """
     from iriftrace.cli.output import print_fit, print_shells
+    from iriftrace.field.part_fit import fit_part_to_field
     from iriftrace.shells.files import save_shells
     from iriftrace.shells.report import report_shells
 
@@ -78,7 +76,12 @@ def shells(
     stack, volume = _stack(field, measured, air, field_options, shell_options)
     fit = None
     if measured is not None and volume is not None:
-        fit = _fit(volume, measured, part_options)
+        with working("Comparing part and field"):
+            fit = fit_part_to_field(
+                volume, measured, wall_temperature_k=part_options.hot_temperature_k()
+            )
+        for message in fit.warnings:
+            show_warning(message, UserWarning)
     with working("Measuring the shells"):
         reports = report_shells(stack, volume, measured)
     notes = field_options.notes() | shell_options.notes()
@@ -135,18 +138,13 @@ def scene(
     """
     from iriftrace.cli.output import print_fit, print_shells
     from iriftrace.field.readers.members import chosen_members
-    from iriftrace.scene.write import PART_FILE, write_scene
+    from iriftrace.scene.build import build_scene
 
     if not field_options.isosurfaces:
         check_order(field, part)
     check_field(field)
     check_input(part)
     check_output(output, ".xml", "scene.xml")
-    if part.resolve() == (output.parent / PART_FILE).resolve():
-        raise InputError(
-            f"The scene's own {PART_FILE} would replace the part's file {part}; give the scene a "
-            f"folder of its own, such as -o {output.with_suffix('') / output.name}."
-        )
     trim_mm = optional_quantity(trim, "mm", "--trim")
     measured = part_options.read(part)
     check_field(*(member or []))
@@ -155,51 +153,33 @@ def scene(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
             "the same way; leave out --isosurfaces or --member."
         )
+    settings: dict[str, Any] = {
+        "wall_temperature_k": part_options.hot_temperature_k(),
+        "trim_mm": trim_mm,
+        "scale": scale,
+        "normals": normals,
+        "inside_hit": inside_hit,
+        "notes": field_options.notes() | shell_options.notes(),
+    }
     states = (
         ()
         if field_options.isosurfaces
         else chosen_members([field, *(member or [])], field_options.time)
     )
     if len(states) > 1:
-        make_ensemble(
-            states,
-            measured,
-            output,
-            air=air,
-            field_options=field_options,
-            shell_options=shell_options,
-            camera_options=camera_options,
-            scale=scale,
-            normals=normals,
-            inside_hit=inside_hit,
-            trim_mm=trim_mm,
-            wall_temperature_k=part_options.hot_temperature_k(),
-        )
+        fields = _fields(states, measured, air, field_options, shell_options)
+        _ensemble(fields, measured, output, camera_options, settings)
         return
     # Without --time whoever reads the file says which of several states it is.
     number = states[0].index if states and field_options.time is not None else None
     stack, volume = _stack(field, measured, air, field_options, shell_options, number)
-    fit = None if volume is None else _fit(volume, measured, part_options)
     camera = camera_options.camera(measured, volume, stack, scale)
-    with working("Measuring the shells"):
-        stack, reports = shells_for_camera(camera, measured, stack, volume, trim_mm)
-    path = write_scene(
-        output.parent,
-        measured,
-        stack,
-        camera,
-        name=output.name,
-        scale=scale,
-        normals=normals,
-        inside_hit=inside_hit,
-        report=reports,
-        notes=field_options.notes() | shell_options.notes(),
-        field=volume,
-    )
-    print_shells(out, stack, reports, _unit_of(stack))
-    if fit is not None:
-        print_fit(out, fit)
-    print_scene(path, camera, scale)
+    with working("Comparing part and field, measuring the shells"):
+        built = build_scene(volume, measured, camera, output, shells=stack, **settings)
+    print_shells(out, built.shells, built.report, _unit_of(stack))
+    if built.fit is not None:
+        print_fit(out, built.fit)
+    _print_scene(output, camera, scale)
 
 
 def _stack(
@@ -242,147 +222,70 @@ def _unit_of(stack: ShellStack) -> str:
     return "mm" if stack.source is None else stack.source.length_unit
 
 
-def _fit(volume: IndexField, part: Part, options: PartOptions) -> Any:
-    from iriftrace.field.part_fit import fit_part_to_field
-
-    with working("Comparing part and field"):
-        fit = fit_part_to_field(volume, part, wall_temperature_k=options.hot_temperature_k())
-    for message in fit.warnings:
-        show_warning(message, UserWarning)
-    return fit
-
-
-# MERGE cli.scene_for_camera: What every scene needs for its camera, of one field or of several: s
-
-
-def shells_for_camera(
-    camera: Camera,
+def _fields(
+    given: Sequence[Member],
     part: Part,
-    stack: ShellStack,
-    field: IndexField | None,
-    trim_mm: float | None,
-) -> tuple[ShellStack, tuple[ShellReport, ...]]:
-    """Refuse a camera in the part or the hot air, trim the shells to its view and measure them.
+    air: AirOptions,
+    field_options: FieldOptions,
+    shell_options: ShellOptions,
+) -> Iterator[MemberAir]:
+    """Field by field with its shells, each read when it is asked for."""
+    from iriftrace.scene.build import named
+    from iriftrace.scene.write_ensemble import MemberAir
 
-    Parameters
-    ----------
-    camera, part, stack
-    field : IndexField or None
-        What the shells were cut from; None of ready-made ones.
-    trim_mm : float or None
-        Shells are left out farther than this beside the view; None keeps them all.
-
-    Raises
-    ------
-    InputError
-    """
-    from iriftrace.scene.viewpoint import refuse_camera_inside
-    from iriftrace.shells.edit import trim_to_frustum
-    from iriftrace.shells.report import report_shells
-
-    refuse_camera_inside(camera.origin, part, stack, field)
-    if trim_mm is not None:
-        stack = trim_to_frustum(stack, camera, trim_mm)
-    return stack, report_shells(stack, field, part)
+    for number, one in enumerate(given, start=1):
+        with working(f"Member {number} of {len(given)}: {one.label}"), named(one.label):
+            volume = field_options.read(one.path, air.air(), part, one.index)
+            stack = shell_options.build(volume)
+        yield MemberAir(one.label, one.time, stack, volume)
 
 
-def print_scene(path: Path, camera: Camera, scale: float, what: str = "Scene") -> None:
+def _ensemble(
+    fields: Iterator[MemberAir],
+    part: Part,
+    output: Path,
+    camera_options: CameraOptions,
+    settings: dict[str, Any],
+) -> None:
+    """Write the scene of several fields, seen by one camera, and say what was written."""
+    from iriftrace.scene.build import build_ensemble
+
+    hottest_k: list[float] = []
+
+    def noted(members: Iterable[MemberAir]) -> Iterator[MemberAir]:
+        for member in members:
+            assert member.field is not None
+            hottest_k.append(float(member.field.temperature_k.max()))
+            yield member
+
+    first = next(fields)
+    camera = camera_options.camera(part, first.field, first.shells, settings["scale"])
+    built = build_ensemble(noted(chain((first,), fields)), part, camera, output, **settings)
+    table = Table(title=f"Ensemble of {len(built.members)} fields")
+    table.add_column("member", justify="right")
+    table.add_column("field")
+    for heading in ("shells", "triangles", "hottest degC", "outermost degC"):
+        table.add_column(heading, justify="right")
+    for member, report, hottest in zip(built.members, built.reports, hottest_k, strict=True):
+        table.add_row(
+            str(member.number),
+            member.label,
+            str(len(report)),
+            f"{sum(shell.triangles for shell in report):,}",
+            f"{hottest - ZERO_CELSIUS_K:.0f}",
+            f"{report[0].temperature_k - ZERO_CELSIUS_K:.0f}",
+        )
+    out.print(table)
+    for origin in dict.fromkeys(member.source["origin"] for member in built.members):
+        if origin:
+            out.print(f"Field: {origin}.", markup=False, soft_wrap=True)
+    what = f"Scene of an ensemble of {len(built.members)} fields"
+    _print_scene(output, camera, settings["scale"], what)
+
+
+def _print_scene(path: Path, camera: Camera, scale: float, what: str = "Scene") -> None:
     """Say where the camera of a written scene stands, and how it is rendered."""
     from iriftrace.cli.output import print_camera
 
     print_camera(out, camera, scale)
     out.print(f"{what} written; now run:  iriftrace render {path}", markup=False, soft_wrap=True)
-
-
-# MERGE cli.ensemble_scene: The part of ``iriftrace scene`` that makes the scene of an ensemble.
-
-
-def make_ensemble(
-    given: Sequence[Member],
-    part: Part,
-    output: Path,
-    *,
-    air: AirOptions,
-    field_options: FieldOptions,
-    shell_options: ShellOptions,
-    camera_options: CameraOptions,
-    scale: float,
-    normals: str,
-    inside_hit: str,
-    trim_mm: float | None,
-    wall_temperature_k: float | None,
-) -> None:
-    """Read field by field, write their shells, and say what was written."""
-    from iriftrace.field.part_fit import fit_part_to_field
-    from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
-
-    table = _table(len(given))
-    cameras: list[Camera] = []
-    told: dict[str, None] = {}
-
-    def airs() -> Iterator[MemberAir]:
-        for number, one in enumerate(given, start=1):
-            with working(f"Member {number} of {len(given)}: {one.label}"):
-                with _named(one):
-                    volume = field_options.read(one.path, air.air(), part, one.index)
-                    fit = fit_part_to_field(volume, part, wall_temperature_k=wall_temperature_k)
-                    stack = shell_options.build(volume)
-                told.update(dict.fromkeys(fit.warnings))
-                cameras[:] = cameras or [camera_options.camera(part, volume, stack, scale)]
-                stack, reports = shells_for_camera(cameras[0], part, stack, volume, trim_mm)
-            _add_row(table, number, one, stack, volume)
-            yield MemberAir(one.label, one.time, stack, volume, reports)
-
-    members = airs()
-    with removed_on_failure(output.parent):
-        first = next(members)
-        path, listed = write_ensemble_scene(
-            output.parent,
-            part,
-            chain((first,), members),
-            cameras[0],
-            name=output.name,
-            scale=scale,
-            normals=normals,
-            inside_hit=inside_hit,
-            notes=field_options.notes() | shell_options.notes(),
-        )
-    for message in told:
-        show_warning(message, UserWarning)
-    out.print(table)
-    for origin in dict.fromkeys(member.source["origin"] for member in listed):
-        if origin:
-            out.print(f"Field: {origin}.", markup=False, soft_wrap=True)
-    print_scene(path, cameras[0], scale, f"Scene of an ensemble of {len(listed)} fields")
-
-
-@contextmanager
-def _named(one: Member) -> Iterator[None]:
-    """Name the member in an error that does not."""
-    try:
-        yield
-    except InputError as error:
-        if one.label in str(error):
-            raise
-        raise InputError(f"the member {one.label} cannot be used: {error}") from error
-
-
-def _table(count: int) -> Table:
-    table = Table(title=f"Ensemble of {count} fields")
-    table.add_column("member", justify="right")
-    table.add_column("field")
-    for heading in ("shells", "triangles", "hottest degC", "outermost degC"):
-        table.add_column(heading, justify="right")
-    return table
-
-
-def _add_row(table: Table, number: int, one: Member, stack: ShellStack, volume: IndexField) -> None:
-    temperatures = stack.temperature_k
-    table.add_row(
-        str(number),
-        one.label,
-        str(len(stack.shells)),
-        f"{stack.triangles:,}",
-        f"{float(volume.temperature_k.max()) - ZERO_CELSIUS_K:.0f}",
-        f"{float(temperatures[0]) - ZERO_CELSIUS_K:.0f}",
-    )

@@ -85,7 +85,7 @@ def name_regions(groups: IntArray, normals: FloatArray, areas: FloatArray) -> Re
         / np.maximum(area, np.finfo(float).tiny)[:, None]
     )
     by_size = np.argsort(-area, kind="stable")
-    # A surface in crumbs (a noisy scan) still has one region: all of it.
+    # A surface in small components (a noisy scan) still has one region: all of it.
     large = by_size[area[by_size] >= SMALLEST_SHARE * area.sum()]
     region_of_group = np.full(count, len(large), dtype=np.int64)
     region_of_group[large] = np.arange(len(large))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +166,7 @@ class LoadedScene:
 
 
 def load_scene(
-    path: str | Path,
+    path: str | PathLike[str],
     variables: Mapping[str, Any] | None = None,
     *,
     variant: str | None = None,

@@ -1,8 +1,11 @@
-"""The text of a scene's XML file, for Mitsuba and for those who edit it."""
+"""Write scene folders: the XML file for Mitsuba and for those who edit it, part, shells, field."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -12,10 +15,10 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE, save_field_file
 from iriftrace.part.part import Part, save_part
-from iriftrace.shells.files import PartFile, save_shells
+from iriftrace.shells.files import PartFile, remove_stale, save_shells
 from iriftrace.shells.stack import Shell, ShellStack
 
 if TYPE_CHECKING:
@@ -24,6 +27,160 @@ if TYPE_CHECKING:
 
 
 PART_FILE = "part.ply"
+SHELLS_FOLDER = "shells"
+
+
+def write_scene(
+    folder: str | Path,
+    part: Part,
+    shells: ShellStack,
+    camera: Camera,
+    *,
+    name: str = "scene.xml",
+    scale: float = 1.0,
+    normals: str = "gradient",
+    inside_hit: str = "refract",
+    report: Sequence[ShellReport] | None = None,
+    notes: Mapping[str, str] | None = None,
+    paraview: bool = True,
+    field: IndexField | None = None,
+) -> Path:
+    """Write a complete scene folder: XML, part, shells and what the continuous engine needs.
+
+    Parameters
+    ----------
+    folder : path
+        Created when missing; files of the same names are replaced.
+    part : Part
+    shells : ShellStack
+    camera : Camera
+        At its full resolution.
+    name : str
+        Name of the XML file.
+    scale : float
+        Default of the XML's parameter ``scale``, a factor on the resolution.
+    normals : str
+        Default of the XML's parameter ``normals``: ``"gradient"`` or ``"facet"``.
+    inside_hit : str
+        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
+    report : sequence of ShellReport, optional
+        Added to the shells' table.
+    notes : mapping of str, optional
+        What is known of the field, such as ``{"time": "snapshot"}``; kept beside the shells.
+    paraview : bool
+        Whether to write ``shells.vtm`` too.
+    field : IndexField, optional
+        Written too, as `field.npz`, for the continuous engine.
+
+    Returns
+    -------
+    Path
+        The XML file.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written or the camera is not a pinhole camera.
+    """
+    require_pinhole(camera)
+    target = Path(folder)
+    with written_together(target) as building:
+        save_part(part, building / PART_FILE)
+        shapes = save_air(
+            building,
+            SHELLS_FOLDER,
+            shells,
+            field,
+            part=PartFile(building / PART_FILE, sha256_of(building / PART_FILE)),
+            report=report,
+            notes=notes,
+            paraview=paraview,
+        )
+        origin = shells.source.origin if shells.source else ""
+        text = scene_xml(
+            camera,
+            scale,
+            normals,
+            shapes,
+            f"Field: {origin}" if origin else "",
+            inside_hit=inside_hit,
+        )
+        (building / name).write_text(text, encoding="utf-8")
+    remove_stale(target / SHELLS_FOLDER, shells, paraview)
+    return target / name
+
+
+@contextmanager
+def written_together(folder: Path) -> Iterator[Path]:
+    """Folder to write to, whose files go to `folder` when the block ends without an error.
+
+    A block that fails, as on a full disk, leaves nothing behind: neither files nor folders that
+    were not there before.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made, or the file system refuses a file.
+    """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    building = folder / f".scene.{os.getpid()}"
+    try:
+        building.mkdir(parents=True)
+    except OSError as error:
+        raise InputError(f"cannot make the folder {folder}: {error.strerror}.") from error
+    try:
+        yield building
+        for path in sorted(building.rglob("*")):
+            place = folder / path.relative_to(building)
+            if path.is_dir():
+                place.mkdir(exist_ok=True)
+            else:
+                path.replace(place)
+        missing = []
+    except OSError as error:
+        raise InputError(f"cannot write {folder}: {error.strerror or error}.") from error
+    finally:
+        shutil.rmtree(building, ignore_errors=True)
+        for path in missing:
+            with suppress(OSError):
+                path.rmdir()
+
+
+def save_air(
+    folder: Path,
+    shown: str,
+    shells: ShellStack,
+    field: IndexField | None,
+    *,
+    part: PartFile,
+    report: Sequence[ShellReport] | None,
+    notes: Mapping[str, str] | None,
+    paraview: bool,
+) -> list[str]:
+    """Write the shells, and the field for the continuous engine, of one state of the air.
+
+    Parameters
+    ----------
+    folder : Path
+        Where `SHELLS_FOLDER` and `field.npz` go.
+    shown : str
+        The shells' folder, seen from the scene's file.
+    part : PartFile
+        The scene's part; another one in its place is noticed.
+    shells, field, report, notes, paraview
+        As for `write_scene`.
+
+    Returns
+    -------
+    list of str
+        Lines of the shells for the scene's XML.
+    """
+    files = save_shells(
+        shells, folder / SHELLS_FOLDER, report, notes=notes, paraview=paraview, part=part
+    )
+    if field is not None:
+        save_field_file(field, folder / FIELD_FILE)
+    return shell_shapes(shells, [path for path in files if path.suffix == ".ply"], shown)
 
 
 def require_pinhole(camera: Camera) -> None:
@@ -185,135 +342,3 @@ def included_xml(shapes: Sequence[str]) -> str:
 def _vector(values: NDArray[np.float64]) -> str:
     # Rounded far below what matters, so that an edited file shows 0 and not 1e-14.
     return ", ".join(repr(round(float(v), 12) + 0.0) for v in values)
-
-
-# MERGE scene_folder: Writes scene folders from part, shells and camera.
-
-SHELLS_FOLDER = "shells"
-
-
-def write_scene(
-    folder: str | Path,
-    part: Part,
-    shells: ShellStack,
-    camera: Camera,
-    *,
-    name: str = "scene.xml",
-    scale: float = 1.0,
-    normals: str = "gradient",
-    inside_hit: str = "refract",
-    report: Sequence[ShellReport] | None = None,
-    notes: Mapping[str, str] | None = None,
-    paraview: bool = True,
-    field: IndexField | None = None,
-) -> Path:
-    """Write a complete scene folder: XML, part, shells and what the continuous engine needs.
-
-    Parameters
-    ----------
-    folder : path
-        Created when missing; files of the same names are replaced.
-    part : Part
-    shells : ShellStack
-    camera : Camera
-        At its full resolution.
-    name : str
-        Name of the XML file.
-    scale : float
-        Default of the XML's parameter ``scale``, a factor on the resolution.
-    normals : str
-        Default of the XML's parameter ``normals``: ``"gradient"`` or ``"facet"``.
-    inside_hit : str
-        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
-    report : sequence of ShellReport, optional
-        Added to the shells' table.
-    notes : mapping of str, optional
-        What is known of the field, such as ``{"time": "snapshot"}``; kept beside the shells.
-    paraview : bool
-        Whether to write ``shells.vtm`` too.
-    field : IndexField, optional
-        Written too, as `continuous_field.FIELD_FILE`, for the continuous engine.
-
-    Returns
-    -------
-    Path
-        The XML file.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written or the camera is not a pinhole camera.
-    """
-    require_pinhole(camera)
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot make the folder {target}: {error.strerror}.") from error
-    save_part(part, target / PART_FILE)
-    shapes = save_air(
-        target,
-        SHELLS_FOLDER,
-        shells,
-        field,
-        part=PartFile(target / PART_FILE, sha256_of(target / PART_FILE)),
-        report=report,
-        notes=notes,
-        paraview=paraview,
-    )
-    origin = shells.source.origin if shells.source else ""
-    with whole_file(target / name) as temporary:
-        temporary.write_text(
-            scene_xml(
-                camera,
-                scale,
-                normals,
-                shapes,
-                f"Field: {origin}" if origin else "",
-                inside_hit=inside_hit,
-            ),
-            encoding="utf-8",
-        )
-    return target / name
-
-
-def save_air(
-    folder: Path,
-    shown: str,
-    shells: ShellStack,
-    field: IndexField | None,
-    *,
-    part: PartFile,
-    report: Sequence[ShellReport] | None,
-    notes: Mapping[str, str] | None,
-    paraview: bool,
-) -> list[str]:
-    """Write the shells, and the field for the continuous engine, of one state of the air.
-
-    Parameters
-    ----------
-    folder : Path
-        Where `SHELLS_FOLDER` and `continuous_field.FIELD_FILE` go.
-    shown : str
-        The shells' folder, seen from the scene's file.
-    part : PartFile
-        The scene's part; another one in its place is noticed.
-    shells, field, report, notes, paraview
-        As for `write_scene`.
-
-    Returns
-    -------
-    list of str
-        Lines of the shells for the scene's XML.
-    """
-    files = save_shells(
-        shells,
-        folder / SHELLS_FOLDER,
-        report,
-        notes=notes,
-        paraview=paraview,
-        part=part,
-    )
-    if field is not None:
-        save_field_file(field, folder / FIELD_FILE)
-    return shell_shapes(shells, [path for path in files if path.suffix == ".ply"], shown)

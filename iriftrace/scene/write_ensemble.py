@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from attrs import asdict, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import sha256_of
 from iriftrace.part.part import Part, save_part
 from iriftrace.scene.ensemble import FOLDER, INCLUDED, MEMBER, TABLE, FieldMember, write_members
 from iriftrace.scene.write import (
@@ -22,6 +21,7 @@ from iriftrace.scene.write import (
     require_pinhole,
     save_air,
     scene_xml,
+    written_together,
 )
 from iriftrace.shells.files import PartFile
 from iriftrace.shells.stack import ShellStack
@@ -46,7 +46,7 @@ class MemberAir:
     field : IndexField or None
         For the continuous engine.
     report : sequence of ShellReport or None
-        Added to the shells' table.
+        Added to the shells' table; `iriftrace.build_ensemble` makes it.
     """
 
     label: str
@@ -96,43 +96,33 @@ def write_ensemble_scene(
     require_pinhole(camera)
     scene = Path(folder) / name
     _refuse_files_of_others(scene.parent / FOLDER)
-    building = scene.parent / f".{FOLDER}.{os.getpid()}"
-    try:
-        building.mkdir(parents=True)
-    except OSError as error:
-        raise InputError(f"cannot make the folder {building}: {error.strerror}.") from error
-    try:
+    with written_together(scene.parent) as building:
+        (building / FOLDER).mkdir()
         save_part(part, building / PART_FILE)
-        placed = PartFile(scene.parent / PART_FILE, sha256_of(building / PART_FILE))
+        placed = PartFile(building / PART_FILE, sha256_of(building / PART_FILE))
         listed = tuple(
-            _write_member(building / str(number), number, member, placed, notes, paraview)
+            _write_member(building, number, member, placed, notes, paraview)
             for number, member in enumerate(members, start=1)
         )
         if len(listed) < 2:
             raise InputError(
                 f"An ensemble of {len(listed)} field has no scatter; give at least two."
             )
-        write_members(building, listed)
-        (building / PART_FILE).replace(scene.parent / PART_FILE)
+        write_members(building / FOLDER, listed)
+        origins = dict.fromkeys(m.source["origin"] for m in listed if m.source["origin"])
+        remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
+        text = scene_xml(
+            camera,
+            scale,
+            normals,
+            ["", f'    <include filename="{FOLDER}/${MEMBER}/{INCLUDED}"/>'],
+            ". ".join((remark, *origins)),
+            {MEMBER: "1"},
+            inside_hit=inside_hit,
+        )
+        (building / name).write_text(text, encoding="utf-8")
         # Members of an earlier, larger ensemble would be taken for this one's.
         shutil.rmtree(scene.parent / FOLDER, ignore_errors=True)
-        building.rename(scene.parent / FOLDER)
-    finally:
-        shutil.rmtree(building, ignore_errors=True)
-    origins = dict.fromkeys(m.source["origin"] for m in listed if m.source["origin"])
-    remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
-    shapes = ["", f'    <include filename="{FOLDER}/${MEMBER}/{INCLUDED}"/>']
-    text = scene_xml(
-        camera,
-        scale,
-        normals,
-        shapes,
-        ". ".join((remark, *origins)),
-        {MEMBER: "1"},
-        inside_hit=inside_hit,
-    )
-    with whole_file(scene) as temporary:
-        temporary.write_text(text, encoding="utf-8")
     return scene, listed
 
 
@@ -149,7 +139,7 @@ def _refuse_files_of_others(folder: Path) -> None:
 
 
 def _write_member(
-    folder: Path,
+    scene: Path,
     number: int,
     member: MemberAir,
     part: PartFile,
@@ -161,19 +151,17 @@ def _write_member(
             f"The shells of member {number} do not say from which field they come, so results "
             "could not name it; make them of a field."
         )
-    folder.mkdir()
-    told = {**(notes or {}), "member": f"{number}: {member.label}"}
     shapes = save_air(
-        folder,
+        scene / FOLDER / str(number),
         # Files are looked for from the scene's folder, also those that an included file names.
         f"{FOLDER}/{number}/{SHELLS_FOLDER}",
         member.shells,
         member.field,
         part=part,
         report=member.report,
-        notes=told,
+        notes={**(notes or {}), "member": f"{number}: {member.label}"},
         paraview=paraview,
     )
-    with whole_file(folder / INCLUDED) as temporary:
-        temporary.write_text(included_xml(shapes), encoding="utf-8")
+    included = scene / FOLDER / str(number) / INCLUDED
+    included.write_text(included_xml(shapes), encoding="utf-8")
     return FieldMember(number, member.label, member.time, asdict(member.shells.source))

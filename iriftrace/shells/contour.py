@@ -21,7 +21,7 @@ from iriftrace.geometry.topology import (
 )
 from iriftrace.shells.hessian import outer_derivatives, steepness_rows
 from iriftrace.shells.levels import check_range, index_levels, layers_between
-from iriftrace.shells.stack import Crumbs, Shell, ShellStack
+from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -41,15 +41,15 @@ def contour_shells(
     """Cut a field into layers along its own surfaces of equal index.
 
     The surfaces are contoured on the solver's cells without resampling, rounded to float32 (the
-    precision of the renderer's geometry), welded, freed of degenerate triangles and of crumbs, and
-    wound so that facets face the cooler air. Vertex normals are ``field.fitting_gradient``,
+    precision of the renderer's geometry), welded, freed of degenerate triangles and of small
+    components, and wound so that facets face the cooler air. Vertex normals are ``field.fitting_gradient``,
     interpolated along the cell edges and normalised. Each vertex knows how steep the index is there
     and how that changes (``field.second_derivatives``; at the outermost shell what describes the
     air outside it, see :func:`iriftrace.shells.hessian.outer_derivatives`); not with the rule
     ``"outer"``, which is about steps at the shells.
 
     Levels that the field does not reach are left out with a warning, and no other step changes:
-    there is no such air. Should a level in between be left without triangles (all of it crumbs),
+    there is no such air. Should a level in between be left without triangles (all of it small),
     its step is added to the next shell inwards, so that the steps still sum up to the difference of
     the layers.
 
@@ -87,12 +87,12 @@ def contour_shells(
         rule = "custom"
     grid = _bare_grid(field)
     found: dict[int, tuple[Float32Array, IntArray, Float32Array, FloatArray]] = {}
-    crumbs = []
+    small = []
     for layer, level in enumerate(surfaces.tolist(), start=1):
         vertices, faces, gradient, derivatives = _contour(grid, level)
         towards = gradient[faces].mean(axis=1)
         faces, pieces, triangles = face_along(vertices, faces, towards, min_size_mm)
-        crumbs += [Crumbs(layer, pieces, triangles)] if pieces else []
+        small += [SmallComponents(layer, pieces, triangles)] if pieces else []
         if len(faces):
             used, faces = used_vertices(len(vertices), faces)
             vertices = vertices[used]
@@ -119,11 +119,11 @@ def contour_shells(
         steepness = None if rule == "outer" else per_mm / (ext - inside)
         level = float(surfaces[layer - 1])
         shells.append(Shell(layer, level, float(ext), inside, vertices, faces, normals, steepness))
-    return ShellStack(shells, field.air, rule, field.source, crumbs)
+    return ShellStack(shells, field.air, rule, field.source, small)
 
 
 def _size_advice(field: IndexField, min_size_mm: float) -> str:
-    """A field hardly larger than a crumb was probably read in another unit."""
+    """A field hardly larger than a small component was probably read in another unit."""
     size = float(np.linalg.norm(np.ptp(field.grid.points, axis=0)))
     if size > 20 * min_size_mm:
         return ""

@@ -20,7 +20,7 @@ from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.geometry.ply import NARROW, WIDE, CornerType, corner_type
 from iriftrace.geometry.topology import polydata
 from iriftrace.shells.hessian import PLY_COLUMNS
-from iriftrace.shells.stack import Crumbs, Shell, ShellStack
+from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 
 if TYPE_CHECKING:
     from iriftrace.shells.report import ShellReport
@@ -97,12 +97,12 @@ def save_shells(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot make the folder {folder}: {error.strerror}.") from error
-    written = [folder / f"shell_{shell.layer:02d}.ply" for shell in stack.shells]
+    written = [folder / f"{_stem(shell)}.ply" for shell in stack.shells]
     for path, shell in zip(written, stack.shells, strict=True):
         write_ply(path, shell.vertices, shell.faces, shell.normals, shell.steepness)
     if paraview:
         written.append(_write_paraview(folder, stack))
-    _remove_stale(folder, {path.name for path in written})
+    remove_stale(folder, stack, paraview)
     table = _table(stack, written, report, notes or {})
     table["part"] = None if part is None else part.seen_from(folder)
     with whole_file(folder / TABLE) as temporary:
@@ -110,8 +110,13 @@ def save_shells(
     return [*written, folder / TABLE]
 
 
-def load_shells(directory: str | Path) -> ShellStack:
-    """Read a stack of shells that :func:`save_shells` wrote.
+def load_shells(folder: str | Path) -> ShellStack:
+    """Read the shells of a scene, or those that ``iriftrace shells`` wrote.
+
+    Parameters
+    ----------
+    folder : path
+        The shells' folder, the folder of a scene with them, or the table ``shells.json`` itself.
 
     Raises
     ------
@@ -120,7 +125,11 @@ def load_shells(directory: str | Path) -> ShellStack:
     """
     from iriftrace.field.index_field import FieldSource
 
-    path = Path(directory) / TABLE
+    path = Path(folder)
+    if path.name != TABLE:
+        path /= TABLE
+    if not path.is_file() and (path.parent / "shells" / TABLE).is_file():
+        path = path.parent / "shells" / TABLE
     try:
         table = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -146,10 +155,14 @@ def load_shells(directory: str | Path) -> ShellStack:
             for row in table["shells"]
         ]
         source = None if table["source"] is None else FieldSource(**table["source"])
-        crumbs = [Crumbs(**row) for row in table["crumbs"]]
-        return ShellStack(shells, Air(**table["air"]), table["rule"], source, crumbs)
+        small = [SmallComponents(**row) for row in table["small_components"]]
+        return ShellStack(shells, Air(**table["air"]), table["rule"], source, small)
     except (KeyError, TypeError) as error:
         raise InputError(f"{path} lacks or misnames {error}; write the shells again.") from error
+
+
+def _stem(shell: Shell) -> str:
+    return f"shell_{shell.layer:02d}"
 
 
 def write_ply(
@@ -263,7 +276,7 @@ def _table(
         "air": stack.air.as_dict(),
         "source": None if stack.source is None else asdict(stack.source),
         "notes": dict(notes),
-        "crumbs": [c._asdict() for c in stack.crumbs],
+        "small_components": [small._asdict() for small in stack.small_components],
         "shells": rows,
     }
 
@@ -287,7 +300,7 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
         mesh.cell_data["layer"] = np.full(count, shell.layer, dtype=np.int32)
         mesh.cell_data["refractivity"] = np.full(count, shell.refractivity)
         mesh.cell_data["temperature_k"] = np.full(count, temperature)
-        name = f"shell_{shell.layer:02d}"
+        name = _stem(shell)
         with whole_file(pieces / f"{name}.vtp") as temporary:
             writer = vtkXMLPolyDataWriter()
             writer.SetFileName(str(temporary))
@@ -316,14 +329,14 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
     return target
 
 
-def _remove_stale(folder: Path, written: set[str]) -> None:
-    """Remove shells of an earlier, larger stack, which a user would take for this one's."""
-    stems = {Path(name).stem for name in written}
-    for pattern in ("shell_*.ply", "shells/shell_*.vtp"):
-        for path in folder.glob(pattern):
-            if path.stem not in stems:
-                path.unlink()
-    if PARAVIEW not in written and (folder / PARAVIEW).is_file():
-        (folder / PARAVIEW).unlink()
-        for path in folder.glob("shells/shell_*.vtp"):
+def remove_stale(folder: Path, stack: ShellStack, paraview: bool) -> None:
+    """Remove what an earlier stack left in a folder, which a user would take for this one's."""
+    stems = {_stem(shell) for shell in stack.shells}
+    for path in folder.glob("shell_*.ply"):
+        if path.stem not in stems:
             path.unlink()
+    for path in folder.glob("shells/shell_*.vtp"):
+        if path.stem not in stems or not paraview:
+            path.unlink()
+    if not paraview:
+        (folder / PARAVIEW).unlink(missing_ok=True)

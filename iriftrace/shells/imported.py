@@ -36,7 +36,7 @@ from iriftrace.geometry.topology import (
 )
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.shells.levels import layers_between
-from iriftrace.shells.stack import Crumbs, Shell, ShellStack
+from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 
 # MERGE surface_file: Triangles of a file with the refractivity of each: iso-surfaces from other p
 
@@ -304,12 +304,12 @@ def import_shells(
     surfaces, of_triangle = _split(soup.refractivity, soup.choice.name, path)
     _, e = layers_between(surfaces, air.ambient_refractivity)
     meshes = [_mesh(soup, of_triangle == k) for k in range(len(surfaces))]
-    shells, crumbs = [], []
+    shells, small = [], []
     for k, mesh in enumerate(meshes):
         neighbours = (meshes[i].vertices if 0 <= i < len(meshes) else None for i in (k - 1, k + 1))
         towards = _outward(mesh, *neighbours)
         faces, pieces, triangles = face_along(mesh.vertices, mesh.faces, towards, min_size_mm)
-        crumbs += [Crumbs(k + 1, pieces, triangles)] if pieces else []
+        small += [SmallComponents(k + 1, pieces, triangles)] if pieces else []
         if len(faces) == 0:
             raise InputError(
                 f"All pieces of the surface at n - 1 = {surfaces[k]:.6g} in {path} are smaller "
@@ -329,7 +329,7 @@ def import_shells(
         length_unit=length_unit,
         origin=soup.origin,
     )
-    return ShellStack(shells, air, "imported", source, crumbs)
+    return ShellStack(shells, air, "imported", source, small)
 
 
 def _split(refractivity: FloatArray, name: str, path: Path) -> tuple[FloatArray, IntArray]:

@@ -38,7 +38,7 @@ def _shells(values: Iterable[Shell]) -> tuple[Shell, ...]:
     return tuple(values)
 
 
-def _crumbs(values: Iterable[Crumbs]) -> tuple[Crumbs, ...]:
+def _components(values: Iterable[SmallComponents]) -> tuple[SmallComponents, ...]:
     return tuple(values)
 
 
@@ -125,8 +125,8 @@ class Shell:
             )
 
 
-class Crumbs(NamedTuple):
-    """Small pieces left out of one shell."""
+class SmallComponents(NamedTuple):
+    """Components of one shell that were left out for their size."""
 
     layer: int
     components: int
@@ -147,15 +147,15 @@ class ShellStack:
         ``"imported"``.
     source : FieldSource or None
         The file behind the shells, where there is one.
-    crumbs : tuple of Crumbs
-        What was dropped for its size.
+    small_components : tuple of SmallComponents
+        What was left out for its size.
     """
 
     shells: tuple[Shell, ...] = field(converter=_shells)
     air: Air
     rule: str = field()
     source: FieldSource | None = None
-    crumbs: tuple[Crumbs, ...] = field(default=(), converter=_crumbs)
+    small_components: tuple[SmallComponents, ...] = field(default=(), converter=_components)
 
     @shells.validator
     def _check_shells(self, _: Attribute[tuple[Shell, ...]], shells: tuple[Shell, ...]) -> None:

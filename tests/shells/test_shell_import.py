@@ -150,18 +150,18 @@ def test_single_surface_is_turned_away_from_its_centre(tmp_path):
     assert_allclose(shell.ext - shell.int_, 2 * (AMBIENT - LEVELS[1]), rtol=1e-5)
 
 
-def test_triangle_soup_is_welded_and_crumbs_are_dropped(tmp_path):
+def test_triangle_soup_is_welded_and_small_components_are_dropped(tmp_path):
     blocks = spheres(cells=True)
-    crumb = pv.Icosphere(radius=0.2, center=(50, 0, 0), nsub=1)
-    crumb.cell_data["T"] = np.full(crumb.n_cells, KELVIN[0])
-    surface = merged(pv.MultiBlock([*blocks, crumb]))
+    small = pv.Icosphere(radius=0.2, center=(50, 0, 0), nsub=1)
+    small.cell_data["T"] = np.full(small.n_cells, KELVIN[0])
+    surface = merged(pv.MultiBlock([*blocks, small]))
     corners = np.asarray(surface.points)[np.asarray(surface.regular_faces)].reshape(-1, 3)
     soup = pv.PolyData.from_regular_faces(corners, np.arange(len(corners)).reshape(-1, 3))
     soup.cell_data["T"] = surface.cell_data["T"]
     soup.save(tmp_path / "s.vtp")
     stack = import_shells(tmp_path / "s.vtp")
     check(stack)
-    assert stack.crumbs == ((1, 1, crumb.n_cells),)
+    assert stack.small_components == ((1, 1, small.n_cells),)
 
 
 def test_rounded_values_are_one_surface(tmp_path):

@@ -148,7 +148,7 @@ def test_layers_of_a_stack_join_without_a_gap(spheres):
     assert_allclose([s.int_ for s in spheres.shells], e[1:], rtol=1e-15)
     assert spheres.rule == "midpoint"
     assert spheres.source.sha256 == "0" * 64
-    assert spheres.crumbs == ()
+    assert spheres.small_components == ()
 
 
 def test_shells_are_closed_and_consistent(spheres):
@@ -206,14 +206,14 @@ def hot_spots(big: float) -> np.ndarray:
     return values
 
 
-def test_crumbs_are_dropped_and_reported():
+def test_small_components_are_dropped_and_reported():
     field = field_of(hexahedra(24, 6.0), hot_spots(3.0))
-    with_crumbs = contour_shells(field, layers=2, min_size_mm=0.0)
+    complete = contour_shells(field, layers=2, min_size_mm=0.0)
     without = contour_shells(field, layers=2, min_size_mm=1.5)
-    assert with_crumbs.crumbs == ()
+    assert complete.small_components == ()
     # Around a single point each of the 6 edges is cut: an octahedron of 8 triangles.
-    assert without.crumbs == ((1, 1, 8), (2, 1, 8))
-    for full, less in zip(with_crumbs.shells, without.shells, strict=True):
+    assert without.small_components == ((1, 1, 8), (2, 1, 8))
+    for full, less in zip(complete.shells, without.shells, strict=True):
         assert len(full.faces) - len(less.faces) == 8
         assert less.vertices[:, 0].max() < 1.5 < 3.5 < full.vertices[:, 0].max()
         assert len(less.normals) == len(less.vertices) == less.faces.max() + 1

@@ -1,0 +1,270 @@
+"""Build a scene from field, part and camera: what belongs together is checked, then written."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from attrs import evolve, field, frozen
+
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.part_fit import Fit, fit_part_to_field
+from iriftrace.scene.viewpoint import refuse_camera_inside
+from iriftrace.scene.write import PART_FILE, write_scene
+from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.edit import trim_to_frustum
+from iriftrace.shells.report import ShellReport, report_shells
+
+if TYPE_CHECKING:
+    from iriftrace.camera.camera import Camera
+    from iriftrace.field.index_field import IndexField
+    from iriftrace.part.part import Part
+    from iriftrace.scene.ensemble import FieldMember
+    from iriftrace.shells.stack import ShellStack
+
+
+SCALE = 0.5
+"""Default factor on a scene's resolution."""
+
+
+@frozen(eq=False)
+class BuiltScene(PathLike[str]):
+    """A scene that was written; usable as the path of its XML file.
+
+    Attributes
+    ----------
+    path : Path
+        The XML file.
+    shells : ShellStack
+        As written, trimmed to the camera's view if that was asked for.
+    report : tuple of ShellReport
+        Facts about each shell.
+    fit : Fit or None
+        How field and part lie on each other; None of ready-made shells.
+    """
+
+    path: Path
+    shells: ShellStack = field(repr=False)
+    report: tuple[ShellReport, ...] = field(repr=False)
+    fit: Fit | None
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+
+@frozen(eq=False)
+class BuiltEnsemble(PathLike[str]):
+    """The scene of an ensemble that was written; usable as the path of its XML file.
+
+    Attributes
+    ----------
+    path : Path
+        The XML file.
+    members : tuple of FieldMember
+    reports : tuple of tuple of ShellReport
+        Facts about each member's shells.
+    """
+
+    path: Path
+    members: tuple[FieldMember, ...]
+    reports: tuple[tuple[ShellReport, ...], ...] = field(repr=False)
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+
+def build_scene(
+    volume: IndexField | None,
+    part: Part,
+    camera: Camera,
+    path: str | Path,
+    *,
+    shells: ShellStack | None = None,
+    layers: int = 13,
+    rule: str = "midpoint",
+    wall_temperature_k: float | None = None,
+    trim_mm: float | None = None,
+    scale: float = SCALE,
+    normals: str = "gradient",
+    inside_hit: str = "refract",
+    notes: Mapping[str, str] | None = None,
+) -> BuiltScene:
+    """Make a complete scene folder of field, part and camera, as ``iriftrace scene`` does.
+
+    Parameters
+    ----------
+    volume : IndexField or None
+        The field; None where ready-made shells stand for it (:func:`iriftrace.import_shells`).
+    part : Part
+    camera : Camera
+        At its full resolution.
+    path : path
+        The scene's XML file; part, shells and field go beside it. Its folder is made when missing.
+    shells : ShellStack, optional
+        By default ``contour_shells(volume, layers, rule=rule)``.
+    layers : int
+        Number of shells.
+    rule : str
+        See :func:`iriftrace.contour_shells`.
+    wall_temperature_k : float, K, optional
+        Temperature of the hot part; a field with another one at its wall is warned of.
+    trim_mm : float, mm, optional
+        Shells are left out farther than this beside the camera's view; by default all are kept.
+    scale : float
+        Default of the scene's parameter ``scale``, a factor on the resolution.
+    normals : str
+        Default of the scene's parameter ``normals``: ``"gradient"`` or ``"facet"``.
+    inside_hit : str
+        ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
+    notes : mapping of str, optional
+        What is known of the field, such as ``{"time": "snapshot"}``; stated in every result.
+
+    Returns
+    -------
+    BuiltScene
+
+    Raises
+    ------
+    InputError
+        Field and part do not overlap, the camera stands in the part or in hot air, no shell is in
+        its view, or the folder cannot be written.
+
+    Warns
+    -----
+    IriftraceWarning
+        Field and part do not fit together.
+    """
+    xml = _place(path, part)
+    if shells is None:
+        if volume is None:
+            raise InputError("A scene needs air that bends its rays; give a field, or shells.")
+        shells = contour_shells(volume, layers, rule=rule)
+    fit = None
+    if volume is not None:
+        fit = fit_part_to_field(volume, part, wall_temperature_k=wall_temperature_k)
+        _warn(fit.warnings)
+    shells, report = _shells_for(camera, part, shells, volume, trim_mm)
+    write_scene(
+        xml.parent,
+        part,
+        shells,
+        camera,
+        name=xml.name,
+        scale=scale,
+        normals=normals,
+        inside_hit=inside_hit,
+        report=report,
+        notes=notes,
+        field=volume,
+    )
+    return BuiltScene(xml, shells, report, fit)
+
+
+def build_ensemble(
+    members: Iterable[MemberAir],
+    part: Part,
+    camera: Camera,
+    path: str | Path,
+    *,
+    wall_temperature_k: float | None = None,
+    trim_mm: float | None = None,
+    scale: float = SCALE,
+    normals: str = "gradient",
+    inside_hit: str = "refract",
+    notes: Mapping[str, str] | None = None,
+) -> BuiltEnsemble:
+    """Make the scene of several fields of one part: bias and scatter of what they do.
+
+    Parameters
+    ----------
+    members : iterable of MemberAir
+        At least two, each with its field; one is in memory at a time.
+    part, camera, path, wall_temperature_k, trim_mm, scale, normals, inside_hit, notes
+        See :func:`build_scene`.
+
+    Returns
+    -------
+    BuiltEnsemble
+
+    Raises
+    ------
+    InputError
+        As :func:`build_scene`, with the member's name; or there are fewer than two.
+
+    Warns
+    -----
+    IriftraceWarning
+        A field and the part do not fit together.
+    """
+    xml = _place(path, part)
+    reports: list[tuple[ShellReport, ...]] = []
+    told: dict[str, None] = {}
+
+    def checked() -> Iterator[MemberAir]:
+        for member in members:
+            with named(member.label):
+                if member.field is not None:
+                    fit = fit_part_to_field(
+                        member.field, part, wall_temperature_k=wall_temperature_k
+                    )
+                    told.update(dict.fromkeys(fit.warnings))
+                shells, report = _shells_for(camera, part, member.shells, member.field, trim_mm)
+            reports.append(report)
+            yield evolve(member, shells=shells, report=report)
+
+    _, listed = write_ensemble_scene(
+        xml.parent,
+        part,
+        checked(),
+        camera,
+        name=xml.name,
+        scale=scale,
+        normals=normals,
+        inside_hit=inside_hit,
+        notes=notes,
+    )
+    _warn(told)
+    return BuiltEnsemble(xml, listed, tuple(reports))
+
+
+@contextmanager
+def named(label: str) -> Iterator[None]:
+    """Name the member of an ensemble in an error that does not."""
+    try:
+        yield
+    except InputError as error:
+        if label in str(error):
+            raise
+        raise InputError(f"the member {label} cannot be used: {error}") from error
+
+
+def _place(path: str | Path, part: Part) -> Path:
+    """The XML file, whose folder has room for the scene's own copy of the part."""
+    xml = Path(path)
+    copy = xml.parent / PART_FILE
+    if Path(part.path).resolve() == copy.resolve():
+        raise InputError(
+            f"The scene's own {PART_FILE} would replace the part's file {part.path}; give the "
+            f"scene a folder of its own, such as {xml.with_suffix('') / xml.name}."
+        )
+    return xml
+
+
+def _shells_for(
+    camera: Camera, part: Part, shells: ShellStack, volume: IndexField | None, trim_mm: float | None
+) -> tuple[ShellStack, tuple[ShellReport, ...]]:
+    """Shells for a camera that stands neither in the part nor in hot air, and facts about them."""
+    refuse_camera_inside(camera.origin, part, shells, volume)
+    if trim_mm is not None:
+        shells = trim_to_frustum(shells, camera, trim_mm)
+    return shells, report_shells(shells, volume, part)
+
+
+def _warn(messages: Iterable[str]) -> None:
+    for message in messages:
+        warnings.warn(message, IriftraceWarning, stacklevel=3)

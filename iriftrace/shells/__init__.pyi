@@ -1,0 +1,13 @@
+from .contour import contour_shells as contour_shells
+from .decimate import decimate as decimate
+from .edit import smooth_taubin as smooth_taubin
+from .edit import subdivide_midpoint as subdivide_midpoint
+from .edit import trim_to_frustum as trim_to_frustum
+from .edit import without_inner as without_inner
+from .files import load_shells as load_shells
+from .files import save_shells as save_shells
+from .imported import import_shells as import_shells
+from .report import ShellReport as ShellReport
+from .report import report_shells as report_shells
+from .stack import Shell as Shell
+from .stack import ShellStack as ShellStack

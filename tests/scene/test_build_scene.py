@@ -1,0 +1,112 @@
+"""Scenes built from Python are those that the command makes: equal files, equal pictures.
+
+Expected values are the command's own files, bit for bit, and folders as they were where work fails.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import iriftrace
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError, IriftraceWarning
+from tests import hot_block
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A user's folder with a field and a part."""
+    path = tmp_path_factory.mktemp("user")
+    hot_block.save(path)
+    return path
+
+
+CAMERA = iriftrace.Camera(
+    focal_length_mm=20.0,
+    sensor_mm=(6.0, 5.0),
+    resolution=(120, 100),
+    focus_mm=(50.0, 250.0),
+    matrix=iriftrace.look_at(origin=(60.0, -45.0, 70.0), target=(0.0, 0.0, 0.0)),
+)
+
+
+@pytest.mark.usefixtures("variant")
+def test_python_and_command_give_the_same_files(folder: Path) -> None:
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    built = iriftrace.build_scene(
+        field, part, CAMERA, folder / "python" / "scene.xml", layers=5, scale=1.0
+    )
+    iriftrace.render_scene(iriftrace.load_scene(built)).save(folder / "python.exr")
+
+    words = ["scene", str(folder / "air.vtu"), str(folder / "block.stl"), "--layers=5"]
+    scene = folder / "command" / "scene.xml"
+    assert main([*words, "-o", str(scene), *hot_block.CAMERA, "--target=0,0,0"]) == 0
+    assert main(["render", str(scene), "-o", str(folder / "command.exr"), "--no-figures"]) == 0
+
+    files = sorted(path.relative_to(scene.parent) for path in scene.parent.rglob("*.*"))
+    assert Path("field.npz") in files
+    assert Path("shells/shell_01.ply") in files
+    for name in files:
+        same = (scene.parent / name).read_bytes() == (built.path.parent / name).read_bytes()
+        # The archive of the field states when it was packed.
+        assert same or name == Path("field.npz"), name
+    ours, theirs = (iriftrace.read_exr(folder / f"{n}.exr") for n in ("python", "command"))
+    assert ours.channels.keys() == theirs.channels.keys()
+    for name, values in ours.channels.items():
+        assert np.array_equal(values, theirs.channels[name]), name
+    assert (ours.channels["displacement.norm"] > 0).sum() > 100
+    assert built.fit is not None
+    assert built.fit.gap_p95_mm < 0.1
+    shells = iriftrace.load_shells(scene.parent)
+    assert [len(shell.faces) for shell in shells.shells] == [row.triangles for row in built.report]
+
+
+def test_ready_made_shells_need_no_field(folder: Path, tmp_path: Path) -> None:
+    part = iriftrace.read_part(folder / "block.stl")
+    shells = iriftrace.contour_shells(iriftrace.read_field(folder / "air.vtu"), 2)
+    built = iriftrace.build_scene(None, part, CAMERA, tmp_path / "scene.xml", shells=shells)
+    assert built.fit is None
+    assert not (tmp_path / "field.npz").exists()
+    with pytest.raises(InputError, match="give a field, or shells"):
+        iriftrace.build_scene(None, part, CAMERA, tmp_path / "scene.xml")
+
+
+def test_what_does_not_belong_together_is_refused(folder: Path, tmp_path: Path) -> None:
+    """And leaves no file."""
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    path = tmp_path / "new" / "scene.xml"
+    close = CAMERA.at(iriftrace.look_at(origin=(8.0, 0.0, 0.0), target=(0.0, 0.0, 0.0)))
+    with pytest.raises(InputError, match="in the hot air"):
+        iriftrace.build_scene(field, part, close, path, layers=2)
+    with pytest.warns(IriftraceWarning, match="wall"):
+        iriftrace.build_scene(field, part, CAMERA, path, layers=2, wall_temperature_k=600.0)
+    shutil.rmtree(path.parent)
+    away = part.transformed(np.array(((1, 0, 0, 500.0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))))
+    with pytest.raises(InputError):
+        iriftrace.build_scene(field, away, CAMERA, path, layers=2)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_leaves_the_folder_as_it_was(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    older = iriftrace.build_scene(field, part, CAMERA, tmp_path / "scene.xml", layers=2).path
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("iriftrace.scene.write.save_field_file", full)
+    for xml in (older, tmp_path / "a" / "b" / "scene.xml"):
+        with pytest.raises(InputError, match="No space left on device"):
+            iriftrace.build_scene(field, part, CAMERA, xml, layers=3)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
+    assert not (tmp_path / "a").exists()
