@@ -28,7 +28,11 @@ def test_stack_comes_back_bit_for_bit(stack, tmp_path):
     """But for the length of the gradient, which the files keep as a vector."""
     save_shells(stack, tmp_path / "new" / "folder", notes={"time": "mean"})
     back = load_shells(tmp_path / "new" / "folder")
-    assert (back.rule, back.air, back.small_components) == (stack.rule, stack.air, stack.small_components)
+    assert (back.rule, back.air, back.small_components) == (
+        stack.rule,
+        stack.air,
+        stack.small_components,
+    )
     assert back.source.sha256 == stack.source.sha256
     for a, b in zip(stack.shells, back.shells, strict=True):
         assert (a.layer, a.refractivity, a.ext, a.int_) == (b.layer, b.refractivity, b.ext, b.int_)
