@@ -43,10 +43,11 @@ def contour_shells(
     The surfaces are contoured on the solver's cells without resampling, rounded to float32 (the
     precision of the renderer's geometry), welded, freed of degenerate triangles and of small
     components, and wound so that facets face the cooler air. Vertex normals are
-    ``field.fitting_gradient``, interpolated along the cell edges and normalised. Each vertex knows how steep the index is there
-    and how that changes (``field.second_derivatives``; at the outermost shell what describes the
-    air outside it, see :func:`iriftrace.shells.hessian.outer_derivatives`); not with the rule
-    ``"outer"``, which is about steps at the shells.
+    ``field.fitting_gradient``, interpolated along the cell edges and normalised. Each vertex knows
+    how steep the index is there and how that changes (``field.second_derivatives``; at the
+    outermost shell what describes the air outside it, see
+    :func:`iriftrace.shells.hessian.outer_derivatives`); not with the rule ``"outer"``, which is
+    about steps at the shells.
 
     Levels that the field does not reach are left out with a warning, and no other step changes:
     there is no such air. Should a level in between be left without triangles (all of it small),
