@@ -1,48 +1,60 @@
-"""COMSOL's text exports at one of their states: a column of results for every time or parameter."""
+"""Read one state of COMSOL's text exports: spreadsheet, sectionwise or grid format.
+
+Times and values of a parameter are columns of results: ``T (K) @ t=1``, ``T (K) @ t=2``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 from warnings import warn
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
+from attrs import evolve, frozen
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
+from iriftrace.core.number_table import numbers, separator_of
 from iriftrace.field.arrays import quantity_of
-from iriftrace.field.gradient import TETRAHEDRON
-from iriftrace.field.readers import (
-    comsol_tables as comsol_sectionwise,
+from iriftrace.field.gradient import HEXAHEDRON, TETRAHEDRON
+from iriftrace.field.readers.comsol_text import (
+    AXES,
+    TextFile,
+    section_columns,
+    spreadsheet_columns,
+    text_file,
 )
-from iriftrace.field.readers import (
-    comsol_tables as comsol_spreadsheet,
-)
-from iriftrace.field.readers.comsol_sections import TextFile, text_file
-from iriftrace.field.readers.comsol_tables import Table
 from iriftrace.field.readers.scattered import merged, tetrahedra_between
 from iriftrace.field.readers.states import Column, Contents, State, chosen, states_of, time_in
 
-_COLUMNS = {
-    "spreadsheet": comsol_spreadsheet.columns,
-    "sectionwise": comsol_sectionwise.sectionwise_columns,
-    "grid": comsol_sectionwise.sectionwise_columns,
-}
-_TABLES = {
-    "spreadsheet": comsol_spreadsheet.table,
-    "sectionwise": comsol_sectionwise.sectionwise_table,
-    "grid": comsol_sectionwise.grid_table,
-}
+
+@frozen(eq=False)
+class _Table:
+    """A text export in numbers.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+    columns : sequence of Column
+        Names of the results.
+    values : (n, columns) array
+    cells : (k, 4) or (k, 8) array or None
+        Point numbers of tetrahedra or hexahedra; None for scattered points.
+    """
+
+    points: FloatArray
+    columns: Sequence[Column]
+    values: FloatArray
+    cells: IntArray | None
 
 
 def states(path: Path) -> list[State]:
     """Label and time of every state in a file, at least one."""
     file = text_file(path)
-    return _listed(_COLUMNS[file.layout](file))
+    spreadsheet = file.layout == "spreadsheet"
+    return _listed(spreadsheet_columns(file) if spreadsheet else section_columns(file))
 
 
 def read(path: Path, member: int | None) -> Contents:
@@ -61,16 +73,17 @@ def read(path: Path, member: int | None) -> Contents:
         Results are NaN at some points, which are then left out.
     """
     file = text_file(path)
-    table = _TABLES[file.layout](file)
+    layouts = {"spreadsheet": _spreadsheet, "sectionwise": _sectionwise, "grid": _grid}
+    table = layouts[file.layout](file)
     listed = _listed(table.columns)
     number = chosen(listed, member, path)
-    names, values = _of_state(table, listed[number][0], path)
-    points, values, cells = _with_values(table, names, values, path)
-    if table.cells is None:
+    names, table = _of_state(table, listed[number][0], path)
+    table = _without_gaps(table, names, path)
+    points, values, cells = table.points, table.values, table.cells
+    if cells is None:
         points, values = merged(points, values, path)
-        kind, cells = TETRAHEDRON, tetrahedra_between(points, path)
-    else:
-        kind = table.cells[0]
+        cells = tetrahedra_between(points, path)
+    kind = {4: TETRAHEDRON, 8: HEXAHEDRON}[cells.shape[1]]
     grid = pv.UnstructuredGrid({kind: cells}, points)
     for name, column in zip(names, values.T, strict=True):
         grid.point_data[name] = np.ascontiguousarray(column)
@@ -79,9 +92,9 @@ def read(path: Path, member: int | None) -> Contents:
         sha256=sha256_of(path),
         states=listed,
         member=number,
-        length_unit=_length_unit(file),
+        length_unit=file.length_unit or _unit_of_coordinates(file),
         units={name: column.unit or "" for name, column in names.items()},
-        origin=file.header.origin(listed[number][0]),
+        origin=file.origin(listed[number][0]),
         scattered=table.cells is None,
     )
 
@@ -90,23 +103,103 @@ def _listed(columns: Sequence[Column]) -> list[State]:
     return [(state, time_in(state)) for state in states_of(columns)]
 
 
-def _length_unit(file: TextFile) -> str | None:
-    stated = file.header.length_unit
-    if stated is None and file.layout == "spreadsheet":
-        return comsol_spreadsheet.coordinate_unit(file)
-    return stated
+def _unit_of_coordinates(file: TextFile) -> str | None:
+    """Unit that the names of a spreadsheet's coordinates state, where they agree."""
+    if file.layout != "spreadsheet":
+        return None
+    stated = {c.unit for c in spreadsheet_columns(file) if c.name.lower() in AXES and c.unit}
+    return stated.pop() if len(stated) == 1 else None
 
 
-def _of_state(
-    table: Table, state: str, path: Path
-) -> tuple[dict[str, Column], NDArray[np.float64]]:
-    """Columns of one state by the name of their array, and their values."""
+def _spreadsheet(file: TextFile) -> _Table:
+    """A point and its results in every row.
+
+    Points that fill a regular grid, with NaN where there is no air, get the grid's cells.
+    """
+    columns = spreadsheet_columns(file)
+    data = file.numbers([row for section in file.sections for row in section.rows], "rows")
+    file.check_count("nodes", len(data))
+    names = [column.name.lower() for column in columns]
+    axes = [names.index(axis) for axis in AXES]
+    others = [k for k in range(len(columns)) if k not in axes]
+    points, values, results = data[:, axes], data[:, others], [columns[k] for k in others]
+    places = [np.unique(column, return_inverse=True) for column in points.T]
+    nx, ny, nz = (len(coordinates) for coordinates, _ in places)
+    number = places[0][1] + nx * (places[1][1] + ny * places[2][1])
+    order = np.argsort(number, kind="stable")
+    if nx * ny * nz != len(points) or not np.array_equal(number[order], np.arange(len(points))):
+        return _Table(points, results, values, None)
+    return _Table(points[order], results, values[order], _boxes(nx, ny, nz))
+
+
+def _sectionwise(file: TextFile) -> _Table:
+    """Coordinates, tetrahedra, and a section of data for each of the results."""
+    points = file.numbers(file.only("coordinates").rows, "coordinates")
+    file.check_count("nodes", len(points))
+    if points.shape[1] != 3:
+        raise InputError(
+            f"The coordinates in {file.path} have {points.shape[1]} columns instead of x, y and z; "
+            "export 3D data."
+        )
+    corners = file.numbers(file.only("elements").rows, "elements")
+    file.check_count("elements", len(corners))
+    if corners.shape[1] != 4:
+        raise InputError(
+            f"The elements in {file.path} have {corners.shape[1]} corners, so they are a surface; "
+            "light needs the air between, so export tetrahedra (the volume)."
+        )
+    cells = corners.astype(np.int64)
+    if not np.array_equal(cells, corners) or cells.min() < 1 or cells.max() > len(points):
+        raise InputError(
+            f"The elements in {file.path} name points from {corners.min():g} to "
+            f"{corners.max():g}, but it has points 1 to {len(points)}; the file is damaged, so "
+            "export it again."
+        )
+    return _Table(points, section_columns(file), _results(file, len(points)), cells - 1)
+
+
+def _grid(file: TextFile) -> _Table:
+    """Coordinates of a regular grid along x, y and z, and results, with x running fastest."""
+    rows = file.only("grid").rows
+    if len(rows) != 3:
+        raise InputError(
+            f"The grid in {file.path} has {len(rows)} rows instead of one each for x, y and z; "
+            "export 3D data."
+        )
+    axes = [numbers([row], separator_of(row), file.path, "grid").ravel() for row in rows]
+    z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
+    points = np.stack((x.ravel(), y.ravel(), z.ravel()), axis=1)
+    cells = _boxes(len(axes[0]), len(axes[1]), len(axes[2]))
+    return _Table(points, section_columns(file), _results(file, len(points)), cells)
+
+
+def _boxes(nx: int, ny: int, nz: int) -> IntArray:
+    """Hexahedra (k, 8) between the points of a grid that are numbered with x running fastest."""
+    k, j, i = np.meshgrid(np.arange(nz - 1), np.arange(ny - 1), np.arange(nx - 1), indexing="ij")
+    first = (i + nx * (j + ny * k)).ravel()
+    corner = np.array((0, 1, 1 + nx, nx))
+    return first[:, None] + np.concatenate((corner, corner + nx * ny))
+
+
+def _results(file: TextFile, count: int) -> FloatArray:
+    """Sections of data side by side, (count, sections)."""
+    values = [file.numbers(section.rows, "data").ravel() for section in file.of_kind("data")]
+    for data in values:
+        if len(data) != count:
+            raise InputError(
+                f"A section of data in {file.path} has {len(data)} values for {count} points: it "
+                "was cut short or edited; export it again."
+            )
+    return np.stack(values, axis=1)
+
+
+def _of_state(table: _Table, state: str, path: Path) -> tuple[dict[str, Column], _Table]:
+    """Columns of one state by the name of their array, and the table without the others."""
     places = [k for k, c in enumerate(table.columns) if c.state in ("", state)]
     if not places:
         raise InputError(f"{path} has no results, only coordinates; export the temperature too.")
     names: dict[str, Column] = {}
-    for k in places:
-        column = table.columns[k]
+    for column in (table.columns[k] for k in places):
         taken = column.name in names
         names[f"{column.name} ({column.unit})" if taken else column.name] = column
     if len(names) != len(places):
@@ -114,31 +207,26 @@ def _of_state(
             f"{path} has several columns of the same name among "
             f"{', '.join(table.columns[k].name for k in places)}; export each once."
         )
-    return names, table.values[:, places]
+    return names, evolve(table, columns=list(names.values()), values=table.values[:, places])
 
 
-def _with_values(
-    table: Table, names: dict[str, Column], values: FloatArray, path: Path
-) -> tuple[FloatArray, FloatArray, Any]:
-    """Points, values and cells without the points at which nothing was computed."""
+def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table:
+    """The table without points at which nothing was computed, and without cells at such points."""
     telling = [k for k, name in enumerate(names) if quantity_of(name) is not None]
-    missing = np.asarray(np.isnan(values[:, telling or slice(None)]).any(axis=1))
-    cells = None if table.cells is None else table.cells[1]
+    missing = np.isnan(table.values[:, telling or slice(None)]).any(axis=1)
     if not missing.any():
-        return table.points, values, cells
+        return table
     if missing.all():
         raise InputError(
             f"The results in {path} are NaN at all points; export a dataset with a solution."
         )
-    if cells is not None:
-        cells = cells[~missing[cells].any(axis=1)]
     warn(
         f"{path} has no number (NaN) at {np.count_nonzero(missing)} of {len(missing)} points; they "
         "are left out.",
         IriftraceWarning,
         stacklevel=5,
     )
-    if cells is not None:
-        # Points without cells are dropped with the rest of what no cell uses.
-        return table.points, values, cells
-    return table.points[~missing], values[~missing], None
+    if table.cells is None:
+        return evolve(table, points=table.points[~missing], values=table.values[~missing])
+    # Points without cells are dropped with the rest of what no cell uses.
+    return evolve(table, cells=table.cells[~missing[table.cells].any(axis=1)])

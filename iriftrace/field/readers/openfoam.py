@@ -1,4 +1,4 @@
-"""Results of OpenFOAM: a case's folder or .foam file, whole or decomposed, at one of its times."""
+"""Read one time of an OpenFOAM case: a folder or .foam file, whole or decomposed."""
 
 from __future__ import annotations
 
@@ -12,20 +12,80 @@ from warnings import warn
 import numpy as np
 import pyvista as pv
 from attrs import frozen
-from numpy.typing import NDArray
 from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of_list
 from iriftrace.field.arrays import quantity_of
-from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE
-from iriftrace.field.readers.openfoam_mesh import PointSums, VolumeMesh, point_sums, split_polyhedra
+from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, moves
+from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_polyhedra
 from iriftrace.field.readers.states import Contents, State, chosen
 from iriftrace.field.readers.vtk_files import quietly
 
-# MERGE readers.openfoam_folders: Folders in a case of OpenFOAM: pieces that processors computed,
-
 _PROCESSOR = re.compile(r"processor(\d+)")
+# Their faces state no value of their own: neighbours, mirrors, or nothing.
+_NO_VALUES = re.compile(r"processor.*|symmetry.*|wedge|empty|.*cyclic.*", re.IGNORECASE)
+_PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
+
+
+@frozen
+class _Case:
+    """The pieces of a case that are read: its own folder, or those of the processors."""
+
+    folder: Path
+    pieces: tuple[Path, ...]
+    times: tuple[str, ...]
+
+    @property
+    def states(self) -> list[State]:
+        return [(f"t = {time}", float(time)) for time in self.times]
+
+
+def states(path: Path) -> list[State]:
+    """Label and time of every time folder; time 0 only where there is no other."""
+    return _case(path).states
+
+
+def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
+    """Temperatures, other scalars and, if `flow`, velocities at a case's points, in m and SI units.
+
+    Raises
+    ------
+    InputError
+        The case has no mesh, no time, several regions, or damaged files.
+    """
+    case = _case(path)
+    number = chosen(case.states, member, path)
+    time = case.times[number]
+    pieces = [_piece(piece, time, flow) for piece in case.pieces]
+    names = [
+        name for name in _names(pieces[0], flow) if all(name in _names(p, flow) for p in pieces)
+    ]
+    if not names:
+        raise InputError(f"The case {path} has no scalar field at this time; is it complete?")
+    files = (
+        file
+        for piece in case.pieces
+        for part in (piece / "constant/polyMesh", piece / time)
+        for file in part.rglob("*")
+        if file.is_file()
+    )
+    return Contents(
+        data=joined(pieces, names),
+        sha256=sha256_of_list(sorted(files), case.folder),
+        states=case.states,
+        member=number,
+        length_unit="m",
+        origin=f"OpenFOAM{_solver(case.folder)}, t = {time} s",
+    )
+
+
+def is_case(folder: Path) -> bool:
+    """Whether a folder looks like an OpenFOAM case, reconstructed or decomposed."""
+    return any(
+        (folder / name).exists()
+        for name in ("system/controlDict", "constant/polyMesh", "processor0/constant/polyMesh")
+    )
 
 
 def processor_folders(case: Path) -> list[Path]:
@@ -51,77 +111,10 @@ def time_folders(piece: Path) -> dict[float, Path]:
     return dict(sorted(found.items()))
 
 
-# Their faces state no value of their own: neighbours, mirrors, or nothing.
-_NO_VALUES = re.compile(r"processor.*|symmetry.*|wedge|empty|.*cyclic.*", re.IGNORECASE)
-_PATCH = re.compile(r"(?P<name>[^\s{}();]+)\s*\{[^{}]*?\btype\s+(?P<kind>\w+)\s*;")
-
-
-@frozen
-class _Case:
-    """The pieces of a case that are read: its own folder, or those of the processors."""
-
-    folder: Path
-    pieces: tuple[Path, ...]
-    times: tuple[str, ...]
-
-
-def states(path: Path) -> list[State]:
-    """Label and time of every time folder; time 0 only where there is no other."""
-    return [(f"t = {time}", float(time)) for time in _case(path).times]
-
-
-def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
-    """Temperatures, other scalars and, if `flow`, velocities at a case's points, in m and SI units.
-
-    Raises
-    ------
-    InputError
-        The case has no mesh, no time, several regions, or damaged files.
-    """
-    case = _case(path)
-    listed = [(f"t = {time}", float(time)) for time in case.times]
-    number = chosen(listed, member, path)
-    pieces = [_piece(piece, case.times[number], flow) for piece in case.pieces]
-    solver = _solver(case.folder)
-    return Contents(
-        data=_joined(pieces, path),
-        sha256=sha256_of_list(_files(case, case.times[number]), case.folder),
-        states=listed,
-        member=number,
-        length_unit="m",
-        origin=f"OpenFOAM{solver}, t = {case.times[number]} s",
-    )
-
-
-def is_case(folder: Path) -> bool:
-    """Whether a folder looks like an OpenFOAM case, reconstructed or decomposed."""
-    return any(
-        (folder / name).exists()
-        for name in ("system/controlDict", "constant/polyMesh", "processor0/constant/polyMesh")
-    )
-
-
-def folder_of(path: Path) -> Path:
-    """The folder of a case that is named by itself, by a .foam file in it or its controlDict."""
-    if path.is_dir():
-        return path
-    return path.parent.parent if path.name == "controlDict" else path.parent
-
-
-def _files(case: _Case, time: str) -> list[Path]:
-    """Files of the mesh and of one time, sorted, for the checksum."""
-    found = [
-        file
-        for piece in case.pieces
-        for part in (piece / "constant/polyMesh", piece / time)
-        for file in part.rglob("*")
-        if file.is_file()
-    ]
-    return sorted(found)
-
-
 def _case(path: Path) -> _Case:
-    folder = folder_of(path)
+    folder = path
+    if not path.is_dir():
+        folder = path.parent.parent if path.name == "controlDict" else path.parent
     processors = processor_folders(folder)
     whole = _times(folder) if (folder / "constant/polyMesh").is_dir() else ()
     apart = _times(processors[0]) if processors else ()
@@ -174,8 +167,17 @@ def _solver(folder: Path) -> str:
     return f" {found[1]}" if found else ""
 
 
-def _piece(folder: Path, time: str, flow: bool) -> tuple[VolumeMesh, PointSums]:
-    """Cells and point sums of one folder with a polyMesh."""
+def _names(piece: Piece, flow: bool) -> list[str]:
+    """Cell arrays of scalars and, if `flow`, of the vectors that tell how the air moves."""
+    return [
+        name
+        for name, values in piece.grid.cell_data.items()
+        if values.dtype.kind == "f" and (values.ndim == 1 or (flow and moves(name)))
+    ]
+
+
+def _piece(folder: Path, time: str, flow: bool) -> Piece:
+    """Cells and patches of one folder with a polyMesh."""
     data, named = quietly(lambda: _read_with_vtk(folder, time), folder)
     grid = data["internalMesh"] if "internalMesh" in data.keys() else None
     if grid is None or not grid.n_cells:
@@ -202,8 +204,7 @@ def _piece(folder: Path, time: str, flow: bool) -> tuple[VolumeMesh, PointSums]:
     for values in (grid, *patches.values()) if flow else ():
         _put_velocity_over_temperature(values.cell_data)
     walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
-    mesh = split_polyhedra(grid)
-    return mesh, point_sums(grid, mesh, patches, walls, flow=flow)
+    return Piece(grid, split_polyhedra(grid), patches, walls)
 
 
 def _put_velocity_over_temperature(arrays: Any) -> None:
@@ -237,36 +238,3 @@ def _patch_kinds(folder: Path) -> dict[str, str]:
     text = re.sub(r"//.*|/\*.*?\*/", "", raw.decode(errors="replace"))
     text = re.sub(r"FoamFile\s*\{.*?\}", "", text, flags=re.S)
     return {found["name"]: found["kind"] for found in _PATCH.finditer(text)}
-
-
-def _joined(pieces: list[tuple[VolumeMesh, PointSums]], path: Path) -> pv.UnstructuredGrid:
-    """One grid of all pieces, joined at points that coincide exactly, with means at its points."""
-    names = set.intersection(*(set(sums.sums) for _, sums in pieces))
-    if not names:
-        raise InputError(f"The case {path} has no scalar field at this time; is it complete?")
-    stacked = np.concatenate([mesh.points for mesh, _ in pieces])
-    if len(pieces) == 1:
-        points, numbers = stacked, np.arange(len(stacked))
-    else:
-        points, numbers = np.unique(stacked, axis=0, return_inverse=True)
-        numbers = numbers.ravel()
-    starts = np.cumsum([0, *(len(mesh.points) for mesh, _ in pieces)])
-    count = len(points)
-    weight = np.zeros((3, count))
-    shapes = {name: pieces[0][1].sums[name].shape[2:] for name in names}
-    totals = {name: np.zeros((3, count, *shapes[name])) for name in names}
-    cells: dict[int, list[NDArray[np.int64]]] = {}
-    for (mesh, sums), start in zip(pieces, starts, strict=False):
-        here = numbers[start : start + len(mesh.points)]
-        merged = sums.merged(here, count)
-        weight += merged.weight
-        for name in names:
-            totals[name] += merged.sums[name]
-        for kind, corners in mesh.cells.items():
-            cells.setdefault(kind, []).append(here[corners])
-    grid = pv.UnstructuredGrid(
-        {kind: np.concatenate(parts) for kind, parts in cells.items()}, points
-    )
-    for name, values in PointSums(weight, totals).means().items():
-        grid.point_data[name] = values
-    return grid

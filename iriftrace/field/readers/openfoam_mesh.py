@@ -1,8 +1,12 @@
-"""Polyhedra of a finite-volume mesh as pyramids and tetrahedra around their centroids."""
+"""Finite-volume meshes as linear cells with values at their points.
+
+Polyhedra become pyramids and tetrahedra around their centroids, and cells and boundary faces give
+their values to the points around them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +15,12 @@ from attrs import frozen
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.field.flow import moves
 from iriftrace.field.gradient import PYRAMID, TETRAHEDRON, cell_corners
 
 _POLYHEDRON = 42
+
+_CELLS, _PATCHES, _WALLS = range(3)
+"""Kinds of places from which a point can have its value, the one that counts most last."""
 
 
 @frozen(eq=False)
@@ -137,106 +143,109 @@ def _upright(points: FloatArray, cells: IntArray) -> IntArray:
     return np.where(up[:, None] < 0.0, turned, cells)
 
 
-# MERGE readers.openfoam_points: Values of finite-volume cells and boundary faces at the points of
-
-SOURCES = 3
-"""Kinds of places from which a point can have its value, the weightiest last: cells, faces of
-patches, faces of walls."""
-
-
 @frozen(eq=False)
-class PointSums:
-    """Weighted sums at points, which pieces of one mesh can add up before they are divided.
+class Piece:
+    """A mesh as it was read, whole or from one processor.
 
     Attributes
     ----------
-    weight : (SOURCES, n) array
-        1/distance, summed, for each kind of source.
-    sums : mapping
-        For every array (SOURCES, n), or (SOURCES, n, 3) for vectors: weight times value, summed.
-    """
-
-    weight: FloatArray
-    sums: dict[str, FloatArray]
-
-    def merged(self, numbers: IntArray, count: int) -> PointSums:
-        """The sums at `count` points, where point i became point ``numbers[i]``."""
-
-        def add(rows: FloatArray) -> FloatArray:
-            return np.stack([_added(numbers, row, count) for row in rows])
-
-        return PointSums(add(self.weight), {name: add(rows) for name, rows in self.sums.items()})
-
-    def means(self) -> dict[str, FloatArray]:
-        """Values at the points: from walls where there are any, else patches, else cells."""
-        source = SOURCES - 1 - (self.weight[::-1] > 0.0).argmax(axis=0)
-        at = (source, np.arange(self.weight.shape[1]))
-        weight = self.weight[at]
-        # Points that no cell uses have no weight and no value.
-        weight = np.where(weight > 0.0, weight, np.nan)
-        return {name: (rows[at].T / weight).T for name, rows in self.sums.items()}
-
-
-def point_sums(
-    grid: Any,
-    mesh: VolumeMesh,
-    patches: Mapping[str, Any],
-    walls: frozenset[str],
-    *,
-    flow: bool,
-) -> PointSums:
-    """Sums at the points of a piece, with the inverse distance as weight as OpenFOAM does it.
-
-    VTK's own translation averages the cells alone, which puts air from half a cell away onto the
-    wall. Here points on patches have values of the patches' faces only, and points on walls those
-    of the walls' faces only, so a wall of one temperature keeps it to the last digit.
-
-    Parameters
-    ----------
     grid : pyvista.UnstructuredGrid
-        The piece as it was read, with cell data.
+        With cell data.
     mesh : VolumeMesh
         The same, split.
     patches : mapping
         pyvista.PolyData of the patches that state values, with cell data.
     walls : frozenset
         Names of those that are walls.
-    flow : bool
-        Also of the vectors that tell how the air moves, and not of scalars only.
     """
-    points = np.asarray(grid.points, dtype=np.float64)
-    names = [
-        name
-        for name in grid.cell_data
-        if grid.cell_data[name].dtype.kind == "f"
-        and (grid.cell_data[name].ndim == 1 or (flow and moves(name)))
-    ]
-    count = len(mesh.points)
-    weight = np.zeros((SOURCES, count))
-    sums = {name: np.zeros((SOURCES, count, *grid.cell_data[name].shape[1:])) for name in names}
-    starts = np.asarray(grid.cell_offsets, dtype=np.int64)
-    corner = np.asarray(grid.cell_connectivity, dtype=np.int64)
-    cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))
-    w = _inverse(points[corner] - mesh.centres[cell])
-    weight[0] += np.bincount(corner, w, minlength=count)
+
+    grid: Any
+    mesh: VolumeMesh
+    patches: Mapping[str, Any]
+    walls: frozenset[str]
+
+
+def joined(pieces: Sequence[Piece], names: Sequence[str]) -> pv.UnstructuredGrid:
+    """One grid of all pieces, joined at points that coincide exactly, with values at its points.
+
+    A point has the mean of the places around it, weighted with the inverse distance as OpenFOAM
+    does it. VTK's own translation averages the cells alone, which puts air from half a cell away
+    onto the wall. Here points on patches have values of the patches' faces only, and points on
+    walls those of the walls' faces only, so a wall of one temperature keeps it to the last digit.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+    names : sequence of str
+        Cell arrays, scalars or vectors, that all pieces have.
+    """
+    points = np.concatenate([piece.mesh.points for piece in pieces])
+    number = np.arange(len(points))
+    if len(pieces) > 1:
+        points, number = np.unique(points, axis=0, return_inverse=True)
+    ends = np.cumsum([len(piece.mesh.points) for piece in pieces])
+    numbers = np.split(number.ravel(), ends[:-1])
+    cells: dict[int, list[IntArray]] = {}
+    for piece, number in zip(pieces, numbers, strict=True):
+        for kind, corners in piece.mesh.cells.items():
+            cells.setdefault(kind, []).append(number[corners])
+    grid = pv.UnstructuredGrid(
+        {kind: np.concatenate(parts) for kind, parts in cells.items()}, points
+    )
+    for name, values in _point_means(pieces, numbers, len(points), names).items():
+        grid.point_data[name] = values
+    return grid
+
+
+def _point_means(
+    pieces: Sequence[Piece], numbers: Sequence[IntArray], count: int, names: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Values at `count` points, where `numbers` are those of the points of each piece."""
+    weight = np.zeros((3, count))
+    sums = {}
     for name in names:
-        value = np.asarray(grid.cell_data[name], dtype=np.float64)
-        sums[name][0] += _added(corner, (w * value[cell].T).T, count)
-        sums[name][0, len(points) :] = value[mesh.polyhedra]
-    weight[0, len(points) :] = 1.0
-    tree = cKDTree(np.asarray(grid.points)) if patches else None
-    for patch_name, patch in patches.items():
+        sums[name] = np.zeros((3, count, *np.shape(pieces[0].grid.cell_data[name])[1:]))
+    for piece, number in zip(pieces, numbers, strict=True):
+        for source, corner, owner, w, data in _corners(piece):
+            at = number[corner]
+            weight[source] += np.bincount(at, w, minlength=count)
+            for name in names:
+                value = np.asarray(data[name], dtype=np.float64)
+                sums[name][source] += _added(at, (w * value[owner].T).T, count)
+        centroids = number[piece.grid.n_points :]
+        weight[_CELLS, centroids] = 1.0
+        for name in names:
+            value = np.asarray(piece.grid.cell_data[name], dtype=np.float64)
+            sums[name][_CELLS, centroids] = value[piece.mesh.polyhedra]
+    source = _WALLS - (weight[::-1] > 0.0).argmax(axis=0)
+    at = (source, np.arange(count))
+    # Points that no cell uses have no weight and no value.
+    total = np.where(weight[at] > 0.0, weight[at], np.nan)
+    return {name: (rows[at].T / total).T for name, rows in sums.items()}
+
+
+def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray, Any]]:
+    """Kind of source, points, cell or face, weight and cell data, for the cells and each patch."""
+    points = np.asarray(piece.grid.points, dtype=np.float64)
+    starts = np.asarray(piece.grid.cell_offsets, dtype=np.int64)
+    corner = np.asarray(piece.grid.cell_connectivity, dtype=np.int64)
+    cell = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    weight = _inverse_length(points[corner] - piece.mesh.centres[cell])
+    yield _CELLS, corner, cell, weight, piece.grid.cell_data
+    tree = cKDTree(points) if piece.patches else None
+    for name, patch in piece.patches.items():
         if not patch.n_cells or tree is None:
             continue
-        row = 2 if patch_name in walls else 1
-        number = tree.query(np.asarray(patch.points))[1]
-        corner, face, centres = _patch_corners(patch)
-        w = _inverse(np.asarray(patch.points, dtype=np.float64)[corner] - centres[face])
-        weight[row] += np.bincount(number[corner], w, minlength=count)
-        for name in names:
-            value = np.asarray(patch.cell_data[name], dtype=np.float64)
-            sums[name][row] += _added(number[corner], (w * value[face].T).T, count)
-    return PointSums(weight, sums)
+        polygons = patch.GetPolys()
+        starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
+        corner = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
+        face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        points = np.asarray(patch.points, dtype=np.float64)
+        centres = np.stack([np.bincount(face, c) for c in points[corner].T], axis=1)
+        centres /= np.diff(starts)[:, None]
+        weight = _inverse_length(points[corner] - centres[face])
+        source = _WALLS if name in piece.walls else _PATCHES
+        yield source, tree.query(points)[1][corner], face, weight, patch.cell_data
 
 
 def _added(numbers: IntArray, values: FloatArray, count: int) -> FloatArray:
@@ -246,18 +255,6 @@ def _added(numbers: IntArray, values: FloatArray, count: int) -> FloatArray:
     return total if values.ndim > 1 else total[:, 0]
 
 
-def _patch_corners(patch: Any) -> tuple[IntArray, IntArray, FloatArray]:
-    """Corner and face of every corner of the faces, and the faces' centres."""
-    polygons = patch.GetPolys()
-    starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
-    corner = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
-    face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    points = np.asarray(patch.points, dtype=np.float64)
-    size = np.bincount(face)
-    centres = np.stack([np.bincount(face, c) / size for c in points[corner].T], axis=1)
-    return corner, face, centres
-
-
-def _inverse(arms: FloatArray) -> FloatArray:
+def _inverse_length(arms: FloatArray) -> FloatArray:
     inverse: FloatArray = 1.0 / np.maximum(np.linalg.norm(arms, axis=1), np.finfo(float).tiny)
     return inverse

@@ -1,0 +1,290 @@
+"""Split COMSOL's text exports into header entries, sections of numbers and named columns.
+
+Lines that begin with % are comments: entries of the header (``% Nodes: 1000``), titles of sections
+(``% Coordinates``, ``% Data (T (K) @ t=1)``), or the names of a spreadsheet's columns.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.number_table import is_numbers, numbers, separator_of
+from iriftrace.field.readers.states import Column, column_of
+
+AXES = ("x", "y", "z")
+
+_ENTRY = re.compile(
+    r"%\s*(?P<key>Model|Version|Date|Dimension|Nodes|Elements|Expressions|Description|Length unit)"
+    r"\s*:\s*(?P<value>.*)",
+    re.IGNORECASE,
+)
+_KIND = re.compile(r"%\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!\s*:)", re.IGNORECASE)
+_DATA_TITLE = re.compile(r"%\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
+_PADDED = re.compile(r"\s{2,}|\t")
+# An expression ends at its unit and state; names of coordinates have neither.
+_NAMED = re.compile(
+    r"\S.*?\s\((?:[^()]|\([^()]*\))+\)(?:\s+@\s+(?:\d+:\s+)?[^\s=]+=\S+(?:\s+[^\s=(]+=\S+)*)?"
+)
+_ASSIGNMENT = re.compile(r"\s*[\w.]+\s*=[^@()]*")
+
+
+@frozen(eq=False)
+class Section:
+    """Rows that follow each other, with the comments right above them.
+
+    Attributes
+    ----------
+    comments : list of str
+        Lines that begin with %; for a spreadsheet without %, the line with the names.
+    rows : list of str
+        The lines below, without empty ones.
+    """
+
+    comments: list[str]
+    rows: list[str]
+
+    @property
+    def kind(self) -> str:
+        """``"coordinates"``, ``"elements"``, ``"data"`` or ``"grid"``, as the comments say; ""."""
+        found = [match["word"].lower() for line in self.comments if (match := _KIND.match(line))]
+        return found[-1] if found else ""
+
+    @property
+    def titles(self) -> list[str]:
+        """Comments that are no entries of the header."""
+        return [line for line in self.comments if not _ENTRY.match(line)]
+
+    @property
+    def data_title(self) -> str:
+        """Name of the results in a section of data: in its title or on the line below; or ""."""
+        title = [_DATA_TITLE.fullmatch(line) for line in self.titles]
+        place = max(k for k, found in enumerate(title) if found)
+        found, below = title[place], self.titles[place + 1 :]
+        inside = found["inside"] if found else None
+        return inside or (below[0].removeprefix("%").strip() if below else "")
+
+
+@frozen(eq=False)
+class TextFile:
+    """A text export.
+
+    Attributes
+    ----------
+    path : Path
+    entries : dict
+        Values of the header by key in lower case: ``model``, ``version``, ``nodes``, ...
+    sections : list of Section
+        At least one, all with rows.
+    """
+
+    path: Path
+    entries: dict[str, str]
+    sections: list[Section]
+
+    @property
+    def layout(self) -> str:
+        """``"sectionwise"``, ``"grid"`` or ``"spreadsheet"``."""
+        kinds = {section.kind for section in self.sections}
+        if "coordinates" in kinds or "elements" in kinds:
+            return "sectionwise"
+        return "grid" if "grid" in kinds else "spreadsheet"
+
+    @property
+    def separator(self) -> str | None:
+        """Separator of the numbers in a row; None for blanks."""
+        return separator_of(self.sections[0].rows[0])
+
+    @property
+    def length_unit(self) -> str | None:
+        """Unit of the coordinates, where the header states it."""
+        text = self.entries.get("length unit", "")
+        return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
+
+    def origin(self, state: str) -> str:
+        """Program, model and state, as results name the field they were made of."""
+        model = self.entries.get("model", "")
+        words = (self.entries.get("version", "COMSOL"), f"model {model}" if model else "", state)
+        return ", ".join(filter(None, words))
+
+    def of_kind(self, kind: str) -> list[Section]:
+        """The sections of one kind."""
+        return [section for section in self.sections if section.kind == kind]
+
+    def only(self, kind: str) -> Section:
+        """The one section of a kind.
+
+        Raises
+        ------
+        InputError
+            There is none, or several.
+        """
+        found = self.of_kind(kind)
+        if len(found) != 1:
+            raise InputError(
+                f"{self.path} has {len(found)} sections of {kind} (% {kind.capitalize()}) instead "
+                "of one; export it again."
+            )
+        return found[0]
+
+    def numbers(self, rows: Sequence[str], what: str) -> FloatArray:
+        """Rows of the file as an array (rows, columns); `what` they are, for messages."""
+        # Rows of data have one number, whose decimal comma must not be taken for a separator.
+        return numbers(rows, self.separator, self.path, what)
+
+    def count(self, key: str) -> int | None:
+        """A number that the header states, or None.
+
+        Raises
+        ------
+        InputError
+            It is no number.
+        """
+        text = self.entries.get(key)
+        try:
+            return None if text is None else int(text)
+        except ValueError:
+            raise InputError(
+                f"The header of {self.path} gives {text!r} for {key}, which is no number; export "
+                "the file again."
+            ) from None
+
+    def check_count(self, key: str, found: int) -> None:
+        """Refuse a file that has not as many ``"nodes"`` or ``"elements"`` as its header states.
+
+        Raises
+        ------
+        InputError
+        """
+        stated = self.count(key)
+        if stated is not None and found != stated:
+            raise InputError(
+                f"The header of {self.path} counts {stated} {key}, but the file has {found}: it "
+                "was cut short or edited; export it again."
+            )
+
+
+def text_file(path: Path) -> TextFile:
+    """Read a text export and split it.
+
+    Raises
+    ------
+    InputError
+        It is no text, has no rows of numbers, or is a table that is not three-dimensional.
+    """
+    raw = path.read_bytes()
+    if b"\0" in raw[:4096]:
+        raise InputError(f"{path} is not text; export it again as a text file in UTF-8.")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("latin-1")
+    sections: list[Section] = []
+    comments: list[str] = []
+    for line in filter(None, map(str.strip, text.splitlines())):
+        if line.startswith("%") or (not sections and not is_numbers(line)):
+            comments.append(line)
+        elif comments or not sections:
+            sections.append(Section(comments, [line]))
+            comments = []
+        else:
+            sections[-1].rows.append(line)
+    if not sections:
+        raise InputError(f"{path} has no rows of numbers; is it a complete export?")
+    entries: dict[str, str] = {}
+    for line in (line for section in sections for line in section.comments):
+        if found := _ENTRY.match(line):
+            entries.setdefault(found["key"].lower(), found["value"].strip())
+    file = TextFile(path, entries, sections)
+    dimension = file.count("dimension")
+    if dimension is not None and dimension != 3:
+        raise InputError(
+            f"{path} holds data in {dimension} dimensions, and light needs the air in three; "
+            "revolve or extrude them to a 3D dataset in COMSOL and export that."
+        )
+    return file
+
+
+def spreadsheet_columns(file: TextFile) -> list[Column]:
+    """All columns of a spreadsheet, coordinates included, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        No line names them, another number is named, or x, y and z are not among them.
+    """
+    if not file.sections[0].titles:
+        raise InputError(
+            f"{file.path} has no header line that names its columns (% x y z T (K)), so nothing "
+            "tells which is the temperature; export it with its header."
+        )
+    line = file.sections[0].titles[-1].strip().removeprefix("%").strip()
+    row, separator = file.sections[0].rows[0], file.separator
+    count = len(row.strip(separator or " ").split(separator))
+    names = _padded_names(line, count) if separator is None else _separated_names(line, separator)
+    if len(names) != count:
+        raise InputError(
+            f"The header of {file.path} names {len(names)} columns, but its rows have {count}, so "
+            "it is not clear which is which; export it again with one delimiter and a point as "
+            "decimal sign."
+        )
+    columns = [column_of(name) for name in names]
+    found = [column.name.lower() for column in columns]
+    if any(found.count(axis) != 1 for axis in AXES):
+        raise InputError(
+            f"{file.path} needs one column each of x, y and z, but has "
+            f"{', '.join(column.name for column in columns)}; export 3D data in x, y and z."
+        )
+    return columns
+
+
+def _padded_names(line: str, count: int) -> list[str]:
+    """Names that blanks pad to the width of their columns."""
+    names = [name for name in _PADDED.split(line) if name]
+    if len(names) == count:
+        return names
+    # A name longer than its column leaves one blank only.
+    words = line.split(None, 3)
+    return words[:3] + (_NAMED.findall(words[3]) if len(words) > 3 else [])
+
+
+def _separated_names(line: str, separator: str) -> list[str]:
+    """Names between separators, but for the commas between several parameters of one state."""
+    names: list[str] = []
+    for piece in next(csv.reader([line], delimiter=separator, skipinitialspace=True)):
+        if names and "@" in names[-1] and _ASSIGNMENT.fullmatch(piece):
+            names[-1] += f", {piece.strip()}"
+        else:
+            names.append(piece.strip())
+    return names
+
+
+def section_columns(file: TextFile) -> list[Column]:
+    """Results of a sectionwise or grid file, one a section of data.
+
+    Their names stand in the section's title, ``% Data (T (K) @ t=1)``, or in a line below it; else
+    the header's description must tell them, without units.
+
+    Raises
+    ------
+    InputError
+        There is no data, or no name of it.
+    """
+    sections = file.of_kind("data")
+    if not sections:
+        raise InputError(f"{file.path} has no section of data (% Data); export it again.")
+    titles = [section.data_title for section in sections]
+    if not all(titles):
+        titles = [name.strip() for name in file.entries.get("description", "").split(",")]
+        if len(titles) != len(sections) or not all(titles):
+            raise InputError(
+                f"{file.path} does not name its {len(sections)} sections of data, so nothing tells "
+                "which is the temperature; export it with its header."
+            )
+    return [column_of(title) for title in titles]
