@@ -79,7 +79,7 @@ llvm: $(VENV)/installed
 	@$(WORKS) 2>/dev/null || { \
 	    [ -z "$$DRJIT_LIBLLVM_PATH" ] && $(WORKS) 2>&1 | grep -q 'apt-get install' && \
 	    $(call apt_install,libllvm19 libatomic1) && $(WORKS) 2>/dev/null; \
-	} || { $(WORKS) 2>&1 | tail -n 1 | sed 's/^iriftrace.errors.SetupError: //' >&2; exit 1; }
+	} || { $(WORKS) 2>&1 | tail -n 1 | sed 's/^iriftrace.core.errors.SetupError: //' >&2; exit 1; }
 
 # VTK draws the 3-D picture; without a driver there is none, and the rest goes on.
 DRAWS = $(BIN)/python -c 'import sys; from iriftrace.runtime.doctor import drawing_trouble as t; sys.exit(t() or 0)'

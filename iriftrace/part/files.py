@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
@@ -52,6 +51,8 @@ def load_mesh_file(path: Path) -> MeshFile:
     if not path.is_file():
         raise InputError(f"there is no part file {path}; give an existing mesh.")
     suffix = path.suffix.removeprefix(".").lower()
+    import trimesh
+
     known = trimesh.available_formats()
     if suffix not in known:
         raise InputError(

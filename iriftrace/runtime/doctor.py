@@ -213,4 +213,4 @@ def _last_words(code: str) -> str:
     if done.returncode < 0:
         return f"the process was killed by {signal.Signals(-done.returncode).name}"
     lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-    return lines[-1].removeprefix("iriftrace.errors.SetupError: ")
+    return lines[-1].removeprefix("iriftrace.core.errors.SetupError: ")

@@ -20,8 +20,7 @@ from iriftrace.cfd.check.check import check_field
 from iriftrace.cfd.check.finding import FieldCheck, share_through_open_sides
 from iriftrace.cfd.check.heat_balance import horizontal_cylinder_diameter
 from iriftrace.cfd.check.wall import gradient_errors
-from iriftrace.cfd.synthetic import mesh as air_mesh
-from iriftrace.cfd.synthetic.mesh import AirMesh
+from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError

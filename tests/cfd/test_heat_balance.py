@@ -12,7 +12,6 @@ import pyvista as pv
 from attrs import evolve
 from hot_block import HALF, OUTER
 from numpy.typing import NDArray
-from tests.test_field_check import RADIUS, ROOM, WALL, conducting_sphere, finding
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
@@ -26,6 +25,7 @@ from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.origin import WALL_HEAT
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
+from tests.cfd.test_field_check import RADIUS, ROOM, WALL, conducting_sphere, finding
 
 FloatArray = NDArray[np.float64]
 

@@ -12,9 +12,8 @@ import trimesh
 from attrs import evolve
 from numpy.testing import assert_allclose, assert_array_equal
 
-from iriftrace.cfd.synthetic import mesh as air_mesh
 from iriftrace.cfd.synthetic.field import synthetic_field
-from iriftrace.cfd.synthetic.mesh import AirMesh, usual_mesh
+from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir, laminar_boundary_layer_mm, synthetic_air
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning

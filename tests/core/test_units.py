@@ -80,7 +80,7 @@ def test_unknown_length_units_are_refused():
 def test_pint_is_loaded_only_for_units():
     # It takes a noticeable part of a second, and every command imports this module.
     code = (
-        "import sys, iriftrace.units as units\n"
+        "import sys, iriftrace.core.units as units\n"
         "units.parse_quantity('3', 'mm')\n"
         "assert 'pint' not in sys.modules"
     )

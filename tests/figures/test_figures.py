@@ -456,10 +456,10 @@ def test_a_window_that_cannot_open_is_noticed_before_vtk_crashes() -> None:
     """VTK's last resort, OSMesa, is absent on most machines: drawing with it would be a crash."""
     script = (
         "import pyvista as pv\n"
-        "from iriftrace import figure_surfaces\n"
+        "from iriftrace.figures import space\n"
         "with pv.vtk_verbosity('off'):\n"
         "    plotter = pv.Plotter(off_screen=True)\n"
-        "    print(figure_surfaces.opens(plotter.render_window))\n"
+        "    print(space.opens(plotter.render_window))\n"
     )
     environment = {**os.environ, "VTK_DEFAULT_OPENGL_WINDOW": "vtkOSOpenGLRenderWindow"}
     done = subprocess.run(
@@ -485,7 +485,7 @@ def test_drawing_leaves_pyplot_alone() -> None:
     """No global state: a program's own open figures and settings stay as they are."""
     script = (
         "import sys\n"
-        "from iriftrace import figure_scene, figures\n"
+        "from iriftrace.figures import pose, scene\n"
         "print('matplotlib.pyplot' in sys.modules)\n"
     )
     done = subprocess.run(

@@ -525,7 +525,7 @@ def test_drawing_leaves_pyplot_alone() -> None:
     """No global state, and the Matplotlib figures need no VTK."""
     script = (
         "import sys\n"
-        "from iriftrace import sweep_figures\n"
+        "from iriftrace.figures import sweep\n"
         "print([m for m in ('matplotlib.pyplot', 'pyvista', 'mitsuba') if m in sys.modules])\n"
     )
     done = subprocess.run(

@@ -218,5 +218,5 @@ def test_json_is_plain_and_written_whole(tmp_path: Path) -> None:
 
 def test_metrics_import_neither_mitsuba_nor_vtk() -> None:
     modules = "{'mitsuba', 'drjit', 'vtk', 'vtkmodules', 'pyvista'}"
-    code = f"import sys, iriftrace.metrics; sys.exit(bool({modules} & set(sys.modules)))"
+    code = f"import sys, iriftrace.image.metrics; sys.exit(bool({modules} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -335,7 +335,7 @@ def test_unusable_arguments_are_refused(box: Path) -> None:
 def test_more_faces_than_the_exr_can_number_are_refused(
     box: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("iriftrace.part.MOST_FACES", 11)
+    monkeypatch.setattr("iriftrace.part.part.MOST_FACES", 11)
     with pytest.raises(InputError, match="12 triangles, but at most 11"):
         read_part(box)
 

@@ -92,8 +92,8 @@ def test_scheduler_that_does_not_answer(
 @pytest.mark.parametrize(
     ("option", "package", "module"),
     [
-        ("--scheduler local", "distributed", "sweep_workers"),
-        ("--export a.parquet", "pyarrow", "sweep_table"),
+        ("--scheduler local", "distributed", "sweep.workers"),
+        ("--export a.parquet", "pyarrow", "sweep.export"),
     ],
 )
 def test_what_is_not_installed(
