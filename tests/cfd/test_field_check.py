@@ -15,11 +15,10 @@ from numpy.testing import assert_allclose
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.check import wall as wall_state
 from iriftrace.cfd.check.check import check_field
 from iriftrace.cfd.check.finding import FieldCheck, share_through_open_sides
 from iriftrace.cfd.check.heat_balance import horizontal_cylinder_diameter
-from iriftrace.cfd.check.wall import gradient_errors
+from iriftrace.cfd.check.wall import gradient_errors, wall_state
 from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.cli import main
