@@ -42,13 +42,13 @@ lint: $(VENV)/installed-dev
 	$(BIN)/mypy
 
 bench: $(VENV)/installed llvm
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m bench
 
 accuracy: $(VENV)/installed-dev llvm
-	$(BIN)/python -m benchmarks.accuracy $(PARTS)
+	$(BIN)/python -m validation $(PARTS)
 
 statements: $(VENV)/installed $(VENV)/drawing llvm
-	$(BIN)/python -m benchmarks.statements
+	$(BIN)/python -m validation.statements
 
 clean:
 	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

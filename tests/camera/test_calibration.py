@@ -11,7 +11,7 @@ import pytest
 
 from iriftrace.camera.calibration import read_calibration
 from iriftrace.core.errors import InputError
-from tests.calibration_files import (
+from validation.inputs.calibration_files import (
     COEFFICIENTS,
     MATRIX,
     RVEC,

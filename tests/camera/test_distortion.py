@@ -18,7 +18,7 @@ from iriftrace.camera.distortion import (
 )
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
-from tests.lenses import LENSES, lens_camera
+from validation.inputs.lenses import LENSES, lens_camera
 
 lenses = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from foam_parts import part_from
 
 from iriftrace.part.part import Part
 from iriftrace.part.regions import Regions
+from validation.inputs.foam_parts import part_from
 
 
 @pytest.fixture(scope="session")

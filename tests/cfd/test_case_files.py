@@ -11,7 +11,6 @@ import pytest
 import pyvista as pv
 import trimesh
 from attrs import evolve
-from foam_parts import part_from
 
 from iriftrace.cfd.openfoam.case import RECORD, Case, Times
 from iriftrace.cfd.openfoam.case_files import (
@@ -26,6 +25,7 @@ from iriftrace.cfd.openfoam.simulate import prepare
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
+from validation.inputs.foam_parts import part_from
 
 WALL = 1373.15
 NUMBER = r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?"

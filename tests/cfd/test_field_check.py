@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import hot_block
 import numpy as np
 import pytest
 import pyvista as pv
@@ -28,9 +27,11 @@ from iriftrace.field.read import read_field
 from iriftrace.part.part import Part, part_of_mesh, read_part
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
-from tests.gears import gear
+from validation.inputs import hot_block
+from validation.inputs.gears import gear
+from validation.inputs.solved_fields import DATA
 
-DATA = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
+CYLINDER_A = DATA / "cylinder_A.vtu"
 WALL, ROOM = 1373.15, 293.15
 RADIUS, OUTER = 6.0, 12.0
 
@@ -48,7 +49,7 @@ def cylinder() -> Part:
 @pytest.fixture(scope="module")
 def simulated(cylinder: Part) -> tuple[IndexField, FieldCheck]:
     """A coarse simulation of natural convection around a horizontal cylinder."""
-    field = read_field(DATA)
+    field = read_field(CYLINDER_A)
     return field, check_field(field, cylinder, wall_temperature_k=WALL, camera=(0, 0, 400.0))
 
 
@@ -243,6 +244,6 @@ def test_wrong_options_end_with_one_sentence(
     monkeypatch.chdir(tmp_path)
     part = str(folder_of("cylinder") / "part.ply")
     given = [words] if "=" in words else words.split()
-    assert main(["field", "check", str(DATA), part, *given]) == 2
+    assert main(["field", "check", str(CYLINDER_A), part, *given]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -5,12 +5,10 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import hot_block
 import numpy as np
 import pytest
 import pyvista as pv
 from attrs import evolve
-from hot_block import HALF, OUTER
 from numpy.typing import NDArray
 
 from iriftrace.air import thermophysics as gas
@@ -26,6 +24,8 @@ from iriftrace.field.origin import WALL_HEAT
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
 from tests.cfd.test_field_check import RADIUS, ROOM, WALL, conducting_sphere, finding
+from validation.inputs import hot_block
+from validation.inputs.hot_block import HALF, OUTER
 
 FloatArray = NDArray[np.float64]
 

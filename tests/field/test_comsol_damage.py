@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from field_grids import AMBIENT, box
-from hot_block import air, block
 
-from benchmarks.field_files import comsol
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field, read_volume
 from iriftrace.part.part import read_part
+from validation.inputs import comsol_files as comsol
+from validation.inputs.field_grids import AMBIENT, box
+from validation.inputs.hot_block import air, block
 
 POINTS = np.asarray(box().points, dtype=np.float64)
 KELVIN = AMBIENT + 50.0 * POINTS[:, 0]

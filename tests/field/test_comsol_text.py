@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
-from field_grids import AMBIENT, box, saved
-from hot_block import HALF, OUTER, WALL, air, block
 from numpy.testing import assert_allclose
 
-from benchmarks.field_files import comsol
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.field.readers.members import members
 from iriftrace.part.part import Part, read_part
+from validation.inputs import comsol_files as comsol
+from validation.inputs.field_grids import AMBIENT, box, saved
+from validation.inputs.hot_block import HALF, OUTER, WALL, air, block
 
 POINTS = np.asarray(box().points, dtype=np.float64)
 KELVIN = AMBIENT + 50.0 * POINTS[:, 0]

@@ -7,7 +7,7 @@ import pyvista as pv
 
 from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.tetrahedra import tetrahedra_of
-from tests.shell_fields import field_of, hexahedra
+from validation.inputs.shell_fields import field_of, hexahedra
 
 
 def graded_layers() -> tuple[pv.UnstructuredGrid, np.ndarray, np.ndarray]:

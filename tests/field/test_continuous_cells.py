@@ -10,7 +10,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
 from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, Tetrahedra, tetrahedra_of
 from iriftrace.scenes import folder_of
-from tests.shell_fields import hexahedra
+from validation.inputs.shell_fields import hexahedra
 
 
 def volumes(grid: pv.UnstructuredGrid, found: Tetrahedra) -> np.ndarray:

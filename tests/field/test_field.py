@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
-from field_grids import box, saved, solid
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.air.refractivity import Air
@@ -20,6 +19,7 @@ from iriftrace.field.gradient import cell_corners
 from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.read import linear_volume, read_field
 from iriftrace.geometry.transform import parse_transform
+from validation.inputs.field_grids import box, saved, solid
 
 CYLINDER = Path(__file__).parents[2] / "scenes" / "cylinder" / "field.vtu"
 

@@ -7,12 +7,12 @@ import warnings
 import numpy as np
 import pytest
 import pyvista as pv
-from field_grids import AMBIENT, box, saved, solid
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
+from validation.inputs.field_grids import AMBIENT, box, saved, solid
 
 
 @pytest.mark.parametrize("unit", ["K", "degC", "degF"])

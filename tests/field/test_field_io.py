@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import pyvista as pv
-from field_grids import AMBIENT, box, saved, solid
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.field.read import read_field
+from validation.inputs.field_grids import AMBIENT, box, saved, solid
 
 
 def by_place(points: np.ndarray, values: np.ndarray) -> np.ndarray:

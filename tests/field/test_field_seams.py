@@ -13,10 +13,10 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
 from iriftrace.field.seams import without_seams
 from iriftrace.field.tetrahedra import tetrahedra_of
-from tests.shell_fields import hexahedra
+from validation.inputs.shell_fields import hexahedra
+from validation.inputs.solved_fields import DATA
 
 SEAM = 49
-DATA = Path(__file__).parents[1] / "data"
 
 
 def half() -> pv.UnstructuredGrid:

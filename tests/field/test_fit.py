@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import pyvista as pv
 import trimesh
-from aov_by_hand import make_part
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError
@@ -16,6 +15,7 @@ from iriftrace.field.read import linear_volume, read_field
 from iriftrace.geometry.transform import parse_transform
 from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
+from validation.oracles.aov_by_hand import make_part
 
 HALF = np.array([5.0, 10.0, 20.0])
 WALL_K = 1000.0

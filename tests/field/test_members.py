@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from field_grids import AMBIENT, solid
 
 from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
 from iriftrace.field.readers.members import member_at, members
+from validation.inputs.field_grids import AMBIENT, solid
 
 
 @pytest.fixture

@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
-from hot_block import HALF, OUTER, WALL, air
 from numpy.testing import assert_allclose
 
-from benchmarks.field_files.openfoam import Form, write_case
-from benchmarks.field_files.openfoam_mesh import Patch
 from iriftrace.air.refractivity import Air
 from iriftrace.air.thermophysics import heat_content
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field, read_volume
 from iriftrace.field.readers.members import member_at, members
+from validation.inputs.hot_block import HALF, OUTER, WALL, air
+from validation.inputs.openfoam_case import Form, write_case
+from validation.inputs.openfoam_mesh import Patch
 
 COOL = Air(temperature_k=321.5)
 """Ambient of the linear field, so that nothing is said about its coolest air."""

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hot_block import AMBIENT, HALF, WALL, air, block
 
-from benchmarks.field_files import comsol
-from benchmarks.field_files.openfoam import write_case
-from benchmarks.field_files.openfoam_mesh import Patch
 from iriftrace.cli import main
+from validation.inputs import comsol_files as comsol
+from validation.inputs.hot_block import AMBIENT, HALF, WALL, air, block
+from validation.inputs.openfoam_case import write_case
+from validation.inputs.openfoam_mesh import Patch
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.accuracy.readers import compare
+from validation.sections.readers import compare
 
 
 @pytest.mark.usefixtures("variant")

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import hot_block
 import numpy as np
 import pytest
 import pyvista as pv
-from field_grids import AMBIENT, box, saved
 
-from benchmarks.field_files import comsol
 from iriftrace.field.flow import AirFlow, velocity_arrays
 from iriftrace.field.read import read_field
 from iriftrace.geometry.transform import parse_transform
+from validation.inputs import comsol_files as comsol
+from validation.inputs import hot_block
+from validation.inputs.field_grids import AMBIENT, box, saved
 
 VELOCITY = np.column_stack((np.asarray(box().points)[:, ::-1] * 0.01, box().points[:, 0]))[:, :3]
 

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from page import Page, read_page
-from sweep_tables import summary_of, sweep_table, with_faces
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose import pose_text
@@ -20,6 +18,8 @@ from iriftrace.figures.report import report_content, write_report
 from iriftrace.figures.sweep import Pictures
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.summary import front_text, ranking_table, stability_text
+from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
+from validation.oracles.html_page import Page, read_page
 
 HOSTILE = "<img src=x onerror='go()'>&amp;<script>go().ply"
 DOT = (

@@ -17,7 +17,6 @@ from matplotlib import colormaps
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from sweep_tables import summary_of, sweep_table, with_faces
 
 from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses
 from iriftrace.camera.pose_set import PoseSet, joined
@@ -40,6 +39,7 @@ from iriftrace.planning.summary import SweepSummary
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.faces import face_maps_of, faces_seen
 from iriftrace.sweep.reload import Surroundings, surroundings_of
+from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
 
 ORBIT = Orbit((0.0, 0.0, 0.0), (200.0, 150.0, 150.0))
 # 4 azimuths at 3 elevations, and one pose at each pole.

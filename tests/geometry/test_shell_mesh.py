@@ -8,14 +8,6 @@ import pyvista as pv
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from shell_fields import (
-    CUBE_CORNERS,
-    CUBE_FACES,
-    edge_counts,
-    hexahedra,
-    is_wound_consistently,
-    signed_volume,
-)
 
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.topology import (
@@ -30,6 +22,14 @@ from iriftrace.geometry.topology import (
 )
 from iriftrace.geometry.topology import (
     shell_mesh_weld as weld,
+)
+from validation.inputs.shell_fields import (
+    CUBE_CORNERS,
+    CUBE_FACES,
+    edge_counts,
+    hexahedra,
+    is_wound_consistently,
+    signed_volume,
 )
 
 CUBE = CUBE_CORNERS.astype(np.float32)

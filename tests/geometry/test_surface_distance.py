@@ -7,9 +7,9 @@ import pyvista as pv
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from shell_fields import CUBE_CORNERS, CUBE_FACES
 
 from iriftrace.geometry.query import Surface, gap, inside_closed, point_triangle_distance
+from validation.inputs.shell_fields import CUBE_CORNERS, CUBE_FACES
 
 
 def cube(size: float, centre: tuple[float, float, float] = (0, 0, 0)) -> Surface:

@@ -11,7 +11,7 @@ from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.image.camera_motion import fit_camera_motion, interaction_matrix
-from tests.lenses import LENSES, lens_camera
+from validation.inputs.lenses import LENSES, lens_camera
 
 MOTION = np.array((4e-3, -3e-3, 6e-3, 2e-5, -3e-5, 5e-5))
 """mm and rad: a few um and tens of urad, as a tripod drifts while a part is heated."""

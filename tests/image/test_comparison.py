@@ -11,7 +11,6 @@ import matplotlib.image
 import numpy as np
 import pytest
 import trimesh
-from aov_by_hand import make_image, make_part
 from attrs import evolve
 from scipy.spatial.transform import Rotation
 
@@ -26,7 +25,8 @@ from iriftrace.image.comparison import (
     write_comparison,
 )
 from iriftrace.image.measured_shift import MeasuredShift
-from tests.lenses import LENSES, lens_camera
+from validation.inputs.lenses import LENSES, lens_camera
+from validation.oracles.aov_by_hand import make_image, make_part
 
 OFFSET = np.array((0.6, -0.4))
 SLOPE = np.array(((2e-2, -1e-2), (5e-3, -3e-2)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from aov_by_hand import make_image, plate
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,6 +12,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
 from iriftrace.image.displacement import displacement_map, good_mask, shift_map, split_displacement
+from validation.oracles.aov_by_hand import make_image, plate
 
 PINHOLE = Camera(
     focal_length_mm=10,

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from aov_by_hand import make_image, make_part, plate
 from rich.console import Console
 
 from iriftrace.camera.camera import Camera
@@ -20,6 +19,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.image.metrics import TIMES, pose_metrics, write_metrics
 from iriftrace.part.regions import Regions
+from validation.oracles.aov_by_hand import make_image, make_part, plate
 
 WIDTH, HEIGHT = 20, 10
 CAMERA = Camera(sensor_mm=(20, 10), resolution=(WIDTH, HEIGHT), projection="orthographic")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from aov_by_hand import make_image, plate
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
@@ -12,6 +11,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
 from iriftrace.image.displacement import displacement_map, shift_map
 from iriftrace.image.rays import bending, rays_that_count
+from validation.oracles.aov_by_hand import make_image, plate
 
 WALL = plate((8, 3, 0), (0, 1, 9), (0, 0, 0))
 POSE = look_at((20, -60, 15), (0, 0, 0))

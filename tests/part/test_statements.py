@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from benchmarks.statements.finding import verdict
-from benchmarks.statements.orbit import Swept
-from benchmarks.statements.wishbone import curvature
 from iriftrace.part.shapes.cylinder import cylinder
+from validation.statements.finding import verdict
+from validation.statements.orbit import Swept
+from validation.statements.wishbone import curvature
 
 
 def swept() -> Swept:

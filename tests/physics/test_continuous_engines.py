@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from benchmarks.engines import in_tetrahedra
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.field.index_field import IndexField
@@ -19,8 +16,10 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.render import render_scene
+from validation.engines import in_tetrahedra
+from validation.inputs.solved_fields import DATA
 
-FIELD = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
+FIELD = DATA / "cylinder_A.vtu"
 CAMERA = Camera(
     focal_length_mm=10.0,
     sensor_mm=(6.7, 5.6),

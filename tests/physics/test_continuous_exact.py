@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks.accuracy.exact_air import REFRACTIVITY, cylinder_ends, slab_ends
-from benchmarks.accuracy.exact_continuous import CELLS_BOUND, FORMULA_BOUND, SECTION
-from benchmarks.accuracy.exact_media import (
+from iriftrace.scenes.analytic import WALL_K
+from validation.oracles.hot_air import REFRACTIVITY, cylinder_ends, slab_ends
+from validation.oracles.media import (
     LUNEBURG_HEIGHT,
     Launch,
     end_error,
@@ -22,8 +22,8 @@ from benchmarks.accuracy.exact_media import (
     parabola,
     walk,
 )
-from benchmarks.accuracy.exact_shells import SLAB_SHIFT_UM
-from iriftrace.scenes.analytic import WALL_K
+from validation.sections.exact_continuous import CELLS_BOUND, FORMULA_BOUND, SECTION
+from validation.sections.exact_shells import SLAB_SHIFT_UM
 
 AMBIENT_K = 293.15
 LAUNCHES = launches()

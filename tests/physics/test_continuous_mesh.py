@@ -19,9 +19,9 @@ from scipy.spatial import Delaunay
 
 from iriftrace.field.path_data import cells_of
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
-from tests.continuous_media import Ends, follow
-from tests.shell_fields import field_of, hexahedra
-from tests.small_scenes import part
+from validation.inputs.shell_fields import field_of, hexahedra
+from validation.inputs.small_scenes import part
+from validation.oracles.continuous_media import Ends, follow
 
 pytestmark = pytest.mark.usefixtures("variant")
 

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from aov_by_hand import cast, image_of_hits, make_image, make_part, plate
 from attrs import evolve
 from numpy.typing import NDArray
-from rasterise import rasterise
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
@@ -21,6 +19,8 @@ from iriftrace.image.coverage import seen_areas
 from iriftrace.image.metrics import pose_metrics
 from iriftrace.part.part import Part, read_part
 from iriftrace.part.regions import Regions
+from validation.oracles.aov_by_hand import cast, image_of_hits, make_image, make_part, plate
+from validation.oracles.rasterise import rasterise
 
 FloatArray = NDArray[np.float64]
 CYLINDER = Path(__file__).parents[2] / "scenes" / "cylinder" / "part.ply"

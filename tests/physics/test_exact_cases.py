@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.accuracy.exact_shells import (
+from iriftrace.plugins.first_hit import BENDING
+from validation.sections.exact_shells import (
     CYLINDER_UM,
     SLAB_SHIFT_UM,
     cylinder_hits,
     slab_hits,
 )
-from iriftrace.plugins.first_hit import BENDING
 
 
 @pytest.mark.parametrize("bending", BENDING)

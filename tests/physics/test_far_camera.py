@@ -10,7 +10,7 @@ from attrs import evolve
 
 from iriftrace.scenes.analytic import slab
 from iriftrace.trace.render import trace_rays
-from tests.scene_rays import loaded
+from validation.inputs.scene_rays import loaded
 
 
 @pytest.mark.parametrize("distance_mm", [300.0, 10_000.0, 30_000.0])

@@ -16,7 +16,9 @@ TREE = Path(__file__).parents[2]
 RAYS, STEPS = 400, 2000
 
 
-@pytest.fixture(scope="module", params=["scenes/cylinder/field.vtu", "tests/data/cylinder_A.vtu"])
+@pytest.fixture(
+    scope="module", params=["scenes/cylinder/field.vtu", "validation/data/cylinder_A.vtu"]
+)
 def field(request) -> IndexField:
     return read_field(TREE / request.param)
 

@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from aov_by_hand import make_image, make_part, plate
 from attrs import evolve
-from shell_fields import sphere_field
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
@@ -20,8 +18,9 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import trim_to_frustum
-from tests.lenses import LENSES, lens_camera
-from tests.small_scenes import (
+from validation.inputs.lenses import LENSES, lens_camera
+from validation.inputs.shell_fields import sphere_field
+from validation.inputs.small_scenes import (
     camera,
     camera_in_numpy,
     channels,
@@ -31,6 +30,7 @@ from tests.small_scenes import (
     sphere,
     vector,
 )
+from validation.oracles.aov_by_hand import make_image, make_part, plate
 
 lenses = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 

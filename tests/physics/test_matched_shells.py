@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.accuracy.noise_floor import matched_scene
 from iriftrace.image.aov_image import Status
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.render import render_scene
+from validation.sections.noise_floor import matched_scene
 
 
 @pytest.mark.usefixtures("variant")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.accuracy.noise_floor import oracle
+from validation.sections.noise_floor import oracle
 
 
 @pytest.mark.usefixtures("variant")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, median_filter
@@ -19,8 +17,9 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.render import render_scene
+from validation.inputs.solved_fields import DATA
 
-FIELD = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
+FIELD = DATA / "cylinder_A.vtu"
 OBLIQUE = Camera(
     focal_length_mm=10.0,
     sensor_mm=(6.7, 5.6),

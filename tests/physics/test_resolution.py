@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from aov_by_hand import make_image, make_part, plate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from iriftrace.image.resolution import (
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of, names
 from iriftrace.trace.render import render_scene
+from validation.oracles.aov_by_hand import make_image, make_part, plate
 
 FloatArray = NDArray[np.float64]
 # Pixels that are not square, so that the nearest pixel is unique.

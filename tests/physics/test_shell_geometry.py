@@ -6,12 +6,9 @@ with slivers; its plume leaves the data through their top.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from shell_fields import edge_counts, is_wound_consistently, signed_volume, sphere_field
 
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
@@ -19,8 +16,15 @@ from iriftrace.geometry.topology import area_vectors
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.report import report_shells
 from iriftrace.shells.stack import ShellStack
+from validation.inputs.shell_fields import (
+    edge_counts,
+    is_wound_consistently,
+    signed_volume,
+    sphere_field,
+)
+from validation.inputs.solved_fields import DATA
 
-PLUME = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
+PLUME = DATA / "cylinder_A.vtu"
 RADIUS, HALF, LAYERS = 10.0, 12.0, 5
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.accuracy import resolutions
-from benchmarks.accuracy.fields import Case, cases, lines_of, pictures
-from benchmarks.solved_fields import SOLVED
 from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.scenes.components import COMPONENTS
+from validation.inputs.solved_fields import SOLVED
+from validation.sections import resolutions
+from validation.sections.fields import Case, cases, lines_of, pictures
 
 
 @pytest.mark.filterwarnings("ignore:only .* rays fall on each visible face")

@@ -18,8 +18,9 @@ from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.sweep.sweep import run_sweep
+from validation.inputs.solved_fields import DATA
 
-FIELD = Path(__file__).parents[1] / "data" / "cylinder_A.vtu"
+FIELD = DATA / "cylinder_A.vtu"
 MIRROR = np.array((1.0, -1.0, 1.0), dtype=np.float32)
 STEEPNESS_MIRROR = np.array((1, 1, 1, 1, -1, 1, -1), dtype=np.float32)
 """Of the length, and of xx, yy, zz, yz, xz and xy."""

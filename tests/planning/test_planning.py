@@ -12,11 +12,11 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from sweep_tables import sweep_table, two_regions
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.planning.candidates import METRICS, Weights, pareto_front
 from iriftrace.planning.rank import close_alternative, rank_poses, score_of, stability
+from validation.inputs.sweep_tables import sweep_table, two_regions
 
 # Five poses A to E. NumPy's linear percentile of five values lies at position 0.95 * 4 = 3.8, that
 # is 0.8 of the way from the fourth to the fifth smallest:

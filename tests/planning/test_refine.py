@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import xarray as xr
 from attrs import evolve
-from sweep_tables import sweep_table
 
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.planning.candidates import Weights
 from iriftrace.planning.rank import Plan, rank_poses, score_of
 from iriftrace.planning.refine import SCHEMA, refine_pose, write_refined
+from validation.inputs.sweep_tables import sweep_table
 
 START = look_at((0.0, -200.0, 0.0), (0.0, 0.0, 0.0))
 OTHER = look_at((100.0, -180.0, 0.0), (0.0, 0.0, 0.0))

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from sweep_tables import sweep_table, two_regions, with_faces
 
 from iriftrace.core.errors import InputError
 from iriftrace.planning.cover import ViewLimits, plan_views
+from validation.inputs.sweep_tables import sweep_table, two_regions, with_faces
 
 # A unit cube, faces +x +y +z -x -y -z, seen from six directions (pose i from face i's side) and
 # from two opposite corners. A corner sees three faces at 54.7 degrees, moved by 30 um.

@@ -15,8 +15,8 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.plugins.calibrated_camera import sensor_of
-from tests.lenses import LENSES, lens_camera
-from tests.small_scenes import camera, channels, film, part, scene, vector
+from validation.inputs.lenses import LENSES, lens_camera
+from validation.inputs.small_scenes import camera, channels, film, part, scene, vector
 
 pytestmark = pytest.mark.usefixtures("variant")
 

@@ -10,8 +10,15 @@ import numpy as np
 import pytest
 
 from iriftrace.camera.pose import look_at
-from tests.calibration_files import COEFFICIENTS, MATRIX, RVEC, TVEC, plain, written_by_opencv
-from tests.small_scenes import camera, film
+from validation.inputs.calibration_files import (
+    COEFFICIENTS,
+    MATRIX,
+    RVEC,
+    TVEC,
+    plain,
+    written_by_opencv,
+)
+from validation.inputs.small_scenes import camera, film
 
 pytestmark = pytest.mark.usefixtures("variant")
 

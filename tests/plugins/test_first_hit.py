@@ -17,7 +17,7 @@ from iriftrace.plugins.aov_integrator import camera_of
 from iriftrace.plugins.calibrated_camera import sensor_of
 from iriftrace.plugins.kernels.projection import flip_axes
 from iriftrace.plugins.kernels.tables import BYTES, aligned
-from tests.small_scenes import (
+from validation.inputs.small_scenes import (
     camera,
     camera_in_numpy,
     channels,

@@ -25,7 +25,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.render import is_inside, render_scene, trace_rays
-from tests.shell_fields import AMBIENT, field_of, hexahedra, sphere_field
+from validation.inputs.shell_fields import AMBIENT, field_of, hexahedra, sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import small_scenes
 import trimesh
 
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
+from validation.inputs import small_scenes
 
 
 def behind_a_ball(folder: Path, **integrator: str) -> dict[str, np.ndarray]:

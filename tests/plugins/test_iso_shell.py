@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
 
-from tests.small_scenes import nested_spheres, ply, sphere
+from validation.inputs.small_scenes import nested_spheres, ply, sphere
 
 pytestmark = pytest.mark.usefixtures("variant")
 

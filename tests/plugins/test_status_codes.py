@@ -14,8 +14,8 @@ from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.trace.render import trace_rays
-from tests.scene_rays import loaded
-from tests.small_scenes import (
+from validation.inputs.scene_rays import loaded
+from validation.inputs.small_scenes import (
     AMBIENT,
     HOT,
     camera,

@@ -19,8 +19,16 @@ from iriftrace.scenes.analytic import slab
 from iriftrace.shells.files import read_ply, write_ply
 from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.trace.render import trace_rays
-from tests.scene_rays import ANY_CAMERA
-from tests.small_scenes import channels, nested_spheres, part, scene, shell, sphere, vector
+from validation.inputs.scene_rays import ANY_CAMERA
+from validation.inputs.small_scenes import (
+    channels,
+    nested_spheres,
+    part,
+    scene,
+    shell,
+    sphere,
+    vector,
+)
 
 pytestmark = pytest.mark.usefixtures("variant")
 

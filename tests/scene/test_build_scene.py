@@ -14,7 +14,7 @@ import pytest
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
-from tests import hot_block
+from validation.inputs import hot_block
 
 
 @pytest.fixture(scope="module")

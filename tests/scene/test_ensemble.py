@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import hot_block
 import mitsuba as mi
 import numpy as np
 import pytest
@@ -44,7 +43,8 @@ from iriftrace.shells.stack import ShellStack
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.pose_image import EnsembleStatistics
 from iriftrace.trace.render import render_scene, trace_rays
-from tests.aov_by_hand import make_image, plate
+from validation.inputs import hot_block
+from validation.oracles.aov_by_hand import make_image, plate
 
 SHARES = np.array((-0.09, -0.07, -0.04, -0.01, 0.0, 0.02, 0.03, 0.05, 0.08, 0.11))
 """How much more the index differs from ambient in each of ten members than in the undisturbed."""

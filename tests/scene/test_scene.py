@@ -26,7 +26,7 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.shells.stack import ShellStack
 from iriftrace.trace.render import render_scene
-from tests.small_scenes import sphere
+from validation.inputs.small_scenes import sphere
 
 CAMERA = Camera(
     focal_length_mm=10.123456789,

@@ -22,7 +22,7 @@ from iriftrace.shells.edit import smooth_taubin
 from iriftrace.shells.hessian import SECOND_DERIVATIVES
 from iriftrace.shells.stack import ShellStack
 from iriftrace.trace.render import render_scene, trace_rays
-from tests.shell_fields import sphere_field
+from validation.inputs.shell_fields import sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")
 

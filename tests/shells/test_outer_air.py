@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from shell_fields import hexahedra
 
 from iriftrace.shells.hessian import outer_derivatives
+from validation.inputs.shell_fields import hexahedra
 
 AMBIENT, FALL, WIDTH_MM = 2.7e-4, 1e-5, 0.8
 CENTRE = np.array((0.0, 0.0, -20.0))

@@ -9,7 +9,6 @@ from attrs import evolve
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from shell_fields import edge_counts, is_wound_consistently, signed_volume, sphere_field
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
@@ -18,6 +17,12 @@ from iriftrace.geometry.topology import area_vectors, open_edges
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint, trim_to_frustum
 from iriftrace.shells.stack import ShellStack
+from validation.inputs.shell_fields import (
+    edge_counts,
+    is_wound_consistently,
+    signed_volume,
+    sphere_field,
+)
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,6 @@ import pytest
 import pyvista as pv
 from attrs import evolve
 from numpy.testing import assert_allclose, assert_array_equal
-from shell_fields import (
-    AIR,
-    AMBIENT,
-    edge_counts,
-    is_wound_consistently,
-    signed_volume,
-    sphere_field,
-)
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError
@@ -22,6 +14,14 @@ from iriftrace.geometry.transform import parse_transform
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.files import save_shells
 from iriftrace.shells.imported import import_shells
+from validation.inputs.shell_fields import (
+    AIR,
+    AMBIENT,
+    edge_counts,
+    is_wound_consistently,
+    signed_volume,
+    sphere_field,
+)
 
 # Hotter towards the centre; equal steps of n - 1 from ambient on, so that layers are known.
 RADII = (30.0, 20.0, 10.0)

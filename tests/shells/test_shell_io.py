@@ -10,13 +10,13 @@ import pyvista as pv
 import trimesh
 from attrs import evolve
 from numpy.testing import assert_allclose, assert_array_equal
-from shell_fields import sphere_field
 
 from iriftrace.core.errors import InputError
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.files import load_shells, read_ply, save_shells, write_ply
 from iriftrace.shells.report import report_shells
 from iriftrace.shells.stack import ShellStack
+from validation.inputs.shell_fields import sphere_field
 
 
 @pytest.fixture(scope="module")

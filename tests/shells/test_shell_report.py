@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import pyvista as pv
 from numpy.testing import assert_allclose
-from shell_fields import AIR, AMBIENT, HOTTEST, field_of, hexahedra, sphere_field
 
 from iriftrace.part.part import read_part
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.report import report_shells
 from iriftrace.shells.stack import Shell, ShellStack
+from validation.inputs.shell_fields import AIR, AMBIENT, HOTTEST, field_of, hexahedra, sphere_field
 
 
 def box(half: float, cells: int = 10) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,13 @@ from attrs import evolve
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from shell_fields import (
+
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.hessian import radial_steepness
+from iriftrace.shells.levels import index_levels, layers_between
+from iriftrace.shells.stack import Shell, ShellStack
+from validation.inputs.shell_fields import (
     AIR,
     AMBIENT,
     CUBE_CORNERS,
@@ -26,12 +32,6 @@ from shell_fields import (
     signed_volume,
     sphere_field,
 )
-
-from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.hessian import radial_steepness
-from iriftrace.shells.levels import index_levels, layers_between
-from iriftrace.shells.stack import Shell, ShellStack
 
 
 def test_midpoint_levels_by_hand():

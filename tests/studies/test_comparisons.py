@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import xarray as xr
 from attrs import evolve
-from study_inputs import SOURCE, field_and_view
 
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
@@ -19,6 +18,7 @@ from iriftrace.studies.accuracy import layers_study, mesh_study, smoothed, smoot
 from iriftrace.studies.hit_comparison import DIFFERENCES, SIZES, run_comparison
 from iriftrace.studies.modes import OURS, PAPERS, Mode
 from iriftrace.studies.picture import View, picture_of_field, picture_of_shells
+from validation.inputs.study_inputs import SOURCE, field_and_view
 
 FACETS = Mode("facets", normals="facet")
 

@@ -7,10 +7,10 @@ import warnings
 import numpy as np
 import pytest
 from attrs import asdict, evolve
-from shell_fields import AMBIENT, HOTTEST, sphere_field
 
 from iriftrace.core.errors import InputError
 from iriftrace.studies.modes import OURS, PAPERS, Mode, one_change_each, shells_of, some_shells_of
+from validation.inputs.shell_fields import AMBIENT, HOTTEST, sphere_field
 
 
 def test_rules_place_the_shells_where_they_say() -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shell_fields import sphere_field
 
 from iriftrace.field.index_field import IndexField
 from iriftrace.geometry.topology import area_vectors
 from iriftrace.shells.contour import contour_shells
 from iriftrace.studies.accuracy import as_tetrahedra, split_tetrahedra
+from validation.inputs.shell_fields import sphere_field
 
 
 def volume(field: IndexField) -> np.ndarray:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from study_inputs import SOURCE, field_and_view
 
 from iriftrace.core.errors import InputError
 from iriftrace.figures.studies import timing_figure
@@ -16,6 +15,7 @@ from iriftrace.studies.cost import polygons_study, rays_study, thinned
 from iriftrace.studies.modes import OURS, PAPERS
 from iriftrace.studies.picture import loaded_shells
 from iriftrace.studies.timing import STAGES, Recording, run_timing
+from validation.inputs.study_inputs import SOURCE, field_and_view
 
 
 @pytest.fixture(autouse=True)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 
-import hot_block
 import pytest
-from hot_block import HotBlock
 
 from iriftrace.cli import main
+from validation.inputs import hot_block
+from validation.inputs.hot_block import HotBlock
 
 Failing = Callable[..., str]
 

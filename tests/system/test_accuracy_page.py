@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.accuracy.line import Line, Section
-from benchmarks.accuracy.page import write_page
-from benchmarks.accuracy.sections import SECTIONS
-from benchmarks.accuracy.trouble import lines_of, troubles
+from validation.line import Line, Section
+from validation.page import write_page
+from validation.sections import SECTIONS
+from validation.sections.trouble import lines_of, troubles
 
 PAGE = Path(__file__).parents[2] / "docs" / "accuracy.md"
 

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import Failing
-from hot_block import HotBlock
 
 from iriftrace.camera.camera import Camera
 from iriftrace.cli import main
 from iriftrace.image.aov_image import read_exr
 from iriftrace.scene.load import load_scene
+from validation.inputs.hot_block import HotBlock
 
 MATRIX = np.array(((400.0, 0.0, 61.0), (0.0, 402.0, 48.5), (0.0, 0.0, 1.0)))
 COEFFICIENTS = np.array((-0.3, 0.2, 1e-3, -2e-3, 0.0))

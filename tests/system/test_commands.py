@@ -14,18 +14,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import hot_block
 import numpy as np
 import OpenEXR
 import pytest
 import pyvista as pv
-from hot_block import HotBlock
 
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.scenes import folder_of
 from iriftrace.shells.files import load_shells
+from validation.inputs import hot_block
+from validation.inputs.hot_block import HotBlock
 
 COMMANDS = (
     *("doctor", "shells", "scene", "render", "metrics", "demo"),

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Failing
-from hot_block import HotBlock
 from scipy.spatial.transform import Rotation
 
 from iriftrace.camera.camera import Camera
 from iriftrace.cli import main
 from iriftrace.cli.compare import _with_deviation
 from iriftrace.image.aov_image import read_exr
+from validation.inputs.hot_block import HotBlock
 
 MOTION = np.array((4e-3, -3e-3, 6e-3, 2e-5, -3e-5, 5e-5))
 NOISE = 5e-4

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Failing
-from hot_block import HotBlock
 
 from iriftrace.cli import main
 from iriftrace.core.errors import IriftraceWarning
@@ -20,6 +19,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.sweep.reload import load_swept_scene
 from iriftrace.sweep.store import read_sweep
 from iriftrace.trace.render import render_scene
+from validation.inputs.hot_block import HotBlock
 
 
 def test_scene_carries_the_field_and_render_switches_the_engine(

@@ -5,11 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import hot_block
 import numpy as np
 import pytest
 from conftest import Failing
-from hot_block import HotBlock
 
 from iriftrace.camera.camera import Camera
 from iriftrace.cli import main
@@ -21,6 +19,8 @@ from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import without_inner
 from iriftrace.studies.modes import Mode, some_shells_of
 from iriftrace.studies.picture import View, picture_of_shells
+from validation.inputs import hot_block
+from validation.inputs.hot_block import HotBlock
 
 PAPERS = [
     *("--normals=facet", "--rule=outer", "--inside-hit=drop"),

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from hot_block import HotBlock
-from page import read_page
 
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_files import read_poses
 from iriftrace.cli import main
 from iriftrace.sweep.store import read_sweep
+from validation.inputs.hot_block import HotBlock
+from validation.oracles.html_page import read_page
 
 ANGLES = ["--azimuth", "0:90:3", "--elevation", "-60:60:3"]
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from hot_block import HotBlock
-from sweep_tables import summary_of
 
 from iriftrace.cli import main
 from iriftrace.figures import sweep as sweep_pictures
 from iriftrace.planning.summary import extreme_images
 from iriftrace.runtime import doctor
 from iriftrace.sweep.store import read_sweep
+from validation.inputs.hot_block import HotBlock
+from validation.inputs.sweep_tables import summary_of
 
 METRICS = ("displacement", "coverage", "axial", "lateral", "score")
 VECTOR = {*(f"map_{key}" for key in METRICS), "histograms", "histograms_normalised"}

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Failing
-from hot_block import HotBlock
 from rich.console import Console
 
 from iriftrace.cli import main
@@ -20,6 +19,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.trace import field_reference as shell_check
 from iriftrace.trace.field_reference import ShellError, shell_error
 from iriftrace.trace.render import render_scene
+from validation.inputs.hot_block import HotBlock
 
 KEY = "shells_against_field"
 

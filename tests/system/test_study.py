@@ -13,16 +13,16 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import hot_block
 import numpy as np
 import pytest
 import xarray as xr
-from hot_block import HotBlock
 from rich.console import Console
 
 from iriftrace.cli import main
 from iriftrace.cli.study import print_comparison, study
 from iriftrace.studies.cases import read_study
+from validation.inputs import hot_block
+from validation.inputs.hot_block import HotBlock
 
 Failing = Callable[..., str]
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 from conftest import Failing
-from hot_block import HotBlock
 
 from iriftrace.cli import main
 from iriftrace.field.path_data import FIELD_FILE
+from validation.inputs.hot_block import HotBlock
 
 
 @pytest.fixture

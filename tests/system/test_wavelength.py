@@ -7,18 +7,18 @@ import re
 import shutil
 from pathlib import Path
 
-import hot_block
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
 from conftest import Failing
-from hot_block import HotBlock
 
 from iriftrace.air.refractivity import Air
 from iriftrace.cli import main
 from iriftrace.image.aov_image import AovImage, read_exr
 from iriftrace.scene.load import load_scene
+from validation.inputs import hot_block
+from validation.inputs.hot_block import HotBlock
 
 BLUE, INFRARED = 450.0, 850.0
 RATIO = (

@@ -9,15 +9,15 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import hot_block
 import numpy as np
 import OpenEXR
 import pytest
 import pyvista as pv
 import trimesh
-from hot_block import HotBlock
 
 from iriftrace.cli import main
+from validation.inputs import hot_block
+from validation.inputs.hot_block import HotBlock
 
 Failing = Callable[..., str]
 

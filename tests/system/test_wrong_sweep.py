@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import trimesh
 import xarray as xr
-from hot_block import HotBlock
 
 from iriftrace.cli import main
 from iriftrace.sweep.store import read_sweep
+from validation.inputs.hot_block import HotBlock
 
 Failing = Callable[..., str]
 

@@ -22,7 +22,7 @@ from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
 from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.trace.render import render_scene, trace_rays
-from tests.small_scenes import sphere
+from validation.inputs.small_scenes import sphere
 
 pytestmark = pytest.mark.usefixtures("variant")
 

@@ -1,0 +1,57 @@
+"""Prints the speed ratios of the bundled cylinder scene and the bounds they should keep."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.table import Table
+
+from bench.pose import (
+    continuous_over_shells,
+    kernels_of_second_pose,
+    pose_in_sweep_over_traces,
+    pose_over_trace,
+    shares,
+)
+from bench.queries import trace_over_queries
+from iriftrace.scene.load import load_scene
+from iriftrace.scenes import folder_of
+
+REPEATS = 7
+
+
+def main() -> None:
+    """Measure and print."""
+    xml = folder_of("cylinder") / "scene.xml"
+    scene = load_scene(xml)
+    table = Table(title="Ratios, median of pairs of runs")
+    table.add_column("quantity")
+    table.add_column("value", justify="right")
+    table.add_column("bound", justify="right")
+    ratio, rays = trace_over_queries(scene, REPEATS)
+    table.add_row(
+        f"refracted trace of {rays:,} rays / its ray queries alone", f"{ratio:.2f}", "1.35"
+    )
+    table.add_row(
+        "whole pose without figures / refracted trace",
+        f"{pose_over_trace(scene, REPEATS):.2f}",
+        "4",
+    )
+    table.add_row(
+        "pose of a sweep (all metrics, no files) / straight and refracted trace",
+        f"{pose_in_sweep_over_traces(scene, REPEATS):.2f}",
+        "1.5",
+    )
+    continuous = load_scene(xml, engine="continuous")
+    table.add_row(
+        "pose of a sweep by the continuous engine / by 13 shells",
+        f"{continuous_over_shells(continuous, scene, REPEATS):.2f}",
+        "",
+    )
+    table.add_row("kernels compiled by a second pose", str(kernels_of_second_pose(scene)), "0")
+    for stage, share in shares(scene).items():
+        table.add_row(f"  {stage} / refracted trace", f"{share:.2f}", "")
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

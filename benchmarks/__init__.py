@@ -1,1 +1,0 @@
-"""Speed as ratios within one run, since machines are noisy: ``python -m benchmarks``."""

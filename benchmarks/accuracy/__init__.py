@@ -1,1 +1,0 @@
-"""How right the tracer is, as a page that is computed anew: ``python -m benchmarks.accuracy``."""

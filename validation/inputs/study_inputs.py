@@ -1,0 +1,31 @@
+"""The hot block as the inputs of a study: field, part and a small picture of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.read import read_field
+from iriftrace.part.part import read_part
+from iriftrace.studies.picture import View
+from validation.inputs import hot_block
+
+SOURCE: dict[str, Any] = {"version": "tests", "variant": "llvm_ad_mono"}
+
+
+def field_and_view(folder: Path, variant: str, cells: int = 18) -> tuple[IndexField, View]:
+    """The block of ``hot_block``, its air with ``cells`` cells along each edge, 60 x 50 pixels."""
+    _, part = hot_block.save(folder)
+    air = folder / f"air_{cells}.vtu"
+    hot_block.air(cells).save(air)
+    camera = Camera(
+        focal_length_mm=20.0,
+        sensor_mm=(6.0, 5.0),
+        resolution=(60, 50),
+        focus_mm=(50.0, 250.0),
+        matrix=look_at((60.0, -45.0, 70.0), (0.0, 0.0, 0.0)),
+    )
+    return read_field(air), View(read_part(part), camera, variant)

@@ -1,0 +1,132 @@
+"""The continuous engine in hot air whose rays are known: the slab and the hot cylinder.
+
+As formulas, in steps of one length, and on cells fine enough to leave half a per cent at most.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+import trimesh
+from numpy.typing import NDArray
+
+from iriftrace.field.path_data import cells_of
+from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
+from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
+from validation.inputs.shell_fields import field_of
+from validation.inputs.small_scenes import part
+from validation.oracles.continuous_media import Ends, SmoothMedium, follow
+from validation.sections.exact_shells import CYLINDER_UM, SLAB_SHIFT_UM, RoundAir
+
+FloatArray = NDArray[np.float64]
+
+STEP_MM = 0.02
+AIR = RoundAir()
+AMBIENT_K, REFRACTIVITY = AIR.temperature_k, AIR.ambient_refractivity
+
+
+def cylinder_air(point: Any) -> tuple[Any, Any]:
+    """n - 1 and its gradient: temperature linear in ln r from the wall to 60 mm, n - 1 as 1 / T."""
+    import drjit as dr
+    import mitsuba as mi
+
+    squared = point.y * point.y + point.z * point.z
+    slope = -(WALL_K - AMBIENT_K) / math.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
+    warm = squared < HOT_AIR_RADIUS_MM**2
+    temperature = WALL_K + slope * dr.log(squared / CYLINDER_RADIUS_MM**2) / 2
+    temperature = dr.select(warm, temperature, AMBIENT_K)
+    refractivity = REFRACTIVITY * AMBIENT_K / temperature
+    steep = dr.select(warm, -refractivity / temperature * slope / squared, 0)
+    return refractivity, mi.Vector3d(0 * steep, steep * point.y, steep * point.z)
+
+
+def to_the_cylinders_edge(point: Any, direction: Any) -> Any:
+    """Distance along rays to where the hot air begins."""
+    import drjit as dr
+
+    squared = direction.y**2 + direction.z**2
+    along = point.y * direction.y + point.z * direction.z
+    outside = point.y**2 + point.z**2 - HOT_AIR_RADIUS_MM**2
+    return (-along - dr.sqrt(dr.maximum(along**2 - squared * outside, 0))) / squared
+
+
+def cylinder_values(points: FloatArray) -> FloatArray:
+    """The same n - 1 at the corners of cells."""
+    radius = np.hypot(points[:, 1], points[:, 2])
+    slope = (AMBIENT_K - WALL_K) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
+    warm = WALL_K + slope * np.log(radius / CYLINDER_RADIUS_MM)
+    return np.asarray(REFRACTIVITY * AMBIENT_K / np.clip(warm, AMBIENT_K, WALL_K))
+
+
+def cylinder_cells(layers: int = 100, around: int = 400) -> pv.UnstructuredGrid:
+    """Tetrahedra of the side that the rays come from: 100 degrees, denser towards the wall."""
+    share = np.linspace(0, 1, layers + 1)
+    radius = CYLINDER_RADIUS_MM * (HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM) ** share
+    angle = np.radians(np.linspace(85, 185, around + 1))
+    r, a, x = np.meshgrid(radius, angle, (-0.5, 0.5), indexing="ij")
+    grid = pv.StructuredGrid(x, r * np.cos(a), r * np.sin(a))
+    return grid.cast_to_unstructured_grid().triangulate()
+
+
+def slab_air(point: Any) -> tuple[Any, Any]:
+    """n - 1 and its gradient: temperature linear in z between the plate at 0 and 20 mm above."""
+    import drjit as dr
+    import mitsuba as mi
+
+    slope = (AMBIENT_K - WALL_K) / SLAB_MM
+    warm = point.z < SLAB_MM
+    temperature = dr.select(warm, WALL_K + slope * point.z, AMBIENT_K)
+    refractivity = REFRACTIVITY * AMBIENT_K / temperature
+    steep = dr.select(warm, -refractivity / temperature * slope, 0)
+    return refractivity, mi.Vector3d(0 * steep, 0 * steep, steep)
+
+
+def to_the_slabs_top(point: Any, direction: Any) -> Any:
+    """Distance along rays to where the hot air begins."""
+    return (SLAB_MM - point.z) / direction.z
+
+
+def slab_values(points: FloatArray) -> FloatArray:
+    """The same n - 1 at the corners of cells."""
+    temperature = WALL_K + (AMBIENT_K - WALL_K) * points[:, 2].astype(np.float64) / SLAB_MM
+    return np.asarray(REFRACTIVITY * AMBIENT_K / temperature)
+
+
+def slab_cells() -> pv.UnstructuredGrid:
+    """Tetrahedra in 80 layers, thinner towards the wall."""
+    rows = SLAB_MM * np.linspace(0, 1, 81) ** 1.5
+    grid = pv.RectilinearGrid(np.linspace(-260, 20, 57), (-2.0, 0.0, 2.0), rows)
+    return grid.cast_to_unstructured_grid().triangulate()
+
+
+def on_cells(grid: pv.UnstructuredGrid, values: Any, recovered: bool) -> TetrahedralAir:
+    """Air on cells, with either kind of gradient."""
+    return TetrahedralAir(cells_of(field_of(grid, values)), recovered)
+
+
+def cylinder_ends(folder: Path, medium: Any = None) -> tuple[Ends, FloatArray]:
+    """Ends and straight hits of the rays of ``CYLINDER_UM``; by default through the formula."""
+    solid = trimesh.creation.cylinder(CYLINDER_RADIUS_MM, 60.0, sections=40_000)
+    solid.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
+    heights = np.array(list(CYLINDER_UM)) * CYLINDER_RADIUS_MM
+    count = len(heights)
+    origins = np.column_stack((np.full(count, 0.123), np.full(count, -70.0), heights))
+    if medium is None:
+        medium = SmoothMedium(cylinder_air, STEP_MM, kink=to_the_cylinders_edge)
+    return follow(part(folder, solid), medium, origins, np.tile((0.0, 1.0, 0.0), (count, 1)))
+
+
+def slab_ends(folder: Path, medium: Any = None) -> tuple[Ends, FloatArray]:
+    """Ends and straight hits of the rays of ``SLAB_SHIFT_UM``; by default through the formula."""
+    plate = trimesh.creation.box((1000.0, 1000.0, 5.0))
+    plate.apply_translation((0, 0, -2.5))
+    angles = np.radians(list(SLAB_SHIFT_UM))
+    directions = np.column_stack((np.sin(angles), 0 * angles, -np.cos(angles)))
+    origins = np.array((1.0, 0.3, 0.0)) - directions * (21 / np.cos(angles))[:, None]
+    if medium is None:
+        medium = SmoothMedium(slab_air, STEP_MM, kink=to_the_slabs_top)
+    return follow(part(folder, plate), medium, origins, directions)

@@ -1,0 +1,102 @@
+"""The page itself: sections, tables, pictures."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from importlib.metadata import version
+from multiprocessing import get_context
+from pathlib import Path
+
+from iriftrace.runtime.variant import ensure
+from validation.line import Line, Section
+
+INTRODUCTION = """# Accuracy
+
+Computed by `make accuracy`; a section alone by `make accuracy PARTS="{first}"`. The tests compute
+the cheap sections and fail when an error leaves its bound. mitsuba {mitsuba}, drjit {drjit},
+variant {variant}.
+"""
+
+
+PROCESSES = 2
+"""Sections at a time: contouring, which takes the most, keeps one core busy."""
+
+
+def write_page(path: Path, sections: Sequence[Section], variant: str) -> list[Line]:
+    """Compute sections and write the page; pictures go beside it. Returns the lines."""
+    pieces = [
+        INTRODUCTION.format(
+            first=sections[0].name,
+            mitsuba=version("mitsuba"),
+            drjit=version("drjit"),
+            variant=variant,
+        )
+    ]
+    lines = []
+    with tempfile.TemporaryDirectory() as name:
+        folders = [Path(name) / section.name for section in sections]
+        for folder in folders:
+            folder.mkdir()
+        computed = _computed(sections, folders, variant)
+        for section, folder, found in zip(sections, folders, computed, strict=True):
+            pieces.append(section_text(section, found))
+            lines += found
+            if section.picture:
+                shutil.copy(folder / section.picture, path.with_name(section.picture))
+    path.write_text("\n".join(pieces), encoding="utf-8")
+    return lines
+
+
+def _computed(
+    sections: Sequence[Section], folders: Sequence[Path], variant: str
+) -> list[list[Line]]:
+    """Lines of each section."""
+    if len(sections) == 1:
+        return [sections[0].compute(folders[0])]
+    # Kernels and scenes belong to a process, and a forked one cannot use its parent's.
+    context = get_context("spawn")
+    with ProcessPoolExecutor(PROCESSES, context, initializer=ensure, initargs=(variant,)) as pool:
+        jobs = {
+            section.name: pool.submit(section.compute, folder)
+            for section, folder in sorted(
+                zip(sections, folders, strict=True), key=lambda job: -job[0].minutes
+            )
+        }
+        return [jobs[section.name].result() for section in sections]
+
+
+def section_text(section: Section, lines: Sequence[Line]) -> str:
+    """Markdown of one section."""
+    rows = [
+        f"| {line.case} | {line.expected} | {line.obtained} | {_error(line)} | {_bound(line)} |"
+        for line in lines
+    ]
+    picture = f"\n![{section.title}]({section.picture})\n" if section.picture else ""
+    return "\n".join(
+        (
+            f"## {section.title}",
+            "",
+            section.text,
+            "",
+            f"`python -m validation {section.name}`",
+            picture,
+            "| what | expected | obtained | error | bound |",
+            "|---|---|---|---|---|",
+            *rows,
+            "",
+        )
+    )
+
+
+def _error(line: Line) -> str:
+    if line.error is None:
+        return ""
+    text = f"{line.error:.2g} {line.unit}".rstrip()
+    return text if line.holds else f"**{text}**"
+
+
+def _bound(line: Line) -> str:
+    return "" if line.bound is None else f"{line.bound:g} {line.unit}".rstrip()

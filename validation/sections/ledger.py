@@ -1,0 +1,51 @@
+"""What became of every ray in every bundled scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from iriftrace.image.aov_image import Status
+from iriftrace.scene.load import load_scene
+from iriftrace.scenes import folder_of, names
+from iriftrace.trace.render import render_scene
+from validation.line import Line, Section
+
+MOST_MISCOUNTED_PERCENT = 0.01
+
+
+def _lines(folder: Path) -> list[Line]:
+    lines = []
+    for name in names():
+        scene = load_scene(folder_of(name) / "scene.xml")
+        rays = render_scene(scene, nearest=False).metrics["rays"]
+        counts = {status.key: rays[status.key] for status in Status}
+        ending = ", ".join(f"{count:,} {key}" for key, count in counts.items())
+        lines.append(
+            Line(
+                f"{name}: rays without a status",
+                f"{rays['launched']:,} launched",
+                ending,
+                rays["launched"] - sum(counts.values()),
+                0,
+                "rays",
+            )
+        )
+        share = 100 * (counts["gave_up"] + counts["index_mismatch"]) / rays["hit"]
+        lines.append(
+            Line(
+                f"{name}: hits given up, or with index steps that do not add up",
+                "0",
+                f"{share:.4f} %",
+                share,
+                MOST_MISCOUNTED_PERCENT,
+            )
+        )
+    return lines
+
+
+SECTION = Section(
+    "ledger",
+    "Every ray has an end",
+    "The bundled scenes as they are; what becomes of each ray is in channel `status.code`.",
+    _lines,
+)
