@@ -184,9 +184,9 @@ SECTION = Section(
     "normals on the same shells, cut from the solver's cells. At the scenes' own poses 13 shells "
     "with gradient normals stay within the bounds. In the wishbone's last three views, from above "
     "through its plume, they do not. Most of the difference there arises outside the outermost "
-    "shell and where a ray turns round within a layer ([design.md](design.md)). It gets better with "
-    "the number of shells. Straight down a plume it is "
-    "worse ([parameters.md](parameters.md#when-to-leave-the-defaults)). The continuous engine "
+    "shell and where a ray turns round within a layer ([design.md](design.md)). It gets "
+    "better with the number of shells. Straight down a plume it is worse "
+    " ([parameters.md](parameters.md#when-to-leave-the-defaults)). The continuous engine "
     "needs no shells. On the cylinder, whose cells are the coarsest, the difference stays at about "
     "1 %. By how much the engine's two gradients differ tells what the mesh leaves open.",
     _lines,
