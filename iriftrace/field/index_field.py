@@ -93,7 +93,7 @@ class IndexField:
         if not np.isin(self.grid.celltypes, list(CORNERS)).all():
             raise InputError(
                 "The grid has cells that are not tetrahedra, hexahedra, wedges or pyramids; pass "
-                "it through field_io.linear_volume first."
+                "it through iriftrace.field.volume.linear_volume first."
             )
         grid = pv.UnstructuredGrid()
         grid.copy_structure(self.grid)

@@ -46,11 +46,13 @@ def wall_heat_of(data: Any) -> float | None:
 
 def state_origin(grid: Any, origin: str) -> None:
     """Write the origin into the field data of a grid; none if it is ""."""
-    if not origin:
-        return
-    # VTK's string arrays know ASCII only.
-    plain = " ".join(origin.split()).encode("ascii", "replace").decode("ascii")
-    grid.field_data[FIELD_ORIGIN] = [plain]
+    if origin:
+        grid.field_data[FIELD_ORIGIN] = [one_line(origin)]
+
+
+def one_line(text: str) -> str:
+    """Text on one line in ASCII, which is all that VTK's string arrays know."""
+    return " ".join(text.split()).encode("ascii", "replace").decode("ascii")
 
 
 def is_steady(origin: str | None) -> bool:

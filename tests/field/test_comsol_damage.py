@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.read import read_field, read_volume
+from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
 from validation.inputs import comsol_files as comsol
 from validation.inputs.field_grids import AMBIENT, box
@@ -201,8 +201,6 @@ def test_scattered_points_need_a_closed_part(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="give the part so that it can be cut out"):
         read_field(path)
-    with pytest.raises(InputError, match="give the part"):
-        read_volume(path)
     mesh = block()
     mesh.update_faces(np.arange(len(mesh.faces)) > 1)
     mesh.export(tmp_path / "open.stl")

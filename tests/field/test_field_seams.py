@@ -11,8 +11,8 @@ import vtk
 
 from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
-from iriftrace.field.seams import without_seams
 from iriftrace.field.tetrahedra import tetrahedra_of
+from iriftrace.field.volume import without_seams
 from validation.inputs.shell_fields import hexahedra
 from validation.inputs.solved_fields import DATA
 

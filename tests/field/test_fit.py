@@ -11,7 +11,8 @@ from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.part_fit import Fit, fit_part_to_field
-from iriftrace.field.read import linear_volume, read_field
+from iriftrace.field.read import read_field
+from iriftrace.field.volume import linear_volume
 from iriftrace.geometry.transform import parse_transform
 from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of

@@ -274,7 +274,7 @@ def test_velocities_are_read_at_the_points_too(tmp_path: Path) -> None:
         content[:, None] * expected, abs=0.03 * content.max() * 0.25
     )
     assert read_field(folder, air=COOL).flow is None
-    assert list(read_volume(folder).point_data) == ["T"], "only where they are asked for"
+    assert list(read_volume(folder).data.point_data) == ["T"], "only where they are asked for"
 
 
 def remove(name: str) -> Callable[[Path], None]:

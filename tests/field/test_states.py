@@ -1,4 +1,4 @@
-"""Names of columns: quantity, unit and state."""
+"""Names of result columns taken apart into quantity, unit and state: names typed by hand."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def test_columns_are_taken_apart(text: str, column: Column) -> None:
 
 def test_states_come_in_the_order_of_the_file() -> None:
     names = ["x", "T (K) @ t=2", "p (Pa) @ t=2", "T (K) @ t=10", "p (Pa) @ t=10"]
-    assert states_of(column_of(name) for name in names) == ("t=2", "t=10")
-    assert states_of(column_of(name) for name in ("T (K)", "p (Pa)")) == ("",)
+    assert states_of(column_of(name) for name in names) == [("t=2", 2.0), ("t=10", 10.0)]
+    assert states_of(column_of(name) for name in ("T (K)", "p (Pa)")) == [("", None)]
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from iriftrace.field.readers.comsol_text import (
     text_file,
 )
 from iriftrace.field.readers.scattered import merged, tetrahedra_between
-from iriftrace.field.readers.states import Column, Contents, State, chosen, states_of, time_in
+from iriftrace.field.readers.states import Column, Contents, State, chosen, states_of
 
 
 @frozen(eq=False)
@@ -54,7 +54,7 @@ def states(path: Path) -> list[State]:
     """Label and time of every state in a file, at least one."""
     file = text_file(path)
     spreadsheet = file.layout == "spreadsheet"
-    return _listed(spreadsheet_columns(file) if spreadsheet else section_columns(file))
+    return states_of(spreadsheet_columns(file) if spreadsheet else section_columns(file))
 
 
 def read(path: Path, member: int | None) -> Contents:
@@ -75,7 +75,7 @@ def read(path: Path, member: int | None) -> Contents:
     file = text_file(path)
     layouts = {"spreadsheet": _spreadsheet, "sectionwise": _sectionwise, "grid": _grid}
     table = layouts[file.layout](file)
-    listed = _listed(table.columns)
+    listed = states_of(table.columns)
     number = chosen(listed, member, path)
     names, table = _of_state(table, listed[number][0], path)
     table = _without_gaps(table, names, path)
@@ -97,10 +97,6 @@ def read(path: Path, member: int | None) -> Contents:
         origin=file.origin(listed[number][0]),
         scattered=table.cells is None,
     )
-
-
-def _listed(columns: Sequence[Column]) -> list[State]:
-    return [(state, time_in(state)) for state in states_of(columns)]
 
 
 def _unit_of_coordinates(file: TextFile) -> str | None:

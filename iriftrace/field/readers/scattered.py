@@ -1,4 +1,4 @@
-"""Scattered points as a volume: the tetrahedra of Delaunay between them."""
+"""Scattered points as a volume: tetrahedra between them, and the part cut out of these."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from scipy.spatial import Delaunay, QhullError
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.gradient import TETRAHEDRON_EDGES
-from iriftrace.field.gradient import TETRAHEDRON_EDGES as EDGES
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -28,6 +27,10 @@ _SAME_VALUE = 0.01
 # Tetrahedra whose longest edge is so many times what is usual at their corners bridge a notch in
 # the outer boundary.
 _BRIDGE = 5.0
+# Depth below the wall, as share of the longest edge, that a chord of a curved wall does not reach.
+_DEEP = 0.1
+# Distance from the wall, as share of the longest edge, below which a corner lies on it.
+_ON_WALL = 0.01
 
 
 def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArray, FloatArray]:
@@ -128,14 +131,6 @@ def _open_to_outside(mask: NDArray[np.bool_], neighbours: NDArray[np.int32]) -> 
     return result
 
 
-# MERGE readers.cut_out: The part cut out of tetrahedra that fill the hull of scattered points.
-
-# Depth below the wall, as share of the longest edge, that a chord of a curved wall does not reach.
-_DEEP = 0.1
-# Distance from the wall, as share of the longest edge, below which a corner lies on it.
-_ON_WALL = 0.01
-
-
 def cells_outside(grid: Any, part: Part | None, path: str) -> IntArray:
     """Numbers of the tetrahedra that do not lie in the part.
 
@@ -172,25 +167,22 @@ def cells_outside(grid: Any, part: Part | None, path: str) -> IntArray:
     points = np.asarray(grid.points, dtype=np.float64)
     corners = np.asarray(grid.cell_connectivity, dtype=np.int64).reshape(-1, 4)
     at = points[corners]
-    size = np.linalg.norm(at[:, EDGES[:, 0]] - at[:, EDGES[:, 1]], axis=2).max(axis=1)
+    first, second = TETRAHEDRON_EDGES.T
+    size = np.linalg.norm(at[:, first] - at[:, second], axis=2).max(axis=1)
     at_corners = _distance_or_less(surface, points, corners, size)[corners]
     # Farther from the surface than it is long, a tetrahedron in the air cannot reach it.
     near = np.flatnonzero(at_corners.min(axis=1) < size)
     at, at_corners, size = at[near], at_corners[near], size[near]
-    centre = _below(surface, at.mean(axis=1), at, at_corners, _ON_WALL * size)
+    centre = at.mean(axis=1)
+    depth = _below(surface, centre, at, at_corners, _ON_WALL * size)
     in_air = (at_corners > _ON_WALL * size[:, None]).any(axis=1)
-    buried = (centre < -_DEEP * size) | (~in_air & (centre < _ON_WALL * size))
-    for samples in _samples(at):
-        open_question = np.flatnonzero(~buried)
-        limit = -_DEEP * size[open_question]
-        depth = _below(
-            surface,
-            samples[open_question],
-            at[open_question],
-            at_corners[open_question],
-            limit,
-        )
-        buried[open_question] = depth < limit
+    buried = (depth < -_DEEP * size) | (~in_air & (depth < _ON_WALL * size))
+    middles = [at[:, pair].mean(axis=1) for pair in TETRAHEDRON_EDGES]
+    for places in (*middles, *(0.5 * (centre + at[:, corner]) for corner in range(4))):
+        rest = np.flatnonzero(~buried)
+        limit = -_DEEP * size[rest]
+        depth = _below(surface, places[rest], at[rest], at_corners[rest], limit)
+        buried[rest] = depth < limit
     inside = np.zeros(len(corners), dtype=bool)
     inside[near] = buried
     if inside.all():
@@ -199,13 +191,6 @@ def cells_outside(grid: Any, part: Part | None, path: str) -> IntArray:
             "transforms of field and part."
         )
     return np.flatnonzero(~inside)
-
-
-def _samples(at: FloatArray) -> list[FloatArray]:
-    """Middles of the edges, and places halfway from the centre to the corners."""
-    middles = [at[:, pair].mean(axis=1) for pair in EDGES]
-    centre = at.mean(axis=1)
-    return [*middles, *(0.5 * (centre + at[:, k]) for k in range(4))]
 
 
 def _distance(surface: Any, points: FloatArray) -> FloatArray:

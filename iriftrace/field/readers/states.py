@@ -1,4 +1,7 @@
-"""Names of result columns: quantity, unit and state, as COMSOL writes them."""
+"""One state of a field file as readers hand it over, and the states that column names tell.
+
+COMSOL writes times and values of a parameter into the names of its result columns.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,66 @@ from iriftrace.core.errors import InputError
 _STATE = re.compile(r"(?P<name>.*?\S)[\s_]*@[\s_]*(?P<state>\S.*)")
 _UNIT = re.compile(r"(?P<name>.*?\S)[\s_]+\((?P<unit>(?:[^()]|\([^()]*\))+)\)")
 _TIME = re.compile(r"(?:^|[\s,])t\s*=\s*(?P<time>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
+
+State = tuple[str, float | None]
+"""Label and time of a state; "" and None where the file names none."""
+
+
+@frozen(eq=False)
+class Contents:
+    """One state of a field file, as it was written.
+
+    Attributes
+    ----------
+    data : pyvista.DataSet or pyvista.MultiBlock
+        Cells and arrays, in the file's own units.
+    sha256 : str
+        Of the file; of an OpenFOAM case that of the list of the checksums of the files read, as
+        ``sha256sum`` prints it.
+    states : sequence of State
+        All states of the file.
+    member : int
+        Which of them `data` is.
+    length_unit : str or None
+        Unit of the coordinates, where the file states it.
+    units : mapping or None
+        Unit of each array, "" where its header states none; None for files whose format has no
+        place for units.
+    origin : str
+        What the file says of its own making, besides field data; "" where it says nothing.
+    wall_heat_w : float or None
+        Heat from the whole part, W, where field data state it.
+    scattered : bool
+        Whether the cells only fill the hull of scattered points, the part included.
+    """
+
+    data: Any
+    sha256: str
+    states: Sequence[State] = (("", None),)
+    member: int = 0
+    length_unit: str | None = None
+    units: Mapping[str, str] | None = None
+    origin: str = ""
+    wall_heat_w: float | None = None
+    scattered: bool = False
+
+
+def chosen(states: Sequence[State], member: int | None, path: Path) -> int:
+    """Number of the state that is meant: the last one when none is named.
+
+    Raises
+    ------
+    InputError
+        The file has no such state.
+    """
+    if member is None:
+        return len(states) - 1
+    if not 0 <= member < len(states):
+        raise InputError(
+            f"{path} has {len(states)} states, numbered from 0, and no state {member}; choose one "
+            "of them."
+        )
+    return member
 
 
 @frozen
@@ -48,73 +111,13 @@ def column_of(text: str) -> Column:
     return Column(name, unit, state)
 
 
-def states_of(columns: Iterable[Column]) -> tuple[str, ...]:
-    """The states of columns in the order in which they first appear; ("",) when there are none."""
-    found = tuple(dict.fromkeys(column.state for column in columns if column.state))
-    return found or ("",)
+def states_of(columns: Iterable[Column]) -> list[State]:
+    """States of columns in the order in which they first appear, or one without a name."""
+    labels = dict.fromkeys(column.state for column in columns if column.state)
+    return [(label, time_in(label)) for label in labels or ("",)]
 
 
 def time_in(state: str) -> float | None:
     """The time that a state names, or None."""
     found = _TIME.search(state)
     return float(found["time"]) if found else None
-
-
-# MERGE readers.contents: What a reader takes from one state of a field file.
-
-State = tuple[str, float | None]
-"""Label and time of a state; "" and None where the file names none."""
-
-
-@frozen(eq=False)
-class Contents:
-    """One state of a field file, as it was written.
-
-    Attributes
-    ----------
-    data : pyvista.DataSet or pyvista.MultiBlock
-        Cells and arrays, in the file's own units.
-    sha256 : str
-        Of the file; of an OpenFOAM case that of the list of the checksums of the files read, as
-        ``sha256sum`` prints it.
-    states : sequence of State
-        All states of the file.
-    member : int
-        Which of them `data` is.
-    length_unit : str or None
-        Unit of the coordinates, where the file states it.
-    units : mapping or None
-        Unit of each array, "" where its header states none; None for files whose format has no
-        place for units.
-    origin : str
-        What the file says of its own making, besides field data; "" where it says nothing.
-    scattered : bool
-        Whether the cells only fill the hull of scattered points, the part included.
-    """
-
-    data: Any
-    sha256: str
-    states: Sequence[State] = (("", None),)
-    member: int = 0
-    length_unit: str | None = None
-    units: Mapping[str, str] | None = None
-    origin: str = ""
-    scattered: bool = False
-
-
-def chosen(states: Sequence[State], member: int | None, path: Path) -> int:
-    """Number of the state that is meant: the last one when none is named.
-
-    Raises
-    ------
-    InputError
-        The file has no such state.
-    """
-    if member is None:
-        return len(states) - 1
-    if not 0 <= member < len(states):
-        raise InputError(
-            f"{path} has {len(states)} states, numbered from 0, and no state {member}; choose one "
-            "of them."
-        )
-    return member

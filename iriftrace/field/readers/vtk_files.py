@@ -1,4 +1,4 @@
-"""VTK files, series of them in a .pvd, and states as columns in COMSOL's .vtu exports."""
+"""Read VTK files, series of them in a .pvd, and states as columns of COMSOL's .vtu exports."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonCore import vtkObject
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.field.readers.states import Contents, State, chosen, column_of, states_of, time_in
+from iriftrace.field.readers.states import Contents, State, chosen, column_of, states_of
 
 # What pyvista and the XML parser behind its .pvd reader raise for damaged files.
 _READ_ERRORS = (OSError, ValueError, RuntimeError, TypeError, LookupError, SyntaxError)
@@ -83,13 +83,12 @@ def blocks_of(data: Any) -> Iterator[Any]:
 
 
 def _states_in(data: Any) -> list[State]:
-    found = states_of(
+    return states_of(
         column_of(name)
         for block in blocks_of(data)
         for arrays in (block.point_data, block.cell_data)
         for name in arrays
     )
-    return [(state, time_in(state)) for state in found]
 
 
 def _keep_state(arrays: Any, state: str) -> None:

@@ -1,0 +1,173 @@
+"""Volume cells of any grid as linear cells that fit together.
+
+Tetrahedra, hexahedra, wedges and pyramids are what the gradients and tetrahedra of a field are made
+of; other cells become such, and where two sides of a seam have points of their own they are joined.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+
+from iriftrace.core.arrays import IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.field.gradient import CORNERS, HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE, cell_corners
+
+FLAT = 1e-4
+"""Thickness of a cell over its length, below which it encloses nothing."""
+
+# Volume cells that are not used as they are, by VTK's numbers.
+_VOXEL = 11
+_VOXEL_CORNERS = np.array((0, 1, 3, 2, 4, 5, 7, 6))  # in the order of a hexahedron
+_TO_SPLIT = (15, 16, 41, 42)  # prisms on five and six corners, convex sets, polyhedra
+_HIGHER_ORDER = {
+    **dict.fromkeys((24, 71), TETRAHEDRON),
+    **dict.fromkeys((25, 29, 33, 72), HEXAHEDRON),
+    **dict.fromkeys((26, 31, 32, 73), WEDGE),
+    **dict.fromkeys((27, 37), PYRAMID),
+}
+# Point data that points must share to be joined.
+_SCALARS = "iriftrace_scalars"
+
+
+def linear_volume(grid: Any) -> pv.UnstructuredGrid:
+    """Tetrahedra, hexahedra, wedges and pyramids of a grid, without points that no cell uses.
+
+    Parameters
+    ----------
+    grid : pyvista.DataSet
+        Any grid with volume cells.
+
+    Returns
+    -------
+    pyvista.UnstructuredGrid
+        With the grid's point and cell data.
+    """
+    grid = volume_cells(grid)
+    types = np.asarray(grid.celltypes)
+    if np.isin(types, _TO_SPLIT).any():
+        # All cells, not only these: else neighbours could split their common face differently.
+        grid = grid.triangulate()
+        types = np.asarray(grid.celltypes)
+    used = np.zeros(grid.n_points, dtype=bool)
+    used[np.asarray(grid.cell_connectivity)] = True
+    if used.all() and np.isin(types, list(CORNERS)).all():
+        volume: pv.UnstructuredGrid = grid
+        return volume
+    return _linear(grid, types)
+
+
+def volume_cells(block: Any) -> pv.UnstructuredGrid:
+    """The volume cells of one data set that are not marked as hidden or as ghosts."""
+    if isinstance(block, pv.PolyData) or not isinstance(block, pv.DataSet):
+        return pv.UnstructuredGrid()
+    grid: Any = block
+    if not isinstance(block, pv.UnstructuredGrid):
+        grid = block.cast_to_unstructured_grid()
+    types = np.asarray(grid.celltypes)
+    known = (*CORNERS, _VOXEL, *_TO_SPLIT, *_HIGHER_ORDER)
+    keep = np.isin(types, known)
+    if "vtkGhostType" in grid.cell_data:
+        keep &= np.asarray(grid.cell_data["vtkGhostType"]) == 0
+    if not keep.all():
+        grid = grid.extract_cells(np.flatnonzero(keep))
+    volume: pv.UnstructuredGrid = grid
+    return volume
+
+
+def has_higher_order(grid: Any) -> bool:
+    """Whether there are cells of which `linear_volume` keeps only the corners."""
+    return bool(np.isin(np.asarray(grid.celltypes), list(_HIGHER_ORDER)).any())
+
+
+def _linear(grid: Any, types: IntArray) -> pv.UnstructuredGrid:
+    """The grid with its cells sorted by type and made linear, and with the points they use."""
+    starts = np.asarray(grid.cell_offsets, dtype=np.int64)[:-1]
+    flat = np.asarray(grid.cell_connectivity, dtype=np.int64)
+    cells: dict[int, list[IntArray]] = {}
+    corners: dict[int, list[IntArray]] = {}
+    used = np.zeros(grid.n_points, dtype=bool)
+    for kind in np.unique(types).tolist():
+        target = _HIGHER_ORDER.get(kind, HEXAHEDRON if kind == _VOXEL else kind)
+        columns = _VOXEL_CORNERS if kind == _VOXEL else np.arange(CORNERS[target])
+        of_kind = np.flatnonzero(types == kind)
+        cells.setdefault(target, []).append(of_kind)
+        corners.setdefault(target, []).append(flat[starts[of_kind, None] + columns])
+        used[corners[target][-1]] = True
+    number = np.cumsum(used) - 1
+    result = pv.UnstructuredGrid(
+        {kind: number[np.concatenate(parts)] for kind, parts in corners.items()},
+        np.asarray(grid.points)[used],
+    )
+    order = np.concatenate([number for parts in cells.values() for number in parts])
+    for name in grid.point_data:
+        result.point_data[name] = np.asarray(grid.point_data[name])[used]
+    for name in grid.cell_data:
+        result.cell_data[name] = np.asarray(grid.cell_data[name])[order]
+    return result
+
+
+def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
+    """The same cells, joined where points coincide exactly and have the same values.
+
+    ParaView's Reflect leaves the halves side by side, and so do some exports with several domains:
+    each ends at the seam, where a ray would leave the data and a gradient look to one side only.
+    Vectors need not agree, because a mirror turns them; where a value differs, it jumps there, as
+    on both sides of a thin wall, and the points stay apart. A wall without thickness that is
+    equally hot on both sides cannot be told from a seam; give it one.
+
+    Parameters
+    ----------
+    grid : pyvista.UnstructuredGrid
+
+    Returns
+    -------
+    pyvista.UnstructuredGrid
+        The grid itself if nothing coincides; else one with the data of the first of such points.
+    """
+    compared = pv.UnstructuredGrid()
+    compared.shallow_copy(grid)
+    scalars = [
+        values
+        for values in map(np.asarray, grid.point_data.values())
+        if values.ndim == 1 and np.issubdtype(values.dtype, np.floating)
+    ]
+    if scalars:
+        compared.point_data[_SCALARS] = np.column_stack(scalars)
+    joined = compared.clean(
+        tolerance=0.0,
+        remove_unused_points=False,
+        produce_merge_map=False,
+        average_point_data=False,
+        merging_array_name=_SCALARS if scalars else None,
+    )
+    if joined.n_points == grid.n_points:
+        return grid
+    joined.point_data.pop(_SCALARS, None)
+    return joined
+
+
+def refuse_repeated_cells(grid: pv.UnstructuredGrid, path: str) -> None:
+    """Refuse a joined grid in which cells lie where others do.
+
+    Raises
+    ------
+    InputError
+    """
+    points = np.asarray(grid.points, dtype=np.float64)
+    repeated_cells = 0
+    for _, corners in cell_corners(grid).values():
+        ranked = np.sort(corners, axis=1)
+        ranked = ranked[np.lexsort(ranked.T)]
+        repeated = ranked[1:][(ranked[1:] == ranked[:-1]).all(axis=1)]
+        # Flat ones enclose no air; pieces of a solver's polyhedra are sometimes such twins.
+        offsets = points[repeated] - points[repeated].mean(axis=1, keepdims=True)
+        sizes = np.linalg.svd(offsets, compute_uv=False)
+        repeated_cells += int((sizes[:, 2] > FLAT * sizes[:, 0]).sum())
+    if repeated_cells:
+        raise InputError(
+            f"{repeated_cells} cells of {path} lie where others do, so it is not clear which air "
+            "is meant; export each cell once, and mirror only what was solved, not the whole."
+        )
