@@ -83,10 +83,8 @@ def _cameras(camera: Camera, focal_length: str | None) -> list[Camera]:
 
 def _placed(scene: LoadedScene, poses: PoseSet, *, listed: Path | None) -> PoseSet:
     """Poses where cameras can stand: an orbit's out of the hot air, a list's as they are."""
-    from iriftrace.geometry.query import inside_closed
-
     part = scene.part
-    inside = part.closed and inside_closed(poses.origins, part.vertices, part.faces)
+    inside = part.closed and part.surface.inside(poses.origins)
     # A list may name some by mistake, which fail without stopping the rest.
     if listed is not None and np.all(inside):
         raise InputError(

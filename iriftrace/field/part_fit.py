@@ -12,7 +12,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
-from iriftrace.geometry.query import NearestFace
+from iriftrace.geometry.query import Surface
 from iriftrace.geometry.transform import apply, parse_transform
 from iriftrace.part.part import Part
 
@@ -102,7 +102,7 @@ def fit_part_to_field(
     if not has_wall:
         return _fit_without_wall(field, part, wall_temperature_k)
 
-    gaps = NearestFace(part.vertices, part.faces).distance(wall.points)
+    gaps = part.surface.distance(wall.points)
     # A wall that is nowhere closer than half its own size surrounds something else.
     if gaps.min() > 0.5 * min(_diagonal(target), _diagonal(part.bounds)):
         raise InputError(
@@ -139,8 +139,7 @@ def fit_part_to_field(
 
 def _bare_share(wall: pv.PolyData, part: Part) -> float:
     """Share of the part's area whose faces' centres are not near the wall."""
-    faces = np.asarray(wall.regular_faces, dtype=np.int64)
-    distance = NearestFace(wall.points, faces).distance(part.face_centres)
+    distance = Surface(wall.points, wall.regular_faces).distance(part.face_centres)
     return float(part.face_areas[distance > LARGEST_GAP_MM].sum() / part.area)
 
 

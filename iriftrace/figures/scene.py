@@ -38,7 +38,7 @@ from iriftrace.figures.style import (
     temperature_ticks,
     write_png,
 )
-from iriftrace.geometry.triangles import surface_of
+from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 from iriftrace.shells.stack import Shell, ShellStack
 
@@ -132,7 +132,7 @@ def _add_shell(
     Shells must be added outermost first: with the near half cut away the outermost is the farthest,
     so that blending in the order of drawing is right and no sorting (depth peeling) is needed.
     """
-    surface = surface_of(shell.vertices, shell.faces)
+    surface = polydata(shell.vertices, shell.faces)
     if shell.normals is not None:
         surface.point_data.active_normals = shell.normals.astype(np.float64)
     surface = thinned(surface)

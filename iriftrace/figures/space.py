@@ -20,7 +20,7 @@ from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import SetupError
-from iriftrace.geometry.triangles import surface_of
+from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
 # MERGE figure_view: Parallel view of a scene in space and the labelled box around it.
@@ -300,7 +300,7 @@ def opens(window: Any) -> bool:
 
 def add_part(plotter: pv.Plotter, part: Part) -> None:
     """Add the part with its edges sharp, as hot steel."""
-    surface = thinned(surface_of(part.vertices, part.faces))
+    surface = thinned(polydata(part.vertices, part.faces))
     surface = surface.clean().compute_normals(
         split_vertices=True, feature_angle=30.0, auto_orient_normals=False
     )

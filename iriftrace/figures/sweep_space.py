@@ -43,7 +43,7 @@ from iriftrace.figures.style import (
     round_ticks,
     write_png,
 )
-from iriftrace.geometry.triangles import surface_of
+from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 from iriftrace.planning.quantities import Quantity
 from iriftrace.planning.summary import SweepSummary
@@ -117,7 +117,7 @@ def _figure(summary: SweepSummary, quantity: Quantity, surroundings: Surrounding
         if shell:
             # Last, because it is blended with what lies behind it; only its front.
             plotter.add_mesh(
-                thinned(surface_of(*shell)),
+                thinned(polydata(*shell)),
                 color=_SHELL_COLOUR,
                 opacity=_SHELL_OPACITY,
                 culling="back",
@@ -296,7 +296,7 @@ def _is_upright(towards: FloatArray, box: Box) -> bool:
 
 
 def _draw(plotter: pv.Plotter, part: Part, values: FaceMap) -> None:
-    surface = surface_of(part.vertices, part.faces)
+    surface = polydata(part.vertices, part.faces)
     known = np.isfinite(values.values)
     colours = np.empty((len(part.faces), 3), dtype=np.uint8)
     colours[:] = [int(_UNSEEN_COLOUR[i : i + 2], 16) for i in (1, 3, 5)]

@@ -1,23 +1,32 @@
-"""Normals and areas of many triangles at once."""
+"""Areas, normals and meshes of many triangles at once."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import AnyIntArray, BoolArray, Float32Array, FloatArray, IntArray
 
 if TYPE_CHECKING:
     import pyvista as pv
 
 
-def face_crosses(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """(m, 3) array, mm^2: cross products of two edges; along the normal, twice the area long."""
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    crosses: FloatArray = np.cross(b - a, c - a)
-    return crosses
+def area_vectors(vertices: Float32Array | FloatArray, faces: AnyIntArray) -> FloatArray:
+    """Normals of triangles times their areas, (m, 3) array, mm^2, counter-clockwise side."""
+    points = np.asarray(vertices, dtype=np.float64)
+    first = points[faces[:, 0]]
+    u, v = points[faces[:, 1]] - first, points[faces[:, 2]] - first
+    # Written out, because numpy.cross takes several times as long on arrays of triples.
+    return 0.5 * np.stack(
+        (
+            u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1],
+            u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2],
+            u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0],
+        ),
+        axis=1,
+    )
 
 
 def unit_vectors(vectors: FloatArray) -> FloatArray:
@@ -28,9 +37,44 @@ def unit_vectors(vectors: FloatArray) -> FloatArray:
     return units
 
 
-def surface_of(vertices: NDArray[Any], faces: NDArray[Any]) -> pv.PolyData:
-    """Triangles as a VTK mesh."""
+def smooth_normals(vertices: Float32Array | FloatArray, faces: IntArray) -> FloatArray:
+    """Area-weighted unit normals at the vertices, (n, 3) array; never zero at a used vertex."""
+    areas = area_vectors(vertices, faces)
+    sums = np.zeros((len(vertices), 3))
+    for corner in faces.T:
+        for axis in range(3):
+            sums[:, axis] += np.bincount(corner, areas[:, axis], minlength=len(vertices))
+    # Facets that cancel exactly leave no mean; any one of them is then as good.
+    one_of = np.zeros((len(vertices), 3))
+    one_of[faces.ravel()] = np.repeat(unit_vectors(areas), 3, axis=0)
+    normals = unit_vectors(sums)
+    return np.where(np.any(normals, axis=1)[:, None], normals, one_of)
+
+
+def normals_along(vertices: Float32Array, faces: IntArray, vectors: FloatArray) -> Float32Array:
+    """Unit vectors along the given (n, 3) ones; the facets' mean where these vanish."""
+    size = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    # A gradient this far below the usual one is rounding and has no direction.
+    weak = size <= 1e-6 * np.median(size)
+    normals = unit_vectors(vectors)
+    if weak.any():
+        normals[weak] = smooth_normals(vertices, faces)[weak]
+    return normals.astype(np.float32)
+
+
+def used_vertices(count: int, faces: AnyIntArray) -> tuple[BoolArray, IntArray]:
+    """Which of ``count`` vertices the triangles use, and the triangles numbered among these."""
+    used = np.zeros(count, dtype=bool)
+    used[faces.ravel()] = True
+    renumbered: IntArray = (np.cumsum(used) - 1)[faces]
+    return used, renumbered
+
+
+def polydata(vertices: ArrayLike, faces: ArrayLike) -> pv.PolyData:
+    """Triangles as VTK's mesh."""
     import pyvista as pv
 
-    surface: pv.PolyData = pv.PolyData.from_regular_faces(vertices, faces)
-    return surface
+    corners: Any = np.asarray(faces)
+    points: Any = np.asarray(vertices)
+    mesh: pv.PolyData = pv.PolyData.from_regular_faces(points, corners)
+    return mesh

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.geometry.query import inside_closed
+from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import open_edges
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def refuse_camera_inside(
     """
     point = np.asarray(origin, dtype=np.float64).reshape(1, 3)
     place = f"The camera at {np.round(point[0], 1).tolist()} mm stands"
-    if part.closed and inside_closed(point, part.vertices, part.faces)[0]:
+    if part.closed and part.surface.inside(point)[0]:
         raise InputError(f"{place} in the part, where there is nothing to see; move it outside.")
     if field is None:
         layers = [s.layer for s in stack.shells if _encloses(s, point)]
@@ -113,8 +113,7 @@ def refuse_camera_inside(
 
 def _encloses(shell: Shell, point: NDArray[np.float64]) -> bool:
     closed = len(open_edges(shell.faces)) == 0
-    vertices, faces = shell.vertices.astype(np.float64), shell.faces.astype(np.int64)
-    return closed and bool(inside_closed(point, vertices, faces)[0])
+    return closed and bool(Surface(shell.vertices, shell.faces).inside(point)[0])
 
 
 def _box(stack: ShellStack) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

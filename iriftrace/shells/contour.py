@@ -10,15 +10,8 @@ import numpy as np
 
 from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.geometry.topology import (
-    drop_degenerate,
-    face_along,
-    normals_along,
-    used_vertices,
-)
-from iriftrace.geometry.topology import (
-    shell_mesh_weld as weld,
-)
+from iriftrace.geometry.topology import drop_degenerate, face_along, weld
+from iriftrace.geometry.triangles import normals_along, used_vertices
 from iriftrace.shells.hessian import outer_derivatives, steepness_rows
 from iriftrace.shells.levels import check_range, index_levels, layers_between
 from iriftrace.shells.stack import Shell, ShellStack, SmallComponents

@@ -7,23 +7,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pyvista as pv
 from attrs import evolve
 
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.topology import (
-    connected,
-    drop_degenerate,
-    edge_lines,
-    face_along,
-    normals_along,
-    open_edges,
-    polydata,
-    used_vertices,
-)
-from iriftrace.geometry.topology import (
-    shell_mesh_weld as weld,
-)
+from iriftrace.geometry.query import Surface
+from iriftrace.geometry.topology import connected, drop_degenerate, face_along, open_edges, weld
+from iriftrace.geometry.triangles import normals_along, polydata, used_vertices
 from iriftrace.shells.stack import Shell, ShellStack
 
 BORDER_REACH = 0.5
@@ -103,7 +94,7 @@ def _thinned(shell: Shell, share: float) -> Shell:
         boundary_weight=BORDER_WEIGHT,
     )
     vertices = np.asarray(thin.points, dtype=np.float32)
-    faces = drop_degenerate(vertices, weld(vertices, np.asarray(thin.regular_faces, np.int64)))
+    faces = drop_degenerate(vertices, weld(vertices)[np.asarray(thin.regular_faces, np.int64)])
     faces = _without_flakes(_without_fins(faces))
     vertices, on_border = _back_on_border(vertices, faces, shell)
     faces = _without_pinholes(faces, on_border)
@@ -183,7 +174,8 @@ def _back_on_border(
     ends = vertices[edges].astype(np.float64)
     reach = BORDER_REACH * np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
     border = np.unique(edges)
-    found: Any = edge_lines(before.vertices, edges_before).find_closest_cell(
+    lines = np.insert(edges_before, 0, 2, axis=1).ravel()
+    found: Any = pv.PolyData(before.vertices.astype(np.float64), lines=lines).find_closest_cell(
         vertices[border].astype(np.float64), return_closest_point=True
     )
     near = np.linalg.norm(found[1] - vertices[border], axis=1) < reach
@@ -203,10 +195,7 @@ def _edges(faces: IntArray) -> tuple[IntArray, IntArray]:
 
 def _nearest(shell: Shell, points: FloatArray) -> tuple[IntArray, FloatArray]:
     """Vertices (n, 3) of the triangle nearest to each point, and their weights (n, 3) there."""
-    found: Any = polydata(shell.vertices, shell.faces).find_closest_cell(
-        points, return_closest_point=True
-    )
-    nearest, close = found
+    close, nearest = Surface(shell.vertices, shell.faces).nearest(points)
     faces = shell.faces[nearest].astype(np.int64)
     a, b, c = shell.vertices[faces].astype(np.float64).transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)

@@ -11,8 +11,8 @@ from scipy.sparse import csr_array
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyIntArray, FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.topology import open_edges, used_vertices
-from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.geometry.topology import open_edges
+from iriftrace.geometry.triangles import unit_vectors, used_vertices
 from iriftrace.shells.stack import Shell, ShellStack
 
 

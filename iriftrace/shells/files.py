@@ -18,7 +18,7 @@ from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.geometry.ply import NARROW, WIDE, CornerType, corner_type
-from iriftrace.geometry.topology import polydata
+from iriftrace.geometry.triangles import polydata
 from iriftrace.shells.hessian import PLY_COLUMNS
 from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 

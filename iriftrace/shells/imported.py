@@ -24,17 +24,8 @@ from iriftrace.field.arrays import unit_of
 from iriftrace.field.index_field import FieldSource
 from iriftrace.field.origin import origin_of
 from iriftrace.geometry import transform as motion
-from iriftrace.geometry.topology import (
-    area_vectors,
-    drop_degenerate,
-    face_along,
-    normals_along,
-    used_vertices,
-)
-from iriftrace.geometry.topology import (
-    shell_mesh_weld as weld,
-)
-from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.geometry.topology import drop_degenerate, face_along, weld
+from iriftrace.geometry.triangles import area_vectors, normals_along, unit_vectors, used_vertices
 from iriftrace.shells.levels import layers_between
 from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 
@@ -356,7 +347,7 @@ def _mesh(soup: Soup, chosen: NDArray[np.bool_]) -> Soup:
     return evolve(
         soup,
         vertices=vertices,
-        faces=drop_degenerate(vertices, weld(vertices, faces)),
+        faces=drop_degenerate(vertices, weld(vertices)[faces]),
         refractivity=soup.refractivity[chosen],
         gradient=None if soup.gradient is None else soup.gradient[used],
     )

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
-from iriftrace.geometry.topology import polydata
+from iriftrace.geometry.triangles import polydata
 from iriftrace.scene.load import LoadedScene
 from iriftrace.shells.edit import subdivide_midpoint
 from iriftrace.shells.stack import Shell, ShellStack

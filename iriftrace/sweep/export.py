@@ -10,7 +10,7 @@ import numpy as np
 
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.files import whole_file
-from iriftrace.geometry.triangles import surface_of
+from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 from iriftrace.sweep.store import WHOLE_PART
 
@@ -110,7 +110,7 @@ def write_surface(path: Path, dataset: xr.Dataset, part: Part) -> None:
             f"The sweep has maps of {dataset.sizes.get('face', 0)} faces, but {part.path} has "
             f"{len(part.faces)}; give the part that was swept."
         )
-    surface = surface_of(part.vertices, part.faces)
+    surface = polydata(part.vertices, part.faces)
     micrometres = 1e3 * dataset["face_displacement"].values.astype(np.float64)
     surface.cell_data["displacement (um)"] = micrometres.astype(np.float32)
     surface.cell_data["times seen"] = dataset["face_times_seen"].values

@@ -50,7 +50,7 @@ def points_outside(air: SyntheticAir, count: int, reach: float = 8.0) -> np.ndar
     low, high = air.part.bounds
     above = np.array((reach, reach, 30.0))
     points = np.random.default_rng(1).uniform(low - reach, high + above, (count, 3))
-    return points[~air.distance.inside(points)]
+    return points[~air.surface.inside(points)]
 
 
 def test_gradient_is_that_of_the_temperature(air: SyntheticAir) -> None:
@@ -142,7 +142,7 @@ def test_mesh_ends_on_the_part(air: SyntheticAir, field: IndexField) -> None:
     """The wall is closed, lies on the part and encloses its volume but for cut-off edges."""
     wall = field.wall
     assert wall.is_manifold
-    assert_allclose(air.distance.nearest(np.asarray(wall.points, dtype=float))[0], 0.0, atol=2e-6)
+    assert_allclose(air.surface.distance(wall.points), 0.0, atol=2e-6)
     assert_array_equal(wall.point_data["refractivity"], field.hottest_refractivity)
     part = trimesh.Trimesh(air.part.vertices, air.part.faces)
     assert wall.volume == pytest.approx(part.volume, rel=0.04)
@@ -167,7 +167,7 @@ def test_field_at_the_points_is_the_model(air: SyntheticAir, field: IndexField) 
     found = (
         field.gradient * (-(field.temperature_k**2) / ROOM / field.ambient_refractivity)[:, None]
     )
-    near = (air.distance.nearest(points)[0] > 0.5) & (points[:, 2] < 0)
+    near = (air.surface.distance(points) > 0.5) & (points[:, 2] < 0)
     size = np.linalg.norm(gradient[near], axis=1)
     error = np.linalg.norm(found[near] - gradient[near], axis=1)
     assert np.median(error[size > 50] / size[size > 50]) < 0.15

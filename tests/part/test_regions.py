@@ -6,17 +6,17 @@ import numpy as np
 import trimesh
 
 from iriftrace.geometry.topology import faces_to_flip, find_neighbours, weld
-from iriftrace.geometry.triangles import face_crosses, unit_vectors
+from iriftrace.geometry.triangles import area_vectors, unit_vectors
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 
 
 def regions_of(mesh: trimesh.Trimesh, angle_deg: float = 30.0) -> Regions:
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    crosses = face_crosses(vertices, faces)
-    normals = unit_vectors(crosses)
+    areas = area_vectors(vertices, faces)
+    normals = unit_vectors(areas)
     neighbours = find_neighbours(weld(vertices)[faces])
     groups = find_smooth_groups(neighbours, normals, angle_deg)
-    return name_regions(groups, normals, np.linalg.norm(crosses, axis=1) / 2)
+    return name_regions(groups, normals, np.linalg.norm(areas, axis=1))
 
 
 def test_box_has_six_planes_named_by_direction() -> None:

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
-from iriftrace.geometry.topology import area_vectors
+from iriftrace.geometry.triangles import area_vectors
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.report import report_shells
 from iriftrace.shells.stack import ShellStack

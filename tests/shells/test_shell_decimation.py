@@ -11,7 +11,8 @@ from attrs import evolve
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
-from iriftrace.geometry.topology import area_vectors, connected, open_edges
+from iriftrace.geometry.topology import connected, open_edges
+from iriftrace.geometry.triangles import area_vectors
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.decimate import FEWEST, decimate

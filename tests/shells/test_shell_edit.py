@@ -13,7 +13,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.topology import area_vectors, open_edges
+from iriftrace.geometry.topology import open_edges
+from iriftrace.geometry.triangles import area_vectors
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint, trim_to_frustum
 from iriftrace.shells.stack import ShellStack

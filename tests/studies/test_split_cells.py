@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iriftrace.field.index_field import IndexField
-from iriftrace.geometry.topology import area_vectors
+from iriftrace.geometry.triangles import area_vectors
 from iriftrace.shells.contour import contour_shells
 from iriftrace.studies.accuracy import as_tetrahedra, split_tetrahedra
 from validation.inputs.shell_fields import sphere_field

@@ -15,7 +15,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
-from iriftrace.geometry.topology import polydata
+from iriftrace.geometry.triangles import polydata
 from iriftrace.image.aov_image import Status
 from iriftrace.image.differences import Differences, Hits, compare, hits_of, own_size
 from iriftrace.part.part import read_part

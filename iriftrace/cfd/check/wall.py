@@ -13,9 +13,8 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import ROUNDS, cell_corners, consistent_gradient, point_gradient
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.tetrahedra import tetrahedra_of
-from iriftrace.geometry.triangles import face_crosses, unit_vectors
+from iriftrace.geometry.triangles import area_vectors, unit_vectors
 from iriftrace.part.part import Part
-from iriftrace.part.wall_distance import WallDistance
 
 # MERGE field_check.wall_state: What happens at a field's wall: temperature, heat flux, and how fi
 
@@ -102,11 +101,11 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     number = np.asarray(wall.point_data["number"], dtype=np.int64)
     faces = np.asarray(wall.regular_faces, dtype=np.int64)
     points = np.asarray(wall.points, dtype=np.float64)
-    surface = WallDistance(part)
+    surface = part.closed_surface
     centres = points[faces].mean(axis=1)
-    nearest_face = surface.faces(centres)
-    crosses = face_crosses(points, faces)
-    normals = unit_vectors(crosses)
+    nearest_face = surface.nearest(centres)[1]
+    areas = area_vectors(points, faces)
+    normals = unit_vectors(areas)
     # The triangles' own direction, turned to the side that the part's normal shows.
     outward = part.face_normals[nearest_face]
     normals *= np.where(np.einsum("ij,ij->i", normals, outward) < 0.0, -1.0, 1.0)[:, None]
@@ -138,11 +137,11 @@ def wall_state(field: IndexField, part: Part) -> WallState:
         centres=centres,
         nearest_face=nearest_face,
         normals=normals,
-        areas=0.5 * np.linalg.norm(crosses, axis=1),
+        areas=np.linalg.norm(areas, axis=1),
         flux=conducted(slope),
         flux_of_cells=conducted(of_cells[number]),
         layer_mm=layer,
-        cell_mm=_first_cells(field.grid, number, surface.normals(points)),
+        cell_mm=_first_cells(field.grid, number, surface.normals[surface.nearest(points)[1]]),
     )
 
 

@@ -13,7 +13,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.field.gradient import MIRRORED_CORNERS
-from iriftrace.geometry.query import NearestFace
+from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
 
 _METRES = 1e-3
@@ -39,7 +39,7 @@ def distance_from(
         mm.
     """
     faces = part.faces if chosen is None else part.faces[chosen]
-    return NearestFace(part.vertices, faces).distance(points)
+    return Surface(part.vertices, faces).distance(points)
 
 
 def write_surface(part: Part, path: Path) -> None:

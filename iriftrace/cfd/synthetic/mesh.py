@@ -402,7 +402,7 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
     coarsest = _COARSEST_IN_WALL_CELLS * size.cell_mm
 
     def size_at(points: FloatArray) -> FloatArray:
-        distance = air.distance.nearest(points)[0]
+        distance = air.surface.distance(points)
         wanted = size.cell_mm + _GROWTH * np.maximum(distance - size.cell_mm, 0.0)
         if air.plume is not None:
             width = air.plume.half_width(points[:, 2] - air.plume.base[2])
@@ -415,9 +415,9 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
     mesh = graded_tetrahedra(low, high, coarsest, size_at, MOST_CELLS)
 
     def nearest(points: FloatArray) -> FloatArray:
-        return air.distance.foot(points)
+        return air.surface.nearest(points)[0]
 
-    cut = cut_at_wall(mesh, air.distance.inside, nearest)
+    cut = cut_at_wall(mesh, air.surface.inside, nearest)
     if not cut.on_wall.any():
         raise InputError(
             f"Cells of {size.cell_mm:.3g} mm at the wall see nothing of {air.part.path}, which is "

@@ -10,8 +10,8 @@ from scipy.special import erf
 from iriftrace.cfd.check.heat_balance import reference_temperature
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
-from iriftrace.part.wall_distance import WallDistance
 
 # MERGE synthetic.plume: The warm air that rises from a part, as the similarity solution of a lami
 
@@ -236,7 +236,7 @@ class SyntheticAir:
     ambient_k: float = field(default=293.15, converter=float)
     boundary_layer_mm: float = field(default=_KNOWN_LAYER_MM, converter=float)
     plume: Plume | None = None
-    _distance: WallDistance = field(init=False, repr=False)
+    surface: Surface = field(init=False, repr=False)
 
     @wall_k.validator
     def _check_wall(self, _: Attribute[float], value: float) -> None:
@@ -254,14 +254,9 @@ class SyntheticAir:
                 f"A boundary layer of {value:g} mm has no air in it; give a positive thickness."
             )
 
-    @_distance.default
-    def _make_distance(self) -> WallDistance:
-        return WallDistance(self.part)
-
-    @property
-    def distance(self) -> WallDistance:
-        """The part, asked for distances."""
-        return self._distance
+    @surface.default
+    def _surface_of_part(self) -> Surface:
+        return self.part.closed_surface
 
     @property
     def origin(self) -> str:
@@ -287,7 +282,7 @@ class SyntheticAir:
         gradient : (n, 3) array, K/mm, world
         """
         places = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        distance, away = self._distance.nearest(places)
+        distance, away = self.surface.distance_gradient(places)
         left = np.maximum(1.0 - distance / self.boundary_layer_mm, 0.0)
         layer, layer_slope = left**2, -2.0 * left / self.boundary_layer_mm
         excess = self.wall_k - self.ambient_k

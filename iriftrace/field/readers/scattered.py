@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
-import pyvista as pv
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -16,6 +15,7 @@ from scipy.spatial import Delaunay, QhullError
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.gradient import TETRAHEDRON_EDGES
+from iriftrace.geometry.query import Surface
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -163,7 +163,7 @@ def cells_outside(grid: Any, part: Part | None, path: str) -> IntArray:
             f"The part {part.path} is not a closed surface, so it cannot be cut out of the "
             f"scattered points in {path}; close the surface, or export elements (sectionwise)."
         )
-    surface: Any = pv.PolyData(part.vertices, np.insert(part.faces, 0, 3, axis=1).ravel())
+    surface = part.surface
     points = np.asarray(grid.points, dtype=np.float64)
     corners = np.asarray(grid.cell_connectivity, dtype=np.int64).reshape(-1, 4)
     at = points[corners]
@@ -193,19 +193,16 @@ def cells_outside(grid: Any, part: Part | None, path: str) -> IntArray:
     return np.flatnonzero(~inside)
 
 
-def _distance(surface: Any, points: FloatArray) -> FloatArray:
+def _distance(surface: Surface, points: FloatArray) -> FloatArray:
     """Distance from a closed surface, mm, negative inside."""
-    if not len(points):
-        return np.zeros(0)
-    cloud = pv.PolyData(points).compute_implicit_distance(surface)
-    return np.asarray(cloud.point_data["implicit_distance"], dtype=np.float64)
+    return np.where(surface.inside(points), -1.0, 1.0) * surface.distance(points)
 
 
 def _distance_or_less(
-    surface: Any, points: FloatArray, corners: IntArray, size: FloatArray
+    surface: Surface, points: FloatArray, corners: IntArray, size: FloatArray
 ) -> FloatArray:
     """Distance from the surface; where no tetrahedron reaches it, that from its bounding box."""
-    low, high = np.reshape(surface.bounds, (3, 2)).T
+    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     distance: FloatArray = np.linalg.norm(
         np.maximum(np.maximum(low - points, points - high), 0.0), axis=1
     )
@@ -217,7 +214,7 @@ def _distance_or_less(
 
 
 def _below(
-    surface: Any, places: FloatArray, at: FloatArray, at_corners: FloatArray, limit: FloatArray
+    surface: Surface, places: FloatArray, at: FloatArray, at_corners: FloatArray, limit: FloatArray
 ) -> FloatArray:
     """Distance of one place in each tetrahedron where it can be below a limit, else infinity.
 
