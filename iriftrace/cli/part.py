@@ -218,17 +218,17 @@ def wishbone(
 def _check(path: Path) -> None:
     """Refuse an output that could not be written, before the work."""
     from iriftrace.cli.options import check_output
-    from iriftrace.part.shapes.solid import check_file
+    from iriftrace.part.files import check_part_name
 
-    check_file(path)
+    check_part_name(path)
     check_output(path, path.suffix.lower(), "part.ply", make=False)
 
 
 def _save(made: Part, path: Path) -> None:
     """Write the part and say what it is."""
-    from iriftrace.part.shapes.solid import save_solid
+    from iriftrace.part.part import save_part
 
-    save_solid(made, path)
+    save_part(made, path)
     extent = " x ".join(f"{high - low:.5g}" for low, high in made.bounds.T)
     out.print(
         f"{path}: {extent} mm, {made.volume:.6g} mm^3, {len(made.faces):,} triangles",

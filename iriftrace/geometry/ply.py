@@ -1,25 +1,107 @@
-"""Corners of triangles in a PLY: 16 bits each where a mesh's vertices can be numbered with them."""
+"""Triangle meshes as PLY files, with columns of numbers at vertices and faces."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import ArrayLike, NDArray
+
+from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
+from iriftrace.core.files import whole_file
 
 
-class CornerType(NamedTuple):
-    """A type of vertex numbers, by PLY's name and NumPy's."""
+@frozen(eq=False)
+class PlyMesh:
+    """A mesh as its file has it: (n, 3) vertices, (m, 3) faces, further columns by name.
 
-    ply: str
-    numpy: str
+    Where the file's faces were not all triangles, their columns are longer or shorter than `faces`.
+    """
 
-    @property
-    def line(self) -> str:
-        """The header's line for a list of corners."""
-        return f"property list uchar {self.ply} vertex_indices"
-
-
-NARROW, WIDE = CornerType("ushort", "<u2"), CornerType("int", "<i4")
+    vertices: FloatArray
+    faces: IntArray
+    vertex_columns: dict[str, NDArray[Any]]
+    face_columns: dict[str, NDArray[Any]]
 
 
-def corner_type(vertices: int) -> CornerType:
-    """The smallest type that numbers so many vertices."""
-    return NARROW if vertices <= 1 << 16 else WIDE
+def read_ply(path: Path) -> PlyMesh:
+    """Read a PLY file of any program; polygons are split into triangles.
+
+    What is wrong with a damaged file is raised as the reader of trimesh finds it.
+    """
+    # Imported late, as whoever writes a mesh needs no reader.
+    import trimesh
+
+    # Without processing, the order of the faces is that of the file and of Mitsuba.
+    with path.open("rb") as file:
+        mesh: Any = trimesh.load(file, file_type="ply", process=False)
+    raw = mesh.metadata.get("_ply_raw", {})
+    return PlyMesh(
+        np.array(mesh.vertices, dtype=np.float64),
+        np.asarray(getattr(mesh, "faces", ()), dtype=np.int64),
+        _columns(raw, "vertex"),
+        _columns(raw, "face"),
+    )
+
+
+def _columns(raw: Any, element: str) -> dict[str, NDArray[Any]]:
+    """Columns of numbers: an array with fields of a binary file, a dictionary of one of text."""
+    data = raw.get(element, {}).get("data")
+    if data is None:
+        return {}
+    names = (data.dtype.names or ()) if isinstance(data, np.ndarray) else data.keys()
+    columns = {name: np.asarray(data[name]) for name in names}
+    return {name: column.ravel() for name, column in columns.items() if column.dtype.kind in "iuf"}
+
+
+def write_ply(
+    path: str | Path,
+    vertices: ArrayLike,
+    faces: AnyIntArray,
+    *,
+    comments: Sequence[str] = (),
+    vertex_columns: Mapping[str, ArrayLike] | None = None,
+    face_columns: Mapping[str, ArrayLike] | None = None,
+) -> None:
+    """Write triangles as binary little-endian PLY, as float32 and with 16-bit corners if possible.
+
+    Parameters
+    ----------
+    path
+        Name of the file; its folder must exist.
+    vertices
+        (n, 3) array, mm.
+    faces
+        (m, 3) vertex numbers.
+    comments
+        Lines of the header.
+    vertex_columns, face_columns
+        Further numbers of each vertex and face, by name.
+    """
+    points = dict(zip("xyz", np.transpose(vertices), strict=True)) | dict(vertex_columns or {})
+    further = dict(face_columns or {})
+    count = len(np.asarray(vertices))
+    ply_corner, corner = ("ushort", "<u2") if count <= 1 << 16 else ("int", "<i4")
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        *(f"comment {comment}" for comment in comments),
+        f"element vertex {count}",
+        *(f"property float {name}" for name in points),
+        f"element face {len(faces)}",
+        f"property list uchar {ply_corner} vertex_indices",
+        *(f"property float {name}" for name in further),
+        "end_header\n",
+    ]
+    columns = [(name, "<f4") for name in further]
+    rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", corner, 3), *columns])
+    rows["count"], rows["corners"] = 3, faces
+    for name, column in further.items():
+        rows[name] = column
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        file.write("\n".join(header).encode())
+        file.write(np.column_stack(list(points.values())).astype("<f4").tobytes())
+        file.write(rows.tobytes())

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
@@ -47,13 +48,44 @@ def parse_transform(text: str) -> FloatArray:
         matrix = np.eye(4)
         for step in text.split(","):
             matrix = _step(step) @ matrix
-    return _checked(matrix, text)
+    return checked_matrix(matrix, repr(text))
 
 
 def apply(matrix: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 3) moved by a (4, 4) affine matrix; (n, 3) array, float64."""
     moved: FloatArray = np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     return moved
+
+
+def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
+    """A (4, 4) matrix that is known to be affine and invertible.
+
+    Parameters
+    ----------
+    matrix
+        (4, 4) array.
+    name
+        What messages call it by.
+
+    Raises
+    ------
+    InputError
+    """
+    affine = np.asarray(matrix, dtype=np.float64)
+    called = f"The transform {name}".rstrip()
+    if affine.shape != (4, 4):
+        raise InputError(f"{called} has the shape {affine.shape}; give a 4 x 4 matrix.")
+    if not np.isfinite(affine).all():
+        raise InputError(f"{called} holds a number that is not finite; correct it.")
+    if not np.array_equal(affine[3], (0.0, 0.0, 0.0, 1.0)):
+        raise InputError(f"{called} does not end with the row 0 0 0 1; is the matrix transposed?")
+    scale = float(np.abs(affine[:3, :3]).max())
+    if not abs(np.linalg.det(affine[:3, :3])) > 1e-9 * scale**3:
+        raise InputError(
+            f"{called} is singular: it would flatten the shape; give an invertible one, with no "
+            "factor of 0."
+        )
+    return affine
 
 
 def _is_file(path: Path) -> bool:
@@ -115,18 +147,3 @@ def _rotation(axis: int, angle: float) -> FloatArray:
     rotation[[first, second], [first, second]] = cosine
     rotation[first, second], rotation[second, first] = -sine, sine
     return rotation
-
-
-def _checked(matrix: FloatArray, text: str) -> FloatArray:
-    if not np.isfinite(matrix).all():
-        raise InputError(f"The transform {text!r} holds a number that is not finite; correct it.")
-    if not np.array_equal(matrix[3], (0.0, 0.0, 0.0, 1.0)):
-        raise InputError(
-            f"The last row of the transform {text!r} is not 0 0 0 1; is the matrix transposed?"
-        )
-    if abs(np.linalg.det(matrix[:3, :3])) < 1e-18:
-        raise InputError(
-            f"The transform {text!r} is singular: it would flatten the shape; use a factor other "
-            "than 0."
-        )
-    return matrix

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.geometry.ply import corner_type
+from iriftrace.geometry.ply import read_ply, write_ply
 from iriftrace.part.regions import Regions
 
 # Mitsuba reads face properties only with a number at the end, and calls this one ``face_region``;
@@ -24,6 +25,8 @@ _HEADER_LIMIT = 1_000_000
 
 LARGEST_REGION = 2**31
 """Regions have numbers below this; what is larger is no region."""
+
+WRITTEN_SUFFIXES = (".ply", ".stl")
 
 
 @frozen(eq=False)
@@ -51,19 +54,24 @@ def load_mesh_file(path: Path) -> MeshFile:
     if not path.is_file():
         raise InputError(f"there is no part file {path}; give an existing mesh.")
     suffix = path.suffix.removeprefix(".").lower()
-    import trimesh
-
-    known = trimesh.available_formats()
-    if suffix not in known:
+    if suffix not in trimesh.available_formats():
         raise InputError(
             f"{path} is of a format {suffix!r} that cannot be read; convert it to "
             "PLY, STL, OBJ or GLB."
         )
+    unit, region_columns = None, []
+    mesh: Any
     try:
-        # Without processing, the order of the faces is that of the file and of Mitsuba.
-        loaded: Any = trimesh.load(path, process=False)
-        unit = getattr(loaded, "units", None)
-        mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
+        if suffix == "ply":
+            mesh = read_ply(path)
+            region_columns = [
+                mesh.face_columns[name] for name in _READ_PROPERTIES if name in mesh.face_columns
+            ]
+        else:
+            # Without processing, the order of the faces is that of the file.
+            mesh = trimesh.load(path, process=False)
+            unit = getattr(mesh, "units", None)
+            mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
     except Exception as error:  # its readers let any error through that a damaged file causes
         raise InputError(f"{path} is damaged or no mesh ({error}); export it again.") from error
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
@@ -80,38 +88,25 @@ def load_mesh_file(path: Path) -> MeshFile:
             f"{path} is damaged: a triangle names vertex {wrong}, but there are {len(vertices)}; "
             "export it again."
         )
-    return MeshFile(
-        vertices=vertices,
-        faces=faces,
-        regions=_regions(path, mesh, len(faces)),
-        unit=unit,
-        sha256=sha256_of(path),
-    )
+    regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
+    return MeshFile(vertices, faces, regions, unit, sha256_of(path))
 
 
-def _regions(path: Path, mesh: Any, face_count: int) -> Regions | None:
-    data = mesh.metadata.get("_ply_raw", {}).get("face", {}).get("data")
-    if data is None:
-        return None
-    present = data.dtype.names or () if isinstance(data, np.ndarray) else tuple(data)
-    names = [name for name in _READ_PROPERTIES if name in present]
-    if not names:
-        return None
-    given = np.asarray(data[names[0]], dtype=np.float64).ravel()
+def _regions(path: Path, column: Any, face_count: int) -> Regions:
+    given = column.astype(np.float64)
     if not (np.abs(given) < LARGEST_REGION).all():
         raise InputError(
             f"{path} is damaged: a triangle's region is no number below {LARGEST_REGION:,}; export "
             "it again."
         )
-    numbers = np.rint(given).astype(np.int64)
-    if len(numbers) != face_count:
+    if len(given) != face_count:
         raise InputError(
-            f"{path} has {len(numbers)} region numbers for {face_count} triangles, because some of "
+            f"{path} has {len(given)} region numbers for {face_count} triangles, because some of "
             "its faces are not triangles; export it as triangles or drop the regions."
         )
-    ids, of_face = np.unique(numbers, return_inverse=True)
-    named = dict(_named_ids(path))
-    found = tuple(named.get(int(i), f"region {i}") for i in ids)
+    ids, of_face = np.unique(np.rint(given).astype(np.int64), return_inverse=True)
+    named = _region_names(path)
+    found = tuple(named.get(i, f"region {i}") for i in ids.tolist())
     if len(set(found)) < len(found):
         raise InputError(
             f"{path} gives one region name to several numbers: {', '.join(found)}; "
@@ -120,46 +115,51 @@ def _regions(path: Path, mesh: Any, face_count: int) -> Regions | None:
     return Regions(of_face.astype(np.int64), found)
 
 
-def _named_ids(path: Path) -> list[tuple[int, str]]:
+def _region_names(path: Path) -> dict[int, str]:
     with path.open("rb") as file:
         header = file.read(_HEADER_LIMIT).partition(b"end_header")[0]
     lines = header.decode("utf-8", errors="replace").splitlines()
     matches = (_REGION_COMMENT.fullmatch(line) for line in lines)
-    return [(int(match[1]), match[2]) for match in matches if match]
+    return {int(match[1]): match[2] for match in matches if match}
 
 
-def write_ply(path: Path, vertices: FloatArray, faces: IntArray, regions: Regions) -> None:
-    """Write a binary PLY with a region for each face.
+def check_part_name(path: Path) -> None:
+    """Refuse a name that is none of a part's file.
 
-    Parameters
-    ----------
-    path
-        Name of the file; its folder must exist.
-    vertices
-        (n, 3) array, mm; written as float32.
-    faces
-        (m, 3) vertex numbers.
-    regions
-        Regions of the faces: face property ``region_0`` (a float, so that Mitsuba reads it as the
-        mesh attribute ``face_region``) and one comment ``region NUMBER NAME`` for each.
+    Raises
+    ------
+    InputError
     """
-    comments = "".join(f"comment region {i} {name}\n" for i, name in enumerate(regions.names))
-    kind = corner_type(len(vertices))
-    header = (
-        "ply\nformat binary_little_endian 1.0\ncomment iriftrace part, millimetre\n"
-        f"{comments}"
-        f"element vertex {len(vertices)}\n"
-        "property float x\nproperty float y\nproperty float z\n"
-        f"element face {len(faces)}\n"
-        f"{kind.line}\n"
-        f"property float {_WRITTEN_PROPERTY}\nend_header\n"
+    if path.suffix.lower() not in WRITTEN_SUFFIXES:
+        proposed = path.with_name((path.stem or "part") + ".ply")
+        raise InputError(
+            f"The output {path} must end in .ply, which keeps the named regions, or .stl; name it "
+            f"{proposed}, for example."
+        )
+
+
+def write_mesh_file(path: Path, vertices: FloatArray, faces: IntArray, regions: Regions) -> None:
+    """Write a surface, mm: as PLY with a region for each face, or as STL without.
+
+    Regions are the face property ``region_0`` (a float, so that Mitsuba reads it as the mesh
+    attribute ``face_region``) and one comment ``region NUMBER NAME`` for each.
+
+    Raises
+    ------
+    InputError
+        The name has another ending, or the folder does not exist.
+    """
+    check_part_name(path)
+    if path.suffix.lower() == ".stl":
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        with whole_file(path) as temporary:
+            mesh.export(temporary, file_type="stl")
+        return
+    names = [f"region {number} {name}" for number, name in enumerate(regions.names)]
+    write_ply(
+        path,
+        vertices,
+        faces,
+        comments=["iriftrace part, millimetre", *names],
+        face_columns={_WRITTEN_PROPERTY: regions.of_face},
     )
-    row = [("count", "u1"), ("vertices", kind.numpy, 3), ("region", "<f4")]
-    rows = np.empty(len(faces), dtype=row)
-    rows["count"] = 3
-    rows["vertices"] = faces
-    rows["region"] = regions.of_face
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        file.write(header.encode())
-        file.write(vertices.astype("<f4").tobytes())
-        file.write(rows.tobytes())

@@ -14,12 +14,12 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
+from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import faces_to_flip, find_neighbours, weld
-from iriftrace.geometry.triangles import face_crosses, unit_vectors
-from iriftrace.part.files import load_mesh_file, write_ply
+from iriftrace.geometry.transform import apply, checked_matrix
+from iriftrace.geometry.triangles import area_vectors, unit_vectors
+from iriftrace.part.files import load_mesh_file, write_mesh_file
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
-
-# MERGE part_check: Checks of a part's surface: unit, orientation and closedness.
 
 # Parts outside these sizes are rarely real; a metre read as a millimetre is common.
 _PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
@@ -34,65 +34,6 @@ _SHORT_UNITS = {
     "inch": "inch",
     "microns": "um",
 }
-
-
-def check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: str) -> None:
-    """Warn when the unit is not the one that the file declares, or makes an unlikely size."""
-    short = _SHORT_UNITS.get(declared, declared) if declared else chosen
-    if short != chosen:
-        warnings.warn(
-            f"{path} declares its unit as {short} but is read as {chosen}; "
-            f"pass --length-unit {short} if the file is right.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-        return
-    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    smallest, largest = _PLAUSIBLE_SIZE_MM
-    if size < smallest or size > largest:  # not for NaN, which is refused later
-        warnings.warn(
-            f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
-            "measured part; check --length-unit.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-
-
-def oriented(
-    path: Path, vertices: FloatArray, faces: IntArray, welded: IntArray
-) -> tuple[IntArray, bool]:
-    """Faces with one orientation, outward for a closed surface, and whether it is closed."""
-    neighbours = find_neighbours(welded[faces])
-    if not neighbours.opposed.all():
-        areas = np.linalg.norm(face_crosses(vertices, faces), axis=1)
-        flip = faces_to_flip(neighbours, areas)
-        faces = np.where(flip[:, None], faces[:, ::-1], faces)
-        warnings.warn(
-            f"{path} has {np.count_nonzero(flip)} triangles that face the other way than their "
-            "neighbours; they were turned over.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-    if neighbours.open_edges:
-        warnings.warn(
-            f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
-            "surface that is there, rays may pass through the holes, and what lies inside the part "
-            "cannot be told; rays through a hole count what they find behind it.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-        return faces, False
-    centred = vertices - vertices.mean(axis=0)
-    volume = np.einsum("ij,ij->", centred[faces[:, 0]], face_crosses(centred, faces))
-    if volume < 0:
-        faces = faces[:, ::-1]
-        warnings.warn(
-            f"{path} has its inside out (negative volume); all triangles were turned over.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-    return faces, True
-
 
 MOST_FACES = 2**24 - 2
 """The EXR channel ``part.face`` is float32, which holds face number + 1 exactly up to here."""
@@ -133,19 +74,35 @@ class Part:
     closed: bool
 
     @cached_property
-    def _crosses(self) -> FloatArray:
-        return face_crosses(self.vertices, self.faces)
+    def surface(self) -> Surface:
+        """The surface, asked for nearest points and gaps."""
+        return Surface(self.vertices, self.faces)
 
-    @cached_property
+    @property
+    def closed_surface(self) -> Surface:
+        """The surface of a closed part, which has an inside.
+
+        Raises
+        ------
+        InputError
+            The part is not closed.
+        """
+        if not self.closed:
+            raise InputError(
+                f"{self.path} is not closed, so it is not clear where the air is; mend the mesh "
+                "(fill its holes) first."
+            )
+        return self.surface
+
+    @property
     def face_areas(self) -> FloatArray:
         """(m,) array, mm^2."""
-        areas: FloatArray = 0.5 * np.linalg.norm(self._crosses, axis=1)
-        return areas
+        return self.surface.areas
 
-    @cached_property
+    @property
     def face_normals(self) -> FloatArray:
         """(m, 3) unit vectors, outward for a closed part; zero for a face without area."""
-        return unit_vectors(self._crosses)
+        return self.surface.normals
 
     @cached_property
     def face_centres(self) -> FloatArray:
@@ -181,8 +138,7 @@ class Part:
     @cached_property
     def volume(self) -> float:
         """Volume inside a closed part, mm^3: the sum of the tetrahedra from its middle."""
-        a, b, c = (self.vertices - self.centre)[self.faces].transpose(1, 0, 2)
-        return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6.0
+        return abs(_signed_volume(self.vertices - self.centre, self.faces))
 
     @cached_property
     def bounds(self) -> FloatArray:
@@ -209,11 +165,11 @@ class Part:
         InputError
             The matrix is not an invertible affine one.
         """
-        affine = _affine(matrix)
+        affine = checked_matrix(matrix)
         mirrored = np.linalg.det(affine[:3, :3]) < 0
         return evolve(
             self,
-            vertices=self.vertices @ affine[:3, :3].T + affine[:3, 3],
+            vertices=apply(affine, self.vertices),
             faces=self.faces[:, ::-1] if mirrored else self.faces,
         )
 
@@ -270,7 +226,7 @@ def read_part(
     )
     file = load_mesh_file(path)
     vertices = file.vertices * factor
-    check_unit(path, vertices, file.unit, length_unit)
+    _check_unit(path, vertices, file.unit, length_unit)
     return part_of_mesh(
         vertices,
         file.faces,
@@ -326,16 +282,18 @@ def part_of_mesh(
     if not np.isfinite(points).all():
         raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
     welded = weld(points)
-    triangles, closed = oriented(Path(name), points, triangles, welded)
-    neighbours = find_neighbours(welded[triangles])
-    crosses = face_crosses(points, triangles)
-    normals, areas = unit_vectors(crosses), 0.5 * np.linalg.norm(crosses, axis=1)
-    if areas.sum() <= 0:
+    triangles, closed = _oriented(name, points, triangles, welded)
+    surface = Surface(points, triangles)
+    if surface.areas.sum() <= 0:
         raise InputError(f"{name} has triangles but no area; export the part's surface again.")
-    groups = find_smooth_groups(neighbours, normals, region_angle_deg)
+    neighbours = find_neighbours(welded[triangles])
+    groups = find_smooth_groups(neighbours, surface.normals, region_angle_deg)
     # Directions in the names are those of the world, in which the user sees the part.
-    seen = normals if transform is None else _turned(normals, _affine(transform))
-    named = regions or name_regions(groups, seen, areas)
+    seen = surface.normals
+    if transform is not None:
+        # Normals transform with the inverse transpose, whatever the determinant's sign.
+        seen = unit_vectors(seen @ np.linalg.inv(checked_matrix(transform)[:3, :3]))
+    named = regions or name_regions(groups, seen, surface.areas)
     part = Part(
         vertices=points,
         faces=triangles,
@@ -351,36 +309,18 @@ def part_of_mesh(
 
 
 def save_part(part: Part, path: str | Path) -> None:
-    """Write a part as binary PLY (float32, millimetre) that keeps its faces' order and regions.
+    """Write a part as binary PLY (float32, mm), or as STL, which many programs want.
 
-    Mitsuba, trimesh and ParaView read the file; `read_part` gives the regions back.
+    The PLY keeps the order of the faces and the regions: Mitsuba, trimesh and ParaView read the
+    file, and `read_part` gives the regions back.
 
     Raises
     ------
     InputError
-        The folder does not exist.
+        The name has another ending, or the folder does not exist.
     """
     regions = Regions(part.region_of_face, part.region_names)
-    write_ply(Path(path), part.vertices, part.faces, regions)
-
-
-def _turned(normals: FloatArray, affine: FloatArray) -> FloatArray:
-    # Normals transform with the inverse transpose; the determinant's sign does not matter for it.
-    return unit_vectors(normals @ np.linalg.inv(affine[:3, :3]))
-
-
-def _affine(matrix: ArrayLike) -> FloatArray:
-    affine = np.asarray(matrix, dtype=np.float64)
-    if affine.shape != (4, 4) or not np.array_equal(affine[3:], [[0, 0, 0, 1]]):
-        raise InputError("a transform must be a 4 x 4 matrix whose last row is 0 0 0 1.")
-    # A singular matrix would squash the part onto a plane.
-    scale = float(np.abs(affine[:3, :3]).max())
-    if not (np.isfinite(affine).all() and abs(np.linalg.det(affine[:3, :3])) > 1e-9 * scale**3):
-        raise InputError(
-            "a transform must be finite and invertible, because a part without volume cannot be "
-            "measured; check its numbers."
-        )
-    return affine
+    write_mesh_file(Path(path), part.vertices, part.faces, regions)
 
 
 def _growth(expansion: float | None, reference_k: float, hot_k: float | None) -> float:
@@ -396,3 +336,65 @@ def _growth(expansion: float | None, reference_k: float, hot_k: float | None) ->
             "that of a solid; steel has about 14e-6/K."
         )
     return 1.0 + expansion * (hot_k - reference_k)
+
+
+def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: str) -> None:
+    """Warn when the unit is not the one that the file declares, or makes an unlikely size."""
+    short = _SHORT_UNITS.get(declared, declared) if declared else chosen
+    if short != chosen:
+        warnings.warn(
+            f"{path} declares its unit as {short} but is read as {chosen}; "
+            f"pass --length-unit {short} if the file is right.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+        return
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    smallest, largest = _PLAUSIBLE_SIZE_MM
+    if size < smallest or size > largest:  # not for NaN, which is refused later
+        warnings.warn(
+            f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
+            "measured part; check --length-unit.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+
+
+def _oriented(
+    path: str, vertices: FloatArray, faces: IntArray, welded: IntArray
+) -> tuple[IntArray, bool]:
+    """Faces with one orientation, outward for a closed surface, and whether it is closed."""
+    neighbours = find_neighbours(welded[faces])
+    if not neighbours.opposed.all():
+        areas = np.linalg.norm(area_vectors(vertices, faces), axis=1)
+        flip = faces_to_flip(neighbours, areas)
+        faces = np.where(flip[:, None], faces[:, ::-1], faces)
+        warnings.warn(
+            f"{path} has {np.count_nonzero(flip)} triangles that face the other way than their "
+            "neighbours; they were turned over.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    if neighbours.open_edges:
+        warnings.warn(
+            f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
+            "surface that is there, rays may pass through the holes, and what lies inside the part "
+            "cannot be told; rays through a hole count what they find behind it.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+        return faces, False
+    if _signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
+        faces = faces[:, ::-1]
+        warnings.warn(
+            f"{path} has its inside out (negative volume); all triangles were turned over.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    return faces, True
+
+
+def _signed_volume(vertices: FloatArray, faces: IntArray) -> float:
+    """Sum of the tetrahedra between the triangles and the origin, mm^3."""
+    heights = np.einsum("ij,ij->", vertices[faces[:, 0]], area_vectors(vertices, faces))
+    return float(heights) / 3.0

@@ -154,7 +154,7 @@ def _contour(
         surface = surface.triangulate()
     points = np.asarray(surface.points, dtype=np.float32)
     gradient = np.asarray(surface.point_data["gradient"], dtype=np.float64)
-    faces = weld(points, np.asarray(surface.regular_faces, dtype=np.int64))
+    faces = weld(points)[np.asarray(surface.regular_faces, dtype=np.int64)]
     derivatives = np.asarray(surface.point_data["derivatives"], dtype=np.float64)
     return points, drop_degenerate(points, faces), gradient, derivatives.reshape(-1, 3, 3)
 

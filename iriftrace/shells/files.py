@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
@@ -17,7 +16,7 @@ from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.geometry.ply import NARROW, WIDE, CornerType, corner_type
+from iriftrace.geometry import ply
 from iriftrace.geometry.triangles import polydata
 from iriftrace.shells.hessian import PLY_COLUMNS
 from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
@@ -30,7 +29,6 @@ SCHEMA = "iriftrace.shells/1"
 TABLE = "shells.json"
 PARAVIEW = "shells.vtm"
 
-_POSITION = ("x", "y", "z")
 _NORMAL = ("nx", "ny", "nz")
 _STEEPNESS = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
 
@@ -172,24 +170,14 @@ def write_ply(
     normals: Float32Array | None = None,
     steepness: Float32Array | None = None,
 ) -> None:
-    """Write triangles as binary little-endian PLY, float32.
-
-    With normals, if they are given, and with them how steep the index is.
-    """
-    columns: list[Float32Array] = [vertices]
-    names: tuple[str, ...] = _POSITION
-    if normals is not None:
-        columns, names = [*columns, normals], names + _NORMAL
-        if steepness is not None:
-            gradient = normals * steepness[:, :1]
-            columns, names = [*columns, gradient, steepness[:, 1:]], names + _STEEPNESS
-    kind = corner_type(len(vertices))
-    records = np.empty(len(faces), dtype=_face_dtype(kind))
-    records["count"], records["corners"] = 3, faces
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        file.write(_header(names, len(vertices), len(faces), kind))
-        file.write(np.hstack(columns).astype("<f4").tobytes())
-        file.write(records.tobytes())
+    """Write triangles as PLY: with normals, if given, and with them how steep the index is."""
+    columns = [] if normals is None else [normals]
+    names: tuple[str, ...] = () if normals is None else _NORMAL
+    if normals is not None and steepness is not None:
+        columns += [normals * steepness[:, :1], steepness[:, 1:]]
+        names += _STEEPNESS
+    further = dict(zip(names, np.hstack(columns).T, strict=True)) if columns else None
+    ply.write_ply(path, vertices, faces, comments=["iriftrace shell, mm"], vertex_columns=further)
 
 
 def read_ply(
@@ -202,51 +190,31 @@ def read_ply(
     InputError
         The file is missing, cut short or has another layout.
     """
+    path = Path(path)
     try:
-        content = Path(path).read_bytes()
+        mesh = ply.read_ply(path)
     except OSError as error:
         raise InputError(f"cannot read the shell {path}: {error.strerror}.") from error
-    end = content.find(b"end_header\n")
-    words = [line.split() for line in content[: max(end, 0)].decode("ascii", "replace").split("\n")]
-    counts = {w[1]: int(w[2]) for w in words if w[:1] == ["element"] and w[-1].isdecimal()}
-    sizes = counts.get("vertex", 0), counts.get("face", 0)
-    layouts = (_POSITION, _POSITION + _NORMAL, _POSITION + _NORMAL + _STEEPNESS)
-    for names, kind in product(layouts, (NARROW, WIDE)):
-        header = _header(names, *sizes, kind)
-        body = content[len(header) :]
-        split = sizes[0] * 4 * len(names)
-        face = _face_dtype(kind)
-        if content.startswith(header) and len(body) == split + sizes[1] * face.itemsize:
-            points = np.frombuffer(body[:split], dtype="<f4").reshape(-1, len(names))
-            corners = np.frombuffer(body[split:], dtype=face)["corners"].astype(np.int32)
-            normals = points[:, 3:6] if len(names) > 3 else None
-            if normals is None or len(names) == 6:
-                return points[:, :3], corners, normals, None
-            length = np.linalg.norm(points[:, 6:9], axis=1, keepdims=True)
-            return points[:, :3], corners, normals, np.hstack((length, points[:, 9:]))
-    raise InputError(
+    except Exception as error:  # whatever a damaged file causes
+        raise _damaged(path) from error
+    names = tuple(mesh.vertex_columns)[3:]
+    if names not in ((), _NORMAL, _NORMAL + _STEEPNESS):
+        raise _damaged(path)
+    vertices, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)
+    if not names:
+        return vertices, faces, None, None
+    columns = np.stack([mesh.vertex_columns[name] for name in names], axis=1)
+    if names == _NORMAL:
+        return vertices, faces, columns, None
+    length = np.linalg.norm(columns[:, 3:6], axis=1, keepdims=True)
+    return vertices, faces, columns[:, :3], np.hstack((length, columns[:, 6:]))
+
+
+def _damaged(path: Path) -> InputError:
+    return InputError(
         f"{path} is cut short or was written by another program; write the shells again, or use "
         "import_shells for surfaces from elsewhere."
     )
-
-
-def _face_dtype(kind: CornerType) -> np.dtype[np.void]:
-    return np.dtype([("count", "u1"), ("corners", kind.numpy, 3)])
-
-
-def _header(names: Sequence[str], vertices: int, faces: int, kind: CornerType) -> bytes:
-    lines = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment iriftrace shell, mm",
-        f"element vertex {vertices}",
-        *(f"property float {name}" for name in names),
-        f"element face {faces}",
-        kind.line,
-        "end_header",
-        "",
-    ]
-    return "\n".join(lines).encode("ascii")
 
 
 def _table(

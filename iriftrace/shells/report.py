@@ -13,7 +13,6 @@ from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import open_edges
 
 if TYPE_CHECKING:
-
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
     from iriftrace.shells.stack import Shell, ShellStack

@@ -1,56 +1,14 @@
-"""The files of a made part."""
+"""Surfaces between rings of points, and checks of sizes, for the parametric parts."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
-from iriftrace.part.part import Part, save_part
-
-SUFFIXES = (".ply", ".stl")
-
-
-def check_file(path: Path) -> None:
-    """Refuse a name that is none of a part's file.
-
-    Raises
-    ------
-    InputError
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        proposed = path.with_name((path.stem or "part") + ".ply")
-        raise InputError(
-            f"The output {path} must end in .ply, which keeps the named regions, or .stl; name it "
-            f"{proposed}, for example."
-        )
-
-
-def save_solid(part: Part, path: str | Path) -> None:
-    """Write a part as PLY with its regions, or as STL without, which many programs want.
-
-    Raises
-    ------
-    InputError
-        The name has another ending, or the folder does not exist.
-    """
-    file = Path(path)
-    check_file(file)
-    if file.suffix.lower() == ".ply":
-        save_part(part, file)
-        return
-    mesh = trimesh.Trimesh(part.vertices, part.faces, process=False)
-    with whole_file(file) as temporary:
-        mesh.export(temporary, file_type="stl")
-
-
-# MERGE parts.rings: Surfaces made of rings: the triangles between closed curves of equally many p
 
 
 def circle(radius: float, height: float, angle: FloatArray) -> FloatArray:
@@ -99,9 +57,6 @@ def between_rings(rings: Sequence[FloatArray], *, closed: bool) -> tuple[FloatAr
 def fan(centre: int, ring: IntArray) -> IntArray:
     """(n, 3) array: triangles from one vertex to a ring of n, counter-clockwise as the ring is."""
     return np.column_stack((np.full(len(ring), centre), ring, np.roll(ring, -1)))
-
-
-# MERGE parts.sizes: Checks of a part's parameters.
 
 
 def check_positive(part: str, **lengths: float) -> None:
