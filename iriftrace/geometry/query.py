@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -146,7 +147,7 @@ class Surface:
         cell, piece = mutable(0), mutable(0)
         for place in points.tolist():
             if find(place, limit, point, corners, cell, piece, square):
-                limit = float(square) ** 0.5
+                limit = math.sqrt(square.get())
         return limit
 
     def inside(self, points: ArrayLike) -> BoolArray:
@@ -202,8 +203,8 @@ class _Columns:
         self.start = np.searchsorted(key[order], np.arange(self.count.prod() + 1))
 
     def _column(self, position: FloatArray) -> IntArray:
-        column = ((position - self.low) / self.width).astype(np.int64)
-        return np.clip(column, 0, self.count - 1)
+        column: IntArray = ((position - self.low) / self.width).astype(np.int64)
+        return column.clip(0, self.count - 1)
 
     def _key(self, column: IntArray) -> IntArray:
         key: IntArray = column[:, 0] * self.count[1] + column[:, 1]
