@@ -143,11 +143,12 @@ class Surface:
         from vtkmodules.vtkCommonDataModel import vtkGenericCell
 
         find: Any = self._locator.FindClosestPointWithinRadius
-        corners, point, square = vtkGenericCell(), [0.0] * 3, mutable(0.0)
+        corners, point = vtkGenericCell(), [0.0] * 3
+        square: Any = mutable(0.0)
         cell, piece = mutable(0), mutable(0)
         for place in points.tolist():
             if find(place, limit, point, corners, cell, piece, square):
-                limit = math.sqrt(square.get())
+                limit = math.sqrt(square)
         return limit
 
     def inside(self, points: ArrayLike) -> BoolArray:

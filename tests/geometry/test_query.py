@@ -9,9 +9,9 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from shell_fields import CUBE_CORNERS, CUBE_FACES
 
 from iriftrace.geometry.query import Surface
+from validation.inputs.shell_fields import CUBE_CORNERS, CUBE_FACES
 
 
 def cube(size: float, centre: tuple[float, float, float] = (0, 0, 0)) -> Surface:
