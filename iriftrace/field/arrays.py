@@ -1,4 +1,4 @@
-"""Which array of a solver's file holds the temperature, density or index, and in what unit."""
+"""Arrays of solvers' files: which one holds temperature, density or index, and in what unit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,22 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.gradient import point_mean
 
-# MERGE array_units: In which unit an array of a field file is: what the file states, and what the
+QUANTITIES = ("temperature", "index", "density")
+"""Physical quantities from which n - 1 follows, in the order in which they are looked for."""
+
+# Names as solvers write them, in lower case and without a unit in brackets.
+_EXACT = {
+    "temperature": ("t", "temp", "temperature", "static_temperature"),
+    "index": ("n", "index", "ior", "ri", "refractive_index", "index_of_refraction", "refractivity"),
+    "density": ("rho", "density"),
+}
+_LOOSE = {
+    "temperature": re.compile(r"t[_.]|temp|.*temperature"),
+    "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
+    "density": re.compile(r"rho|.*density"),
+}
+_COLDEST_K = 150.0  # room air in degC, taken as kelvin, lies below
+_LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
 
 SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
 """Unit in which each quantity is computed with, and taken to be where nobody says otherwise."""
@@ -33,118 +48,6 @@ _SPELLINGS = {
     "kg/m3": "kg/m^3",
     "g/cm3": "g/cm^3",
 }
-
-
-def unit_of(
-    name: str,
-    quantity: str,
-    units: Mapping[str, str] | None,
-    temperature_unit: str | None,
-    path: str,
-) -> str:
-    """Unit of an array.
-
-    Parameters
-    ----------
-    name, quantity : str
-        Of the array.
-    units : mapping or None
-        What the file's header states for each array, "" for nothing; None where the format has no
-        place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
-    temperature_unit : str or None
-        What the user says of temperatures.
-    path : str
-        For messages.
-
-    Returns
-    -------
-    str
-        One that `converted` knows.
-
-    Raises
-    ------
-    InputError
-        User and file contradict each other; the header has a place for the unit of a temperature
-        but states none, or one of another kind.
-    """
-    if quantity == "index":
-        return SI["index"]
-    given = temperature_unit if quantity == "temperature" else None
-    if units is None:
-        found = _IN_BRACKETS.fullmatch(name)
-        stated = found["unit"].strip() if found and _is_unit(found["unit"], quantity) else ""
-    else:
-        stated = units.get(name, "")
-    if stated and not _is_unit(stated, quantity):
-        if given is None:
-            raise InputError(
-                f"{path} gives {name!r} the unit {stated!r}, which is no unit of {quantity}; "
-                f"{_remedy(quantity)}"
-            )
-        stated = ""
-    if not stated:
-        if units is not None and given is None:
-            raise InputError(
-                f"{path} does not say in which unit {name!r} is, and K and degC differ by a whole "
-                f"room's temperature; {_remedy(quantity)}"
-            )
-        return given or SI[quantity]
-    if given is not None and _scale(given, quantity) != _scale(stated, quantity):
-        raise InputError(
-            f"{path} states that {name!r} is in {stated}, but the temperature unit given is "
-            f"{given}; leave the option out (--temperature-unit), or correct the file."
-        )
-    return stated
-
-
-def converted(values: FloatArray, unit: str, target: str) -> FloatArray:
-    """Values in another unit, (n,)."""
-    zero, slope = _scale_to(unit, target)
-    return values if (zero, slope) == (0.0, 1.0) else zero + values * slope
-
-
-def _remedy(quantity: str) -> str:
-    if quantity == "temperature":
-        return "give the temperature unit (--temperature-unit K or degC)."
-    return f"write its unit into the header, such as ({SI[quantity]})."
-
-
-def _is_unit(text: str, quantity: str) -> bool:
-    try:
-        _scale(text, quantity)
-    except InputError:
-        return False
-    return True
-
-
-def _scale(unit: str, quantity: str) -> tuple[float, float]:
-    return _scale_to(unit, SI[quantity])
-
-
-def _scale_to(unit: str, target: str) -> tuple[float, float]:
-    """Value of 0 and of one step of a unit in another one."""
-    name = _SPELLINGS.get(unit.strip().lower(), unit.strip())
-    # Two values tell a linear unit; converting a million numbers through pint would be slow.
-    zero = parse_quantity(f"0 {name}", target)
-    return zero, (parse_quantity(f"100 {name}", target) - zero) / 100.0
-
-
-QUANTITIES = ("temperature", "index", "density")
-"""Physical quantities from which n - 1 follows, in the order in which they are looked for."""
-
-# Names as solvers write them, in lower case and without a unit in brackets.
-_EXACT = {
-    "temperature": ("t", "temp", "temperature", "static_temperature"),
-    "index": ("n", "index", "ior", "ri", "refractive_index", "index_of_refraction", "refractivity"),
-    "density": ("rho", "density"),
-}
-_LOOSE = {
-    "temperature": re.compile(r"t[_.]|temp|.*temperature"),
-    "index": re.compile(r"n[_.]|.*refractive|.*refractivity|.*index_of_refraction"),
-    "density": re.compile(r"rho|.*density"),
-}
-_COLDEST = 150.0  # K; room air in degC, taken as kelvin, lies below
-_LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
 
 
 @frozen(eq=False)
@@ -230,37 +133,6 @@ def point_values(grid: Any, name: str, path: str) -> FloatArray:
     return point_mean(grid, values)
 
 
-def to_refractivity(
-    values: FloatArray, choice: Choice, unit: str, air: Air, path: str
-) -> FloatArray:
-    """Refractivity n - 1 of values in `unit` (see `array_units.unit_of`), (n,)."""
-    if choice.quantity == "index":
-        return _from_index(values, choice.name, path)
-    values = converted(values, unit, SI[choice.quantity])
-    if choice.quantity == "density":
-        _refuse_not_positive(values, choice, "kg/m3", path)
-        return air.refractivity_of_density(values)
-    kelvin = values
-    _refuse_not_positive(kelvin, choice, "K", path)
-    if kelvin.min() < _COLDEST:
-        raise InputError(
-            f"The array {choice.name!r} in {path} goes down to {kelvin.min():g} K, colder than any "
-            "air around a hot part; if it is in degC, give the temperature "
-            "unit (--temperature-unit degC)."
-        )
-    return air.refractivity(kelvin)
-
-
-def refractivity_of_index(values: FloatArray) -> FloatArray | None:
-    """Values of n (all near 1) or of n - 1 (all near 0) as n - 1; None when they are neither."""
-    low, high = values.min(), values.max()
-    if low > 0.0 and high < _LARGEST_REFRACTIVITY:
-        return values
-    if low > 1.0 and high < 1.0 + _LARGEST_REFRACTIVITY:
-        return values - 1.0
-    return None
-
-
 def _named(names: Sequence[str], quantity: str, path: str) -> str | None:
     exact = [name for name in names if _is_usual(name, quantity)]
     found = exact or [name for name in names if _LOOSE[quantity].match(_plain(name))]
@@ -294,6 +166,122 @@ def _scalar_names(grid: Any) -> list[str]:
             if data[name].ndim == 1 and data[name].dtype.kind in "fiu" and name[:3] != "vtk"
         )
     )
+
+
+def unit_of(
+    name: str,
+    quantity: str,
+    units: Mapping[str, str] | None,
+    temperature_unit: str | None,
+    path: str,
+) -> str:
+    """Unit of an array.
+
+    Parameters
+    ----------
+    name, quantity : str
+        Of the array.
+    units : mapping or None
+        What the file's header states for each array, "" for nothing; None where the format has no
+        place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
+    temperature_unit : str or None
+        What the user says of temperatures.
+    path : str
+        For messages.
+
+    Returns
+    -------
+    str
+        One that `to_refractivity` knows.
+
+    Raises
+    ------
+    InputError
+        User and file contradict each other; the header has a place for the unit of a temperature
+        but states none, or one of another kind.
+    """
+    if quantity == "index":
+        return SI["index"]
+    given = temperature_unit if quantity == "temperature" else None
+    if units is None:
+        found = _IN_BRACKETS.fullmatch(name)
+        stated = found["unit"].strip() if found and _is_unit(found["unit"], quantity) else ""
+    else:
+        stated = units.get(name, "")
+    if stated and not _is_unit(stated, quantity):
+        if given is None:
+            raise InputError(
+                f"{path} gives {name!r} the unit {stated!r}, which is no unit of {quantity}; "
+                f"{_remedy(quantity)}"
+            )
+        stated = ""
+    if not stated:
+        if units is not None and given is None:
+            raise InputError(
+                f"{path} does not say in which unit {name!r} is, and K and degC differ by a whole "
+                f"room's temperature; {_remedy(quantity)}"
+            )
+        return given or SI[quantity]
+    if given is not None and _scale(given, quantity) != _scale(stated, quantity):
+        raise InputError(
+            f"{path} states that {name!r} is in {stated}, but the temperature unit given is "
+            f"{given}; leave the option out (--temperature-unit), or correct the file."
+        )
+    return stated
+
+
+def _remedy(quantity: str) -> str:
+    if quantity == "temperature":
+        return "give the temperature unit (--temperature-unit K or degC)."
+    return f"write its unit into the header, such as ({SI[quantity]})."
+
+
+def _is_unit(text: str, quantity: str) -> bool:
+    try:
+        _scale(text, quantity)
+    except InputError:
+        return False
+    return True
+
+
+def _scale(unit: str, quantity: str) -> tuple[float, float]:
+    """Value of 0 and of one step of a unit in the quantity's SI unit."""
+    name = _SPELLINGS.get(unit.strip().lower(), unit.strip())
+    # Two values tell a linear unit; converting a million numbers through pint would be slow.
+    zero = parse_quantity(f"0 {name}", SI[quantity])
+    return zero, (parse_quantity(f"100 {name}", SI[quantity]) - zero) / 100.0
+
+
+def to_refractivity(
+    values: FloatArray, choice: Choice, unit: str, air: Air, path: str
+) -> FloatArray:
+    """Refractivity n - 1 of values in `unit` (see `unit_of`), (n,)."""
+    if choice.quantity == "index":
+        return _from_index(values, choice.name, path)
+    zero, slope = _scale(unit, choice.quantity)
+    if (zero, slope) != (0.0, 1.0):
+        values = zero + values * slope
+    if choice.quantity == "density":
+        _refuse_not_positive(values, choice, "kg/m3", path)
+        return air.refractivity_of_density(values)
+    _refuse_not_positive(values, choice, "K", path)
+    if values.min() < _COLDEST_K:
+        raise InputError(
+            f"The array {choice.name!r} in {path} goes down to {values.min():g} K, colder than any "
+            "air around a hot part; if it is in degC, give the temperature "
+            "unit (--temperature-unit degC)."
+        )
+    return air.refractivity(values)
+
+
+def refractivity_of_index(values: FloatArray) -> FloatArray | None:
+    """Values of n (all near 1) or of n - 1 (all near 0) as n - 1; None when they are neither."""
+    low, high = values.min(), values.max()
+    if low > 0.0 and high < _LARGEST_REFRACTIVITY:
+        return values
+    if low > 1.0 and high < 1.0 + _LARGEST_REFRACTIVITY:
+        return values - 1.0
+    return None
 
 
 def _refuse_not_positive(values: FloatArray, choice: Choice, unit: str, path: str) -> None:
