@@ -1,4 +1,4 @@
-"""How the air of a field moves, and the heat that it carries: what a heat balance needs."""
+"""Motion of the air in a solver's file, and the heat that it carries: for a heat balance."""
 
 from __future__ import annotations
 
@@ -15,20 +15,14 @@ from iriftrace.air.thermophysics import (
     density,
     heat_content,
     heat_content_slope,
-)
-from iriftrace.air.thermophysics import (
-    temperature_of_density as temperature_of,
+    temperature_of_density,
 )
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.gradient import point_mean
 
-# MERGE velocity_arrays: Which arrays of a solver's file hold the velocity of the air, and in what
-
 SI = "m/s"
-
-NO_VELOCITIES = "the file has no velocities"
 
 VELOCITY, TEMPERATURE = "U", "T"
 """As OpenFOAM's solvers call them."""
@@ -41,6 +35,15 @@ VELOCITY_OVER_TEMPERATURE = "U/T"
 proportion to. Made of the values in the cells, since a product of values that were averaged onto
 points is not the average of the product."""
 
+ENTHALPY_FLUX = "enthalpy_flux"
+"""Vector array, W/m2: density times velocity times (enthalpy - that of ambient air), or its time
+average. Fluctuations carry heat, so it is not the product of the averages."""
+
+HEAT_STORAGE = "heat_storage"
+"""Array, W/m3: what density times (enthalpy - that of ambient air) changes by per second."""
+
+NO_VELOCITIES = "the file has no velocities"
+
 # Names without unit, scope and case, with one underscore between words.
 _USUAL = ("u", "velocity", "velocity_field", "vel")
 _MEAN = re.compile(r"umean|u_mean|mean_(?:of_)?(?:u|velocity)|(?:velocity|vel)_(?:mean|average)")
@@ -52,6 +55,161 @@ _COMPONENT = re.compile(
     r"|velocity_(?P<letter>[uvw])|(?P<alone>[uvw]))"
 )
 _BRACKETS = re.compile(r"[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]")
+
+
+@frozen(eq=False)
+class AirFlow:
+    """Motion of the air at the n points of a field.
+
+    Attributes
+    ----------
+    velocity : (n, 3) array, m/s, world, or None
+        None where the file has none.
+    enthalpy_flux : (n, 3) array, W/m2, world, or None
+        `ENTHALPY_FLUX`, where the file has it or the cells of an OpenFOAM case tell it.
+    storage : (n,) array, W/m3, or None
+        `HEAT_STORAGE`, where the file has it.
+    name : str
+        Of the velocity's arrays; "" without.
+    unit : str
+        In which they were read.
+    flux_name : str
+        Of the array of `enthalpy_flux`; "" where there is none or it was made of velocities.
+    missing : str
+        Why there is no velocity; "" where there is one.
+    """
+
+    velocity: FloatArray | None
+    enthalpy_flux: FloatArray | None = None
+    storage: FloatArray | None = None
+    name: str = ""
+    unit: str = SI
+    flux_name: str = ""
+    missing: str = ""
+
+
+def flow_in(
+    grid: Any,
+    array: str,
+    units: Mapping[str, str] | None,
+    transform: ArrayLike | None,
+    air: Air,
+) -> AirFlow:
+    """The motion of the air in a file.
+
+    Parameters
+    ----------
+    grid : pyvista.UnstructuredGrid
+        Linear volume cells with the file's arrays.
+    array : str
+        The one that the field was made of: an average goes with the average of the velocity.
+    units : mapping or None
+        Of the arrays, as `readers.states.Contents.units`.
+    transform : (4, 4) array_like or None
+        From file to world; vectors are turned and mirrored by it and keep their length.
+    air : Air
+        Ambient air.
+    """
+    found, missing = velocity_arrays(grid, units, averaged=is_mean(array))
+    if found is None:
+        return AirFlow(None, missing=missing)
+    turn = _rotation(transform)
+    if turn is None:
+        return AirFlow(
+            None, missing="the field's transform distorts, and directions of velocities with it"
+        )
+    columns = [_at_points(grid, name) for name in found.names]
+    velocity = columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
+    names = ", ".join(found.names)
+    gaps = np.count_nonzero(~np.isfinite(velocity).all(axis=1))
+    if gaps:
+        are, them = ("is", "it") if len(found.names) == 1 else ("are", "them")
+        return AirFlow(
+            None,
+            missing=f"{names} {are} not finite at {gaps:,} of {len(velocity):,} points; export "
+            f"{them} without gaps",
+        )
+    flux = None
+    stated = ENTHALPY_FLUX in grid.point_data
+    if stated:
+        flux = _at_points(grid, ENTHALPY_FLUX)
+    elif (
+        VELOCITY_OVER_TEMPERATURE in grid.point_data and array == TEMPERATURE and names == VELOCITY
+    ):
+        flux = state_heat(grid, air.temperature_k, air.pressure_pa)
+    return AirFlow(
+        velocity=found.factor * velocity @ turn.T,
+        enthalpy_flux=None if flux is None else flux @ turn.T,
+        storage=_at_points(grid, HEAT_STORAGE) if HEAT_STORAGE in grid.point_data else None,
+        name=names,
+        unit=found.unit,
+        flux_name=ENTHALPY_FLUX if stated else "",
+    )
+
+
+def carried_heat(
+    density_kg_m3: FloatArray,
+    velocity: FloatArray,
+    momentum: FloatArray,
+    ambient_k: float,
+    pressure_pa: float,
+) -> FloatArray:
+    """Average of f(rho) U with f = rho (h - h_ambient), from averages of rho, U and rho U.
+
+    As f is linear in rho at constant pressure but for the change of the heat capacity
+    (`heat_content_slope`), it is to second order of the fluctuations::
+
+        f(<rho>) <U> + f'(<rho>) (<rho U> - <rho> <U>)
+
+    What is left out is f''/2 times the average of (rho - <rho>)^2 U: 0.3 % of the flux where air of
+    650 K and 0.2 m/s alternates with air of 850 K and 0.9 m/s, and the product of the averages is
+    6 % too small.
+
+    Parameters
+    ----------
+    density_kg_m3 : (n,) array
+        <rho>.
+    velocity : (n, 3) array
+        <U>, m/s.
+    momentum : (n, 3) array
+        <rho U>, kg/(m2 s).
+    ambient_k, pressure_pa : float
+
+    Returns
+    -------
+    (n, 3) array
+        W/m2.
+    """
+    kelvin = temperature_of_density(density_kg_m3, pressure_pa)
+    together = momentum - density_kg_m3[:, None] * velocity
+    content = heat_content(kelvin, ambient_k, pressure_pa)[:, None]
+    flux: FloatArray = content * velocity
+    return flux + heat_content_slope(kelvin, ambient_k)[:, None] * together
+
+
+def state_heat(grid: Any, ambient_k: float, pressure_pa: float) -> FloatArray:
+    """Heat that the air of one state of an OpenFOAM case carries at its points, (n, 3), W/m2."""
+    rho = density(grid.point_data[TEMPERATURE], pressure_pa)
+    momentum = density(1.0, pressure_pa) * _at_points(grid, VELOCITY_OVER_TEMPERATURE)
+    return carried_heat(rho, _at_points(grid, VELOCITY), momentum, ambient_k, pressure_pa)
+
+
+def _at_points(grid: Any, name: str) -> FloatArray:
+    if name in grid.point_data:
+        return np.asarray(grid.point_data[name], dtype=np.float64)
+    values = np.asarray(grid.cell_data[name], dtype=np.float64)
+    if values.ndim == 1:
+        return point_mean(grid, values)
+    return np.stack([point_mean(grid, column) for column in values.T], axis=1)
+
+
+def _rotation(transform: ArrayLike | None) -> FloatArray | None:
+    """Rotation and mirroring (3, 3) in a transform; None where it distorts besides."""
+    if transform is None:
+        return np.eye(3)
+    linear = np.asarray(transform, dtype=np.float64)[:3, :3]
+    turn: FloatArray = linear / np.cbrt(abs(np.linalg.det(linear)))
+    return turn if np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) else None
 
 
 @frozen
@@ -87,7 +245,7 @@ def velocity_arrays(
     ----------
     grid : pyvista.DataSet
     units : mapping or None
-        What the file's header states for each array, as `readers.contents.Contents.units`.
+        What the file's header states for each array, as `readers.states.Contents.units`.
     averaged : bool
         Prefer a time average (``UMean``), since the temperature is one too.
 
@@ -117,12 +275,12 @@ def velocity_arrays(
     return None, refused or _what_lacks(grid, numbers, units) or NO_VELOCITIES
 
 
-def moves(name: str) -> bool:
+def is_motion(name: str) -> bool:
     """Whether a vector array tells how the air moves, by its name."""
-    return name in (MOMENTUM_MEAN, VELOCITY_OVER_TEMPERATURE) or _names_vector(name)
+    return name in (MOMENTUM_MEAN, VELOCITY_OVER_TEMPERATURE) or _is_velocity(name)
 
 
-def _names_vector(name: str) -> bool:
+def _is_velocity(name: str) -> bool:
     """Whether an array is called as the vector of the velocity or its average is."""
     plain = _plain(name)
     return plain in _USUAL or any(pattern.fullmatch(plain) for pattern in (_MEAN, _LOOSE))
@@ -168,45 +326,23 @@ def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]
 
 def _what_lacks(grid: Any, numbers: Iterable[str], units: Mapping[str, str] | None) -> str:
     """Why arrays with the names of velocities are none; "" where no array has such a name."""
-    incomplete = {
-        family: names
+    incomplete = [
+        (family, [names[axis] for axis in sorted(names)])
         for family, names in _families(numbers).items()
         if len(names) < 3 and all(_factor(name, units) is not None for name in names.values())
-    }
-    for family, names in incomplete.items():
+    ]
+    lacks = "{} without the other component{}, 3 are needed"
+    for _, names in incomplete:
         if len(names) == 2:
-            return _missing(family, names)
+            return lacks.format(" and ".join(names), "")
     for data in (grid.point_data, grid.cell_data):
         for name in data:
             width = 1 if data[name].ndim == 1 else data[name].shape[1]
-            if width != 3 and _names_vector(name) and _factor(name, units) is not None:
+            if width != 3 and _is_velocity(name) and _factor(name, units) is not None:
                 return f"{name} has {width} component{'s' * (width > 1)}, 3 are needed"
-    for family, names in incomplete.items():
-        # A single v or w may be anything.
-        if family != ("", "uvw", ""):
-            return _missing(family, names)
-    return ""
-
-
-def _missing(family: tuple[str, str, str], names: Mapping[int, str]) -> str:
-    """Which components there are and which not, by the names that they have or would have."""
-    before, axes, after = family
-    axis, like = next(iter(names.items()))
-    missing = []
-    for other in sorted({0, 1, 2} - names.keys()):
-        wanted = f"{before}{axes[other]}{after}"
-        spelt = (
-            f"{like[: at.start()]}{letter}{like[at.end() :]}"
-            for at in re.finditer(axes[axis], like, re.IGNORECASE)
-            for letter in [axes[other].upper() if at[0].isupper() else axes[other]]
-        )
-        missing.append(next((name for name in spelt if _plain(name) == wanted), wanted))
-    there = [names[at] for at in sorted(names)]
-    return f"{_are(there)} there, {_are(missing)} missing"
-
-
-def _are(names: list[str]) -> str:
-    return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}"
+    # A single v or w may be anything.
+    single = [names[0] for family, names in incomplete if family != ("", "uvw", "")]
+    return lacks.format(single[0], "s") if single else ""
 
 
 def _factor(name: str, units: Mapping[str, str] | None) -> float | None:
@@ -232,169 +368,3 @@ def _plain(name: str) -> str:
     """Lower case without unit and COMSOL's scope: ``comp1.Velocity (m/s)`` becomes velocity."""
     bare = _BRACKETS.sub("", name).rpartition(".")[2]
     return re.sub(r"[^a-z0-9]+", "_", bare.lower()).strip("_")
-
-
-ENTHALPY_FLUX = "enthalpy_flux"
-"""Vector array, W/m2: density times velocity times (enthalpy - that of ambient air), or its time
-average. Fluctuations carry heat, so it is not the product of the averages."""
-
-HEAT_STORAGE = "heat_storage"
-"""Array, W/m3: what density times (enthalpy - that of ambient air) changes by per second."""
-
-
-@frozen(eq=False)
-class AirFlow:
-    """Motion of the air at the n points of a field.
-
-    Attributes
-    ----------
-    velocity : (n, 3) array, m/s, world, or None
-        None where the file has none.
-    enthalpy_flux : (n, 3) array, W/m2, world, or None
-        `ENTHALPY_FLUX`, where the file has it or the cells of an OpenFOAM case tell it.
-    storage : (n,) array, W/m3, or None
-        `HEAT_STORAGE`, where the file has it.
-    name : str
-        Of the velocity's arrays; "" without.
-    unit : str
-        In which they were read.
-    flux_name : str
-        Of the array of `enthalpy_flux`; "" where there is none or it was made of velocities.
-    missing : str
-        Why there is no velocity; "" where there is one.
-    """
-
-    velocity: FloatArray | None
-    enthalpy_flux: FloatArray | None = None
-    storage: FloatArray | None = None
-    name: str = ""
-    unit: str = SI
-    flux_name: str = ""
-    missing: str = ""
-
-
-def carried_heat(
-    density_kg_m3: FloatArray,
-    velocity: FloatArray,
-    momentum: FloatArray,
-    ambient_k: float,
-    pressure_pa: float,
-) -> FloatArray:
-    """Average of f(rho) U with f = rho (h - h_ambient), from averages of rho, U and rho U.
-
-    As f is linear in rho at constant pressure but for the change of the heat capacity
-    (`air_properties.heat_content_slope`), it is to second order of the fluctuations::
-
-        f(<rho>) <U> + f'(<rho>) (<rho U> - <rho> <U>)
-
-    What is left out is f''/2 times the average of (rho - <rho>)^2 U: 0.3 % of the flux where air of
-    650 K and 0.2 m/s alternates with air of 850 K and 0.9 m/s, and the product of the averages is
-    6 % too small.
-
-    Parameters
-    ----------
-    density_kg_m3 : (n,) array
-        <rho>.
-    velocity : (n, 3) array
-        <U>, m/s.
-    momentum : (n, 3) array
-        <rho U>, kg/(m2 s).
-    ambient_k, pressure_pa : float
-
-    Returns
-    -------
-    (n, 3) array
-        W/m2.
-    """
-    kelvin = temperature_of(density_kg_m3, pressure_pa)
-    together = momentum - density_kg_m3[:, None] * velocity
-    content = heat_content(kelvin, ambient_k, pressure_pa)[:, None]
-    flux: FloatArray = content * velocity
-    return flux + heat_content_slope(kelvin, ambient_k)[:, None] * together
-
-
-def flow_in(
-    grid: Any,
-    array: str,
-    units: Mapping[str, str] | None,
-    transform: ArrayLike | None,
-    air: Air,
-) -> AirFlow:
-    """The motion of the air in a file.
-
-    Parameters
-    ----------
-    grid : pyvista.UnstructuredGrid
-        Linear volume cells with the file's arrays.
-    array : str
-        The one that the field was made of: an average goes with the average of the velocity.
-    units : mapping or None
-        As `readers.contents.Contents.units`.
-    transform : (4, 4) array_like or None
-        From file to world; vectors are turned and mirrored by it and keep their length.
-    air : Air
-        Ambient air.
-    """
-    found, missing = velocity_arrays(grid, units, averaged=is_mean(array))
-    turn = _turn(transform)
-    if found is not None and turn is None:
-        found, missing = (
-            None,
-            "the field's transform distorts, and directions of velocities with it",
-        )
-    if found is None or turn is None:
-        return AirFlow(None, missing=missing)
-    columns = [_at_points(grid, name) for name in found.names]
-    velocity = columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
-    gaps = np.count_nonzero(~np.isfinite(velocity).all(axis=1))
-    if gaps:
-        names = ", ".join(found.names)
-        return AirFlow(
-            None,
-            missing=f"{names} {'is' if len(found.names) == 1 else 'are'} not finite at {gaps:,} of "
-            f"{len(velocity):,} points; export {'it' if len(found.names) == 1 else 'them'} "
-            "without gaps",
-        )
-    flux = None
-    stated = ENTHALPY_FLUX in grid.point_data
-    if stated:
-        flux = _at_points(grid, ENTHALPY_FLUX)
-    elif VELOCITY_OVER_TEMPERATURE in grid.point_data and (array, *found.names) == (
-        TEMPERATURE,
-        VELOCITY,
-    ):
-        flux = state_heat(grid, air.temperature_k, air.pressure_pa)
-    storage = _at_points(grid, HEAT_STORAGE) if HEAT_STORAGE in grid.point_data else None
-    return AirFlow(
-        velocity=found.factor * velocity @ turn.T,
-        enthalpy_flux=None if flux is None else flux @ turn.T,
-        storage=storage,
-        name=", ".join(found.names),
-        unit=found.unit,
-        flux_name=ENTHALPY_FLUX if stated else "",
-    )
-
-
-def state_heat(grid: Any, ambient_k: float, pressure_pa: float) -> FloatArray:
-    """Heat that the air of one state of an OpenFOAM case carries at its points, (n, 3), W/m2."""
-    rho = density(grid.point_data[TEMPERATURE], pressure_pa)
-    momentum = density(1.0, pressure_pa) * _at_points(grid, VELOCITY_OVER_TEMPERATURE)
-    return carried_heat(rho, _at_points(grid, VELOCITY), momentum, ambient_k, pressure_pa)
-
-
-def _at_points(grid: Any, name: str) -> FloatArray:
-    if name in grid.point_data:
-        return np.asarray(grid.point_data[name], dtype=np.float64)
-    values = np.asarray(grid.cell_data[name], dtype=np.float64)
-    if values.ndim == 1:
-        return point_mean(grid, values)
-    return np.stack([point_mean(grid, column) for column in values.T], axis=1)
-
-
-def _turn(transform: ArrayLike | None) -> FloatArray | None:
-    """Rotation and mirroring (3, 3) in a transform; None where it distorts besides."""
-    if transform is None:
-        return np.eye(3)
-    linear = np.asarray(transform, dtype=np.float64)[:3, :3]
-    turn: FloatArray = linear / np.cbrt(abs(np.linalg.det(linear)))
-    return turn if np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) else None

@@ -17,7 +17,7 @@ from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of_list
 from iriftrace.field.arrays import quantity_of
-from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, moves
+from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_polyhedra
 from iriftrace.field.readers.states import Contents, State, chosen
 from iriftrace.field.readers.vtk_files import quietly
@@ -172,7 +172,7 @@ def _names(piece: Piece, flow: bool) -> list[str]:
     return [
         name
         for name, values in piece.grid.cell_data.items()
-        if values.dtype.kind == "f" and (values.ndim == 1 or (flow and moves(name)))
+        if values.dtype.kind == "f" and (values.ndim == 1 or (flow and is_motion(name)))
     ]
 
 
