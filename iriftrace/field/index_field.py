@@ -1,4 +1,4 @@
-"""The refractive index of the air around a hot part, at the points of the solver's own grid."""
+"""Field of the refractive index of the air around a hot part, at the solver's own points."""
 
 from __future__ import annotations
 
@@ -110,16 +110,16 @@ class IndexField:
         """Gradient of n at the points, (n, 3) array, 1/mm, world.
 
         The volume-weighted mean of the constant gradients of the tetrahedra into which the cells
-        split; see `field_cells.point_gradient` for why not VTK's unweighted one.
+        split; see `iriftrace.field.gradient.point_gradient` for why not VTK's unweighted one.
         """
         return point_gradient(self.grid, self.refractivity)
 
     @cached_property
-    def fitting_gradient(self) -> FloatArray:
+    def consistent_gradient(self) -> FloatArray:
         """Gradient of n at the points, (n, 3) array, 1/mm, world, as long as n changes.
 
         Directions are those of `gradient`; its own length is some per cent off where cells grow.
-        See `consistent_gradient`.
+        See `iriftrace.field.gradient.consistent_gradient`.
         """
         return consistent_gradient(
             np.asarray(self.grid.points),
@@ -129,14 +129,14 @@ class IndexField:
         )
 
     @cached_property
-    def second_derivatives(self) -> FloatArray:
+    def hessian(self) -> FloatArray:
         """Second derivatives of n at the points, (n, 3, 3) array, 1/mm^2, world, symmetric.
 
-        Recovered from `fitting_gradient` as that is from n.
+        Recovered from `consistent_gradient` as `gradient` is from n.
         """
-        rows = point_gradient(self.grid, self.fitting_gradient)
-        derivatives: FloatArray = 0.5 * (rows + rows.transpose(0, 2, 1))
-        return derivatives
+        rows = point_gradient(self.grid, self.consistent_gradient)
+        hessian: FloatArray = 0.5 * (rows + rows.transpose(0, 2, 1))
+        return hessian
 
     @cached_property
     def wall(self) -> pv.PolyData:

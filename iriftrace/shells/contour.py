@@ -36,8 +36,8 @@ def contour_shells(
     The surfaces are contoured on the solver's cells without resampling, rounded to float32 (the
     precision of the renderer's geometry), welded, freed of degenerate triangles and of small
     components, and wound so that facets face the cooler air. Vertex normals are
-    ``field.fitting_gradient``, interpolated along the cell edges and normalised. Each vertex knows
-    how steep the index is there and how that changes (``field.second_derivatives``; at the
+    ``field.consistent_gradient``, interpolated along the cell edges and normalised. Each vertex knows
+    how steep the index is there and how that changes (``field.hessian``; at the
     outermost shell what describes the air outside it, see
     :func:`iriftrace.shells.hessian.outer_derivatives`); not with the rule ``"outer"``, which is
     about steps at the shells.
@@ -134,8 +134,8 @@ def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
     grid = pv.UnstructuredGrid()
     grid.copy_structure(field.grid)
     grid.point_data["refractivity"] = field.refractivity
-    grid.point_data["gradient"] = field.fitting_gradient
-    grid.point_data["derivatives"] = field.second_derivatives.reshape(-1, 9)
+    grid.point_data["gradient"] = field.consistent_gradient
+    grid.point_data["derivatives"] = field.hessian.reshape(-1, 9)
     return grid
 
 

@@ -45,7 +45,7 @@ def test_second_derivatives_come_of_the_right_lengths() -> None:
     sides, z = np.abs(grid.points[:, :2]).max(axis=1), np.asarray(grid.points)[:, 2]
     truth = np.zeros((len(z), 3, 3))
     truth[:, 2, 2] = -slope / 3
-    off = np.abs(field_of(grid, values).second_derivatives - truth).max(axis=(1, 2))
+    off = np.abs(field_of(grid, values).hessian - truth).max(axis=(1, 2))
     off /= np.abs(truth).max()
     middle = sides < 1.5
     assert off[middle & (z == 0)].max() < 0.35

@@ -283,7 +283,7 @@ def test_steepness_is_the_gradient_over_the_shells_own_step(choice):
     grid.points = np.asarray(grid.points) * (1.0, 1.3, 0.7) + 0.1 * np.asarray(grid.points) ** 2
     way = np.array((2.0, -1.0, 2.0)) / 3.0
     field = field_of(grid, lambda points: 2e-4 - 2e-5 * (points @ way))
-    assert_allclose(field.fitting_gradient, np.tile(-2e-5 * way, (1000, 1)), atol=2e-14)
+    assert_allclose(field.consistent_gradient, np.tile(-2e-5 * way, (1000, 1)), atol=2e-14)
     stack = contour_shells(field, layers=4, index_range=(2.4e-4, 1.6e-4), **choice)
     for shell in stack.shells:
         assert shell.steepness.dtype == np.float32
@@ -306,7 +306,7 @@ def ellipsoids(points: np.ndarray) -> np.ndarray:
 def test_second_derivatives_of_a_quadratic_field_are_right_in_the_interior():
     """To rounding, five cells off the boundary: its gradients are one-sided and correct others."""
     field = field_of(hexahedra(12, 3.0), ellipsoids)
-    found = field.second_derivatives
+    found = field.hessian
     assert_array_equal(found, found.transpose(0, 2, 1))
     inside = np.abs(field.grid.points).max(axis=1) < 1.0
     assert inside.sum() == 3**3
@@ -318,7 +318,7 @@ def test_second_derivatives_where_cells_grow():
     grid = hexahedra(24, 1.0)
     grid.points = np.sinh(1.5 * np.asarray(grid.points))
     field = field_of(grid, ellipsoids)
-    found = field.second_derivatives
+    found = field.hessian
     assert_array_equal(found, found.transpose(0, 2, 1))
     inside = np.abs(grid.points).max(axis=1) < 1.2
     off = np.abs(found[inside] - HESSIAN).max() / np.abs(HESSIAN).max()
@@ -356,7 +356,7 @@ def test_normals_and_length_are_those_of_the_fitting_gradient_between_the_points
     field = field_of(grid, lambda p: AMBIENT - 1.5e-4 * np.exp(-(p**2 @ (0.3, 0.5, 0.4))))
     (shell,) = contour_shells(field, levels=[AMBIENT - 1e-4]).shells
     known = grid.copy()
-    known["fitting"], known["plain"] = field.fitting_gradient, field.gradient
+    known["fitting"], known["plain"] = field.consistent_gradient, field.gradient
     at = pv.PolyData(shell.vertices.astype(float)).sample(known, tolerance=1e-5)
     fitting, plain = (np.asarray(at[name]) for name in ("fitting", "plain"))
     length = np.linalg.norm(fitting, axis=1)

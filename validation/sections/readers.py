@@ -145,7 +145,7 @@ def line_integrals(field: IndexField, hits: FloatArray) -> FloatArray:
     ends = np.arange(0.0, RANGE_MM + STEP_MM / 2, STEP_MM)
     middles = 0.5 * (ends[1:] + ends[:-1])
     grid = field.grid.copy()
-    grid.point_data["gradient"] = field.fitting_gradient
+    grid.point_data["gradient"] = field.consistent_gradient
     grid.point_data["n"] = field.refractivity
     index, known = _sampled(grid, "n", hits, along, ends)
     change = (index[:, :-1] - index[:, 1:]) / STEP_MM
