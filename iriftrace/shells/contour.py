@@ -37,7 +37,8 @@ def contour_shells(
     precision of the renderer's geometry), welded, freed of degenerate triangles and of small
     components, and wound so that facets face the cooler air. Vertex normals are
     ``field.consistent_gradient``, interpolated along the cell edges and normalised. Each vertex
-    knows how steep the index is there and how that changes (``field.hessian``; at the outermost shell what describes the air outside it, see
+    knows how steep the index is there and how that changes (``field.hessian``; at the
+    outermost shell what describes the air outside it, see
     :func:`iriftrace.shells.hessian.outer_derivatives`); not with the rule ``"outer"``, which is
     about steps at the shells.
 
