@@ -20,7 +20,14 @@ from iriftrace.part.shapes.solid import (
     circle,
 )
 
-# MERGE parts.involute: The outline of a gear's teeth: involute flanks between a root and a tip ci
+REGIONS = ("teeth", "front", "back", "hub", "bore")
+TOOTH = "tooth"
+"""Name of the region that one tooth becomes."""
+
+_ADDENDUM, _DEDENDUM = 1.0, 1.25
+"""Height of a tooth above and below the pitch cone, in modules, along the back cone."""
+
+_BORE_ROWS, _FACE_ROWS, _TOOTH_ROWS, _HUB_ROWS = 8, 3, 10, 3
 
 FLANK_POINTS, TIP_STEPS, ROOT_STEPS = 10, 4, 4
 PER_TOOTH = 2 * FLANK_POINTS + TIP_STEPS + ROOT_STEPS - 2
@@ -61,7 +68,9 @@ class Involute:
         r = np.asarray(radius, dtype=np.float64)
         half_pitch = np.pi / (2 * self.teeth)
         rolled = np.arccos(np.clip(self.base_radius / r, 0.0, 1.0))
-        half = half_pitch + _involute(self.pressure_angle) - _involute(rolled)
+        # The involute function is tan a - a.
+        half = half_pitch + np.tan(self.pressure_angle) - self.pressure_angle
+        half = half - (np.tan(rolled) - rolled)
         depth = (self.pitch_radius - r) / (self.pitch_radius - self.root_radius)
         wider = _WIDER_ROOT * half_pitch * np.clip(depth, 0.0, 1.0) ** 2
         return np.asarray(half + wider)
@@ -78,32 +87,17 @@ class Involute:
         pitch = 2.0 * np.pi / self.teeth
         tip = np.linspace(-half[-1], half[-1], TIP_STEPS + 1)[1:-1]
         root = half[0] + np.linspace(0.0, 1.0, ROOT_STEPS + 1)[1:-1] * (pitch - 2.0 * half[0])
+        angle = np.concatenate((-half, tip, half[::-1], root))
         radius = np.concatenate(
             (
                 radii,
-                np.full(len(tip), self.tip_radius),
+                np.full_like(tip, self.tip_radius),
                 radii[::-1],
-                np.full(len(root), self.root_radius),
+                np.full_like(root, self.root_radius),
             )
         )
-        angle = np.concatenate((-half, tip, half[::-1], root))
         turns = pitch * np.repeat(np.arange(self.teeth), len(radius))
         return np.column_stack((np.tile(radius, self.teeth), np.tile(angle, self.teeth) + turns))
-
-
-def _involute(angle: ArrayLike) -> FloatArray:
-    """The involute function, tan a - a."""
-    return np.asarray(np.tan(angle) - angle)
-
-
-REGIONS = ("teeth", "front", "back", "hub", "bore")
-TOOTH = "tooth"
-"""Name of the region that one tooth becomes."""
-
-_ADDENDUM, _DEDENDUM = 1.0, 1.25
-"""Height of a tooth above and below the pitch cone, in modules, along the back cone."""
-
-_BORE_ROWS, _FACE_ROWS, _TOOTH_ROWS, _HUB_ROWS = 8, 3, 10, 3
 
 
 def bevel_gear(
@@ -183,12 +177,8 @@ def bevel_gear(
     reach = pitch_radius / float(np.sin(cone))
     width = reach / 3.0 if face_width_mm is None else face_width_mm
     check_positive("bevel gear", face_width=width)
-    check_less(
-        "bevel gear",
-        ("face width", width),
-        ("cone distance", reach),
-        "its teeth end before the apex",
-    )
+    sizes = ("face width", width), ("cone distance", reach)
+    check_less("bevel gear", *sizes, "its teeth end before the apex")
     if not outline.half_angle(outline.tip_radius) > 0.0:
         raise InputError(
             f"Teeth of {pressure_angle_deg:g} degrees pressure angle come to a point below the tip "
@@ -245,66 +235,36 @@ def _rings(
 
     front = float(tooth_ring(small_end)[:, 2].min())
     back = float(back_cone[:, 2].min()) - rim
-    small_root = outline.root_radius * small_end
-    _check_section(outline, bore, hub, hub_end, rim, small_root, back)
+    small_root, rim_radius = outline.root_radius * small_end, outline.root_radius - rim
+    # Curves of the section must not cross.
+    bore_size, hub_size = ("bore diameter", 2.0 * bore), ("hub diameter", 2.0 * hub)
+    for smaller, larger, why in (
+        (bore_size, hub_size, "a wall has to be left between them"),
+        (
+            bore_size,
+            ("root diameter of the small end", 2.0 * small_root),
+            "the bore would cut the teeth",
+        ),
+        (hub_size, ("rim's diameter", 2.0 * rim_radius), "the hub stands on the rim's back"),
+        (("depth of the rim", -back), ("hub length", -hub_end), "the hub ends behind the rim"),
+    ):
+        check_less("bevel gear", smaller, larger, why)
     rings = [plain_ring(bore, z, 1.0) for z in np.linspace(hub_end, front, _BORE_ROWS + 1)]
     for k in range(1, _FACE_ROWS):
         size = bore + (small_root - bore) * k / _FACE_ROWS
         rings.append(plain_ring(size, front, 1.0 - 0.33 * k))
     rings += [tooth_ring(share) for share in np.linspace(small_end, 1.0, _TOOTH_ROWS + 1)]
-    rings += [plain_ring(outline.root_radius - rim, back, 0.3), plain_ring(hub, back, 0.8)]
+    rings += [plain_ring(rim_radius, back, 0.3), plain_ring(hub, back, 0.8)]
     rings += [plain_ring(hub, z, 1.0) for z in np.linspace(back, hub_end, _HUB_ROWS + 1)[1:]]
-    for k in range(1, _FACE_ROWS):
-        rings.append(plain_ring(hub + (bore - hub) * k / _FACE_ROWS, hub_end, 1.0))
-    return rings
-
-
-def _check_section(
-    outline: Involute,
-    bore: float,
-    hub: float,
-    hub_end: float,
-    rim: float,
-    small_root: float,
-    back: float,
-) -> None:
-    """Refuse a section whose curves would cross."""
-    bore_size = ("bore diameter", 2.0 * bore)
-    check_less(
-        "bevel gear", bore_size, ("hub diameter", 2.0 * hub), "a wall has to be left between them"
-    )
-    check_less(
-        "bevel gear",
-        bore_size,
-        ("root diameter of the small end", 2.0 * small_root),
-        "the bore would cut the teeth",
-    )
-    check_less(
-        "bevel gear",
-        ("hub diameter", 2.0 * hub),
-        ("rim's diameter", 2.0 * (outline.root_radius - rim)),
-        "the hub stands on the rim's back",
-    )
-    check_less(
-        "bevel gear",
-        ("depth of the rim", -back),
-        ("hub length", -hub_end),
-        "the hub ends behind the rim",
-    )
+    ends = np.linspace(hub, bore, _FACE_ROWS + 1)[1:-1]
+    return rings + [plain_ring(size, hub_end, 1.0) for size in ends]
 
 
 def _regions(teeth: int, tooth: int | None) -> Regions:
     """Regions of the faces, in the order of the strips between `_rings`."""
-    rows = {
-        "bore": _BORE_ROWS,
-        "front": _FACE_ROWS,
-        "teeth": _TOOTH_ROWS,
-        "back": 2,
-        "hub": _HUB_ROWS,
-        "hub's end": _FACE_ROWS,
-    }
-    of_row = np.repeat(list(rows), list(rows.values()))
-    of_row[of_row == "hub's end"] = "back"
+    strips = ("bore", "front", "teeth", "back", "hub", "back")
+    rows = (_BORE_ROWS, _FACE_ROWS, _TOOTH_ROWS, 2, _HUB_ROWS, _FACE_ROWS)
+    of_row = np.repeat(strips, rows)
     per_row = 2 * teeth * PER_TOOTH
     named = np.repeat(of_row, per_row).astype(object)
     names: tuple[str, ...] = REGIONS

@@ -1,4 +1,8 @@
-"""Free-form wishbone, as a control arm of a car."""
+"""Free-form wishbone, as a control arm of a car.
+
+The solid is given by its signed distance (negative inside): two swept arms, a brace and three hubs,
+joined and bored by smooth unions and differences. Its contour on a lattice, smoothed, is the part.
+"""
 
 from __future__ import annotations
 
@@ -11,44 +15,8 @@ from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.part.shapes.solid import check_less, check_positive
 
-# MERGE parts.blends: Signed distances of simple solids, negative inside, and how they are joined
-
-
-def smooth_union(one: FloatArray, other: FloatArray, blend: float) -> FloatArray:
-    """Union whose seam is rounded over a length, mm (polynomial smooth minimum)."""
-    overlap = np.maximum(blend - np.abs(one - other), 0.0)
-    return np.asarray(np.minimum(one, other) - overlap**2 / (4.0 * blend))
-
-
-def smooth_difference(one: FloatArray, other: FloatArray, blend: float) -> FloatArray:
-    """The first solid without the second."""
-    return -smooth_union(-one, other, blend)
-
-
-def rounded_cylinder(
-    across: FloatArray, along: FloatArray, radius: float, ends: tuple[float, float], edge: float
-) -> FloatArray:
-    """Cylinder with rounded edges.
-
-    Parameters
-    ----------
-    across, along
-        Distance from the axis and coordinate along it, mm.
-    radius, ends
-        Of the cylinder, mm.
-    edge
-        Radius of the edges, mm.
-    """
-    beside = across - radius + edge
-    beyond = np.maximum(along - ends[1], ends[0] - along) + edge
-    inside = np.minimum(np.maximum(beside, beyond), 0.0)
-    outside = np.sqrt(np.maximum(beside, 0.0) ** 2 + np.maximum(beyond, 0.0) ** 2)
-    return np.asarray(inside + outside - edge)
-
-
-# MERGE parts.wishbone_shape: The free-form solid of a wishbone: two swept arms, a brace and three
-
 PIECES = ("arms", "brace", "ball hub", "bushes")
+REGIONS = ("arms", "brace", "ball hub", "bush -x", "bush +x")
 
 HALF_BUSH_MM = 15.0
 """Half the length of a bush."""
@@ -58,9 +26,30 @@ _STATIONS = 60
 
 _ARM_FLATTENING, _BRACE_FLATTENING = 0.72, 0.7
 _BRACE_RADIUS, _BRACE_HEIGHT, _BRACE_CURVATURE = 5.0, 5.0, 0.0016
-_HUB_ENDS = (-12.0, 14.0)
+_HUB = (-12.0, 14.0)
+_BUSH = (-HALF_BUSH_MM, HALF_BUSH_MM)
+_THROUGH = (-60.0, 60.0)
 _EDGE = 1.5
-_FAR = 60.0
+
+_SMOOTHING_STEPS, _PASS_BAND = 30, 0.15
+_MOST_POINTS = 3e7
+
+
+def _smooth_union(one: FloatArray, other: FloatArray, blend: float) -> FloatArray:
+    """Union whose seam is rounded over a length, mm (polynomial smooth minimum)."""
+    overlap = np.maximum(blend - np.abs(one - other), 0.0)
+    return np.asarray(np.minimum(one, other) - overlap**2 / (4.0 * blend))
+
+
+def _rounded_cylinder(
+    across: FloatArray, along: FloatArray, radius: float, ends: tuple[float, float]
+) -> FloatArray:
+    """Cylinder with rounded edges, at distances from its axis and places along it, mm."""
+    beside = across - radius + _EDGE
+    beyond = np.maximum(along - ends[1], ends[0] - along) + _EDGE
+    inside = np.minimum(np.maximum(beside, beyond), 0.0)
+    outside = np.sqrt(np.maximum(beside, 0.0) ** 2 + np.maximum(beyond, 0.0) ** 2)
+    return np.asarray(inside + outside - _EDGE)
 
 
 @frozen
@@ -96,8 +85,8 @@ class WishboneShape:
         half, back = 0.5 * self.bush_distance, 0.5 * self.depth
         wide = half + HALF_BUSH_MM + 6.0
         across = back + max(self.hub_radius, self.bush_radius + 4.0) + 4.0
-        low = max(-_HUB_ENDS[0], self.bush_radius) + 10.0
-        high = max(_HUB_ENDS[1], self.bush_radius) + 5.0 + self.rise
+        low = max(-_HUB[0], self.bush_radius) + 10.0
+        high = max(_HUB[1], self.bush_radius) + 5.0 + self.rise
         return (-wide, wide), (-across, across), (-low, high)
 
     def pieces(self, points: FloatArray) -> dict[str, FloatArray]:
@@ -105,40 +94,27 @@ class WishboneShape:
         x, y, z = np.abs(points[..., 0]), points[..., 1], points[..., 2]
         half, back = 0.5 * self.bush_distance, 0.5 * self.depth
         brace = np.hypot(y + 2.0 + _BRACE_CURVATURE * x**2, (z - _BRACE_HEIGHT) / _BRACE_FLATTENING)
-        brace_end = half - 25.0
         return {
             "arms": self._arms(x, y, z),
-            "brace": np.maximum(brace - _BRACE_RADIUS, x - brace_end),
-            "ball hub": rounded_cylinder(
-                np.hypot(x, y - back), z, self.hub_radius, _HUB_ENDS, _EDGE
-            ),
-            "bushes": rounded_cylinder(
-                np.hypot(y + back, z),
-                x - half,
-                self.bush_radius,
-                (-HALF_BUSH_MM, HALF_BUSH_MM),
-                _EDGE,
-            ),
+            "brace": np.maximum(brace - _BRACE_RADIUS, x - half + 25.0),
+            "ball hub": _rounded_cylinder(np.hypot(x, y - back), z, self.hub_radius, _HUB),
+            "bushes": _rounded_cylinder(np.hypot(y + back, z), x - half, self.bush_radius, _BUSH),
         }
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Signed distance of the solid at (..., 3) points, mm; exact only near its surface."""
         pieces = self.pieces(points)
-        solid = smooth_union(pieces["arms"], pieces["brace"], 8.0)
-        solid = smooth_union(solid, pieces["ball hub"], 6.0)
-        solid = smooth_union(solid, pieces["bushes"], 6.0)
-        for bore in self._bores(points):
-            solid = smooth_difference(solid, bore, 1.0)
-        return solid
-
-    def _bores(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        solid = _smooth_union(pieces["arms"], pieces["brace"], 8.0)
+        solid = _smooth_union(solid, pieces["ball hub"], 6.0)
+        solid = _smooth_union(solid, pieces["bushes"], 6.0)
         x, y, z = np.abs(points[..., 0]), points[..., 1], points[..., 2]
         half, back = 0.5 * self.bush_distance, 0.5 * self.depth
-        through = (-_FAR, _FAR)
-        return (
-            rounded_cylinder(np.hypot(x, y - back), z, self.hub_bore, through, _EDGE),
-            rounded_cylinder(np.hypot(y + back, z), x - half, self.bush_bore, through, _EDGE),
-        )
+        for bore in (
+            _rounded_cylinder(np.hypot(x, y - back), z, self.hub_bore, _THROUGH),
+            _rounded_cylinder(np.hypot(y + back, z), x - half, self.bush_bore, _THROUGH),
+        ):
+            solid = -_smooth_union(-solid, bore, 1.0)  # the solid without the bore
+        return solid
 
     def _arms(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
         """Ellipsoids along a cubic Bezier curve from the ball hub to a bush."""
@@ -163,12 +139,6 @@ class WishboneShape:
             distance = np.sqrt((x - px) ** 2 + (y - py) ** 2 + flat) - radius
             nearest = np.minimum(nearest, distance)
         return 0.9 * nearest
-
-
-REGIONS = ("arms", "brace", "ball hub", "bush -x", "bush +x")
-
-_SMOOTHING_STEPS, _PASS_BAND = 30, 0.15
-_MOST_POINTS = 3e7
 
 
 def wishbone(
