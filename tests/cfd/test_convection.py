@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iriftrace.air import thermophysics as air
-from iriftrace.cfd.check.heat_balance import nusselt_horizontal_cylinder
+from iriftrace.cfd.check.nusselt import nusselt_horizontal_cylinder
 from iriftrace.core.errors import InputError
 
 

@@ -16,7 +16,7 @@ from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
 from iriftrace.cfd.check.check import check_field
 from iriftrace.cfd.check.finding import FieldCheck, share_through_open_sides
-from iriftrace.cfd.check.heat_balance import horizontal_cylinder_diameter
+from iriftrace.cfd.check.nusselt import horizontal_cylinder_diameter
 from iriftrace.cfd.check.wall import gradient_errors, wall_state
 from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir

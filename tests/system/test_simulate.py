@@ -12,7 +12,8 @@ import pyvista as pv
 import trimesh
 from attrs import frozen
 
-from iriftrace.cfd.check.heat_balance import heat_balance, nusselt_horizontal_cylinder
+from iriftrace.cfd.check.heat_balance import heat_balance
+from iriftrace.cfd.check.nusselt import nusselt_horizontal_cylinder
 from iriftrace.cfd.openfoam.case import Case, Times
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.mesh import make_mesh, wall_patch

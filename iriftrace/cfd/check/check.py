@@ -1,4 +1,4 @@
-"""Everything that is looked at in a field, in the order in which it is told."""
+"""Check of a field with its part: all findings, in the order in which they are told."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from attrs import asdict
 from numpy.typing import ArrayLike
 
 from iriftrace.cfd.check.finding import FieldCheck, Finding, Verdict, edge_finding, view_finding
-from iriftrace.cfd.check.heat_balance import balance_finding, nusselt_finding
+from iriftrace.cfd.check.heat_balance import balance_finding
+from iriftrace.cfd.check.nusselt import nusselt_finding
 from iriftrace.cfd.check.wall import (
     gradient_finding,
     heat_finding,

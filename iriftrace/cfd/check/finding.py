@@ -1,4 +1,4 @@
-"""What was looked at in a field and how it is judged."""
+"""Findings about a field with their verdicts, and the two about the end of its data."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ from iriftrace.shells.levels import index_levels
 Verdict = Literal["good", "doubtful", "bad", "-"]
 
 SCHEMA = "iriftrace.field-check/1"
+
+
+SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
+_STEPS = 600
+_FACES = 300
 
 
 @frozen(eq=False)
@@ -47,7 +52,7 @@ class Finding:
 
 @frozen(eq=False)
 class FieldCheck:
-    """What was found out about a field and its part."""
+    """Findings about a field and its part."""
 
     field: dict[str, Any]
     part: dict[str, Any]
@@ -79,16 +84,8 @@ def _plain(value: Any) -> Any:
     return value
 
 
-# MERGE field_check.edge: Where the data end: in the room's air, or in hot air that is missing bey
-
-SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
-
-_STEPS = 600
-_FACES = 300
-
-
 def edge_finding(field: IndexField) -> Finding:
-    """Whether the data end in the room's air or cut the plume off."""
+    """Judge whether the data end in the room's air or cut the plume off."""
     hottest = hottest_at_sides(field)
     ambient = field.air.temperature_k
     limit = float(field.air.temperature(_outermost_shell(field)))
@@ -107,7 +104,7 @@ def edge_finding(field: IndexField) -> Finding:
 
 
 def view_finding(field: IndexField, part: Part, origin: FloatArray) -> Finding:
-    """How much of what a camera at `origin`, (3,) array, mm, sees lies behind hot open ends."""
+    """Judge the share of a camera's view, from `origin` (3,), mm, that lies behind hot open ends."""
     share = share_through_open_sides(field, part, origin)
     place = ", ".join(f"{x:g}" for x in origin)
     if not np.isfinite(share):

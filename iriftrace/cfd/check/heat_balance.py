@@ -1,4 +1,4 @@
-"""The heat that leaves with the air, against the heat that comes from the wall."""
+"""Heat that leaves with the air, against the heat that comes from the wall."""
 
 from __future__ import annotations
 
@@ -7,20 +7,16 @@ import pyvista as pv
 from attrs import frozen
 from scipy.spatial import cKDTree
 
-from iriftrace.air import thermophysics as air
-from iriftrace.air import thermophysics as gas
 from iriftrace.air.thermophysics import heat_content
 from iriftrace.cfd.check.finding import Finding, Verdict
 from iriftrace.cfd.check.wall import WallState, conduction_potential
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.flow import NO_VELOCITIES, SI, AirFlow
 from iriftrace.field.gradient import point_gradient
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.part_fit import LARGEST_BARE_SHARE
 from iriftrace.field.tetrahedra import tetrahedra_of
-from iriftrace.part.part import Part
 
 ZONES = ((0.3, 0.5), (0.5, 0.7), (0.7, 0.9))
 """Families of surfaces, by their place between the wall (0) and the end of the data (1). Nearer
@@ -28,6 +24,28 @@ ones lie in the boundary layer, where values at the points of cells of finite si
 tenth less."""
 
 _AT_ONCE = 500_000
+
+
+CLOSED, OPEN, WRONG = 0.05, 0.15, 0.5
+"""Shares of the wall's heat.
+
+Simulations on the meshes on offer close within 1 % if the heat is the one that the solver counted,
+and within 4 % on a mesh twice as coarse (`heat_balance`): more than `CLOSED` wants an
+explanation. The heat from the gradient at the wall alone is off by up to 11 % on coarse meshes, and
+a flux from a product of values at points by 6 %; more than `OPEN` neither causes: then heat is lost
+or made, or data do not belong together. Where it is not known what the air takes up or gives
+back, that may be more, but more than `WRONG` only in the first moments of a plume.
+"""
+UNITS = (SI, "mm/s")
+"""Units of velocities that are taken for each other."""
+HOW_TO_GET = (
+    "`iriftrace field simulate` writes them, OpenFOAM's cases hold them as U, from COMSOL export "
+    "u, v and w too"
+)
+_PRODUCT = (
+    "; flux from temperature and velocity at the points, usually a few per cent too small on "
+    "coarse meshes, and of a time average without the heat of fluctuations"
+)
 
 
 @frozen
@@ -57,7 +75,7 @@ class HeatBalance:
 
     @property
     def leaving_w(self) -> float:
-        """What must have come from the wall."""
+        """Heat that must have come from the wall, W."""
         stored = self.stored_w if np.isfinite(self.stored_w) else 0.0
         return self.carried_w + self.conducted_w + stored
 
@@ -81,7 +99,7 @@ def heat_balance(field: IndexField) -> HeatBalance | None:
     surfaces phi = const (the coarea formula), and on tetrahedra with linear phi and q it is exact.
     Phi is linear in d_wall / (d_wall + d_end), the distances from the wall and from the end of
     the data, so its surfaces are closed and fit into data of any outline. The flux that is averaged
-    is the field's own (`iriftrace.air_flow.ENTHALPY_FLUX`) where it has one.
+    is the field's own (`iriftrace.field.flow.ENTHALPY_FLUX`) where it has one.
 
     Measured with `iriftrace field simulate`: the paper's cylinder closes to +0.6 % at the coarse
     and 0.0 % at the normal resolution (quarter), +1.4 % with cells twice the coarse ones (whole);
@@ -162,33 +180,6 @@ def _place(field: IndexField) -> FloatArray:
     from_wall, from_end = (cKDTree(points[at]).query(points)[0] for at in (wall, end))
     place: FloatArray = from_wall / np.maximum(from_wall + from_end, np.finfo(float).tiny)
     return place
-
-
-# MERGE field_check.balance_finding: The heat balance is judged.
-
-CLOSED, OPEN, WRONG = 0.05, 0.15, 0.5
-"""Shares of the wall's heat.
-
-Simulations on the meshes on offer close within 1 % if the heat is the one that the solver counted,
-and within 4 % on a mesh twice as coarse (`balance.heat_balance`): more than `CLOSED` wants an
-explanation. The heat from the gradient at the wall alone is off by up to 11 % on coarse meshes, and
-a flux from a product of values at points by 6 %; more than `OPEN` neither causes: then heat is lost
-or made, or data do not belong together. Where it is not known what the air takes up or gives
-back, that may be more, but more than `WRONG` only in the first moments of a plume.
-"""
-
-UNITS = (SI, "mm/s")
-"""Units of velocities that are taken for each other."""
-
-HOW_TO_GET = (
-    "`iriftrace field simulate` writes them, OpenFOAM's cases hold them as U, from COMSOL export "
-    "u, v and w too"
-)
-
-_PRODUCT = (
-    "; flux from temperature and velocity at the points, usually a few per cent too small on "
-    "coarse meshes, and of a time average without the heat of fluctuations"
-)
 
 
 def balance_finding(
@@ -282,7 +273,7 @@ def _judged(
 
 
 def _read(flow: AirFlow) -> str:
-    """Which array tells what the air carries, and in what unit it was read."""
+    """Array that the carried heat was read from, with its unit."""
     if flow.flux_name or flow.velocity is None:
         return f"flux of {flow.flux_name} read as W/m2"
     fastest = float(np.linalg.norm(flow.velocity, axis=1).max())
@@ -302,195 +293,3 @@ def _other_unit(balance: HeatBalance, flow: AirFlow, from_wall: float) -> str:
         if change != 1.0 and 0.1 <= change * balance.carried_w / expected <= 10.0:
             return f"; are they {unit}?"
     return ""
-
-
-# MERGE convection: Natural convection from a horizontal cylinder in gas: what heat flow is to be
-
-GRAVITY = 9.81
-"""m/s2."""
-
-RAYLEIGH_RANGE = (1e-6, 1e9)
-"""Where Churchill's and Chu's laminar equation holds."""
-
-_SPARROW_GREGG = 0.38
-
-
-@frozen
-class Convection:
-    """Expected natural convection.
-
-    Attributes
-    ----------
-    nusselt
-        Mean Nusselt number with the diameter, of the conductivity at `reference_k`.
-    rayleigh
-        Rayleigh number with the diameter.
-    reference_k
-        Temperature at which the air's properties are taken, K.
-    heat_flux
-        Mean heat flux from the wall, W/m2.
-    """
-
-    nusselt: float
-    rayleigh: float
-    reference_k: float
-    heat_flux: float
-
-
-def reference_temperature(wall_k: float, ambient_k: float) -> float:
-    """Temperature, K, at which gas at a hot wall is as good as one of constant properties.
-
-    E. M. Sparrow and J. L. Gregg, "The variable fluid-property problem in free convection",
-    Transactions of the ASME 80 (1958) 879.
-    """
-    return wall_k - _SPARROW_GREGG * (wall_k - ambient_k)
-
-
-def nusselt_horizontal_cylinder(
-    diameter_mm: float,
-    wall_k: float,
-    ambient_k: float,
-    pressure_pa: float = 101325.0,
-) -> Convection:
-    """Heat from the lateral surface of a long horizontal cylinder in air at rest.
-
-    The equation for laminar flow of S. W. Churchill and H. H. S. Chu, "Correlating equations for
-    laminar and turbulent free convection from a horizontal cylinder", International Journal of Heat
-    and Mass Transfer 18 (1975) 1049::
-
-        Nu = 0.36 + 0.518 Ra^(1/4) / (1 + (0.559 / Pr)^(9/16))^(4/9)
-
-    It was made for small differences of temperature. For gas with a hot wall its properties are
-    taken at the reference temperature of E. M. Sparrow and J. L. Gregg, "The variable
-    fluid-property problem in free convection", Transactions of the ASME 80 (1958) 879::
-
-        T_ref = T_wall - 0.38 (T_wall - T_ambient),    beta = 1 / T_ambient
-
-    which they drew from solutions of the boundary layer in gases with variable properties, for
-    ratios of T_wall to T_ambient from 1/4 to 4; a wall of 1100 degC in a room has 4.7. Air as in
-    `iriftrace.air_properties`.
-
-    Parameters
-    ----------
-    diameter_mm
-    wall_k, ambient_k
-        Temperatures, K; the wall is the hotter one.
-    pressure_pa
-
-    Returns
-    -------
-    Convection
-
-    Raises
-    ------
-    InputError
-        The wall is not hotter than the air, or the flow is not laminar.
-    """
-    if not (diameter_mm > 0.0 and wall_k > ambient_k > 0.0 and pressure_pa > 0.0):
-        raise InputError(
-            f"a cylinder of {diameter_mm:g} mm and {wall_k:g} K in air of {ambient_k:g} K and "
-            f"{pressure_pa:g} Pa gives no natural convection by this rule; the wall must be the "
-            "hotter one and all numbers positive."
-        )
-    reference = reference_temperature(wall_k, ambient_k)
-    diameter = diameter_mm * 1e-3
-    conductivity = float(air.conductivity(reference))
-    viscosity = float(air.viscosity(reference))
-    prandtl = viscosity * float(air.heat_capacity(reference)) / conductivity
-    kinematic = viscosity / float(air.density(reference, pressure_pa))
-    grashof = GRAVITY * (wall_k - ambient_k) / ambient_k * diameter**3 / kinematic**2
-    rayleigh = grashof * prandtl
-    low, high = RAYLEIGH_RANGE
-    if not low <= rayleigh <= high:
-        raise InputError(
-            f"the Rayleigh number {rayleigh:.3g} is outside the laminar range {low:g} to {high:g} "
-            "of the rule; no Nusselt number can be given."
-        )
-    factor = (1.0 + (0.559 / prandtl) ** (9.0 / 16.0)) ** (4.0 / 9.0)
-    nusselt = 0.36 + 0.518 * float(np.power(rayleigh, 0.25)) / factor
-    return Convection(
-        nusselt=nusselt,
-        rayleigh=rayleigh,
-        reference_k=reference,
-        heat_flux=nusselt * conductivity * (wall_k - ambient_k) / diameter,
-    )
-
-
-# MERGE field_check.cylinder: The heat of a horizontal cylinder, for which there is a rule to comp
-
-NUSSELT_TOLERANCE = 0.15
-
-_ROUND = 0.03
-"""How much width, height and volume may differ from a cylinder's, as a share."""
-
-
-def nusselt_finding(
-    wall: WallState, part: Part, field: IndexField, diameter_mm: float | None
-) -> Finding:
-    """The wall's mean heat flux against that of a horizontal cylinder, `diameter_mm` or its own."""
-    diameter = diameter_mm or horizontal_cylinder_diameter(part)
-    wall_k = float(np.median(wall.temperature_k))
-    ambient = field.air.temperature_k
-    if diameter is None:
-        return Finding(
-            "Nusselt number",
-            "n/a",
-            "-",
-            "the part is no horizontal cylinder, for which there is a rule; compare with one of "
-            "its size by --diameter",
-            {},
-        )
-    try:
-        rule: Convection = nusselt_horizontal_cylinder(
-            diameter, wall_k, ambient, field.air.pressure_pa
-        )
-    except InputError as error:
-        return Finding("Nusselt number", "n/a", "-", str(error), {"diameter_mm": diameter})
-    # The rule is for the lateral surface; heads are the faces that look along the axis.
-    axis = int(np.argmax(np.ptp(part.bounds, axis=0)[:2]))
-    lateral = np.abs(wall.normals[:, axis]) < 0.5 if diameter_mm is None else slice(None)
-    flux = float(np.average(wall.flux[lateral], weights=wall.areas[lateral]))
-    counted = field.source.wall_heat_w
-    if counted is not None:
-        flux *= counted / wall.heat_w
-    conductivity = float(gas.conductivity(rule.reference_k))
-    scale = diameter * 1e-3 / (conductivity * (wall_k - ambient))
-    found = flux * scale
-    of_cells = scale * float(np.average(wall.flux_of_cells[lateral], weights=wall.areas[lateral]))
-    off = found / rule.nusselt - 1.0
-    verdict: Verdict = (
-        "good"
-        if abs(off) <= NUSSELT_TOLERANCE
-        else "doubtful"
-        if abs(off) <= 2 * NUSSELT_TOLERANCE
-        else "bad"
-    )
-    return Finding(
-        "Nusselt number",
-        f"{found:.2f}",
-        verdict,
-        f"{off:+.1%} against {rule.nusselt:.2f} (horizontal cylinder of {diameter:.3g} mm, Sparrow "
-        f"and Gregg's reference temperature {rule.reference_k:.0f} K), at most "
-        f"{NUSSELT_TOLERANCE:.0%}; from "
-        + ("the gradient" if counted is None else f"the {counted:.4g} W that the solver counted")
-        + f", and {of_cells:.2f} from the mean of the wall's cells",
-        {
-            "nusselt": found,
-            "nusselt_of_cells": of_cells,
-            "rule": rule.nusselt,
-            "rayleigh": rule.rayleigh,
-            "diameter_mm": diameter,
-            "reference_k": rule.reference_k,
-        },
-    )
-
-
-def horizontal_cylinder_diameter(part: Part) -> float | None:
-    """Diameter, mm, of a part that is a horizontal cylinder; None for another shape."""
-    low, high = part.bounds
-    x, y, z = (high - low).tolist()
-    length, across = (x, y) if x > y else (y, x)
-    diameter = 0.5 * (across + z)
-    round_enough = abs(across - z) < _ROUND * diameter
-    full = abs(part.volume / (0.25 * np.pi * diameter**2 * length) - 1.0) < _ROUND
-    return diameter if round_enough and full and length > 2.0 * diameter else None

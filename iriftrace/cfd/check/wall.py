@@ -1,4 +1,4 @@
-"""The wall is judged: its temperature, its heat, and the cells on it."""
+"""Findings about a field's wall: temperature, heat flux, cells across the layer, gradient."""
 
 from __future__ import annotations
 
@@ -16,10 +16,15 @@ from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.geometry.triangles import area_vectors, unit_vectors
 from iriftrace.part.part import Part
 
-# MERGE field_check.wall_state: What happens at a field's wall: temperature, heat flux, and how fi
-
 _POTENTIAL_STEPS = 2000
 _LEAST_EXCESS_K = 1.0
+
+
+WALL_TOLERANCE_K = 0.5
+_LINES = 400
+_STEPS = 600
+_FARTHEST_IN_LAYERS = 3.0
+_STEEPEST_DEG = 45.0
 
 
 @frozen(eq=False)
@@ -84,7 +89,7 @@ def wall_state(field: IndexField, part: Part) -> WallState:
     The flux is the gradient of the integral of the conductivity over the temperature, which is
     nearly linear in the distance where the air rests, so cells of finite height do little harm.
     Its length is corrected so that it fits the values along the cells' edges
-    (`consistent_gradient`). The conductivity is that of `iriftrace.air_properties`.
+    (`consistent_gradient`). The conductivity is that of `iriftrace.air.thermophysics`.
 
     Raises
     ------
@@ -203,11 +208,8 @@ def _first_cells(grid: pv.UnstructuredGrid, wall: IntArray, normals: FloatArray)
     return height
 
 
-WALL_TOLERANCE_K = 0.5
-
-
 def temperature_finding(wall: WallState, wanted_k: float | None) -> Finding:
-    """Whether the wall has one temperature, the wanted one where it is given, K."""
+    """Judge the wall's temperature against the wanted one, K, or its own median."""
     middle = float(np.median(wall.temperature_k))
     target = middle if wanted_k is None else wanted_k
     off = np.abs(wall.temperature_k - target)
@@ -225,7 +227,7 @@ def temperature_finding(wall: WallState, wanted_k: float | None) -> Finding:
 
 
 def layer_finding(wall: WallState) -> Finding:
-    """How many cells resolve the boundary layer."""
+    """Judge the number of cells across the boundary layer."""
     cells = wall.cells_across
     median, low = (float(v) for v in np.nanpercentile(cells, (50, 5)))
     layer = float(np.nanmedian(wall.layer_mm))
@@ -258,14 +260,6 @@ def heat_finding(wall: WallState, part: Part) -> Finding:
         + ", ".join(f"{name} {flux:.4g}" for name, flux in most),
         {"heat_w": wall.heat_w, "flux_w_m2": wall.mean_flux, "regions_w_m2": regions},
     )
-
-
-# MERGE field_check.gradient: The gradient of the index against the index itself, along straight l
-
-_LINES = 400
-_STEPS = 600
-_FARTHEST_IN_LAYERS = 3.0
-_STEEPEST_DEG = 45.0
 
 
 @frozen(eq=False)
@@ -319,7 +313,7 @@ def gradient_errors(field: IndexField, wall: WallState) -> GradientErrors:
 
 
 def gradient_finding(field: IndexField, wall: WallState) -> Finding:
-    """Whether the gradient, along lines, adds up to the change of the index."""
+    """Judge whether the gradient, along lines, adds up to the change of the index."""
     errors = gradient_errors(field, wall)
     if len(errors.errors) < 20:
         return Finding(

@@ -1,4 +1,4 @@
-"""What is simulated, as one value, and the folder in which it is written down."""
+"""Case of natural convection as one value: part, air, times, mesh; its record on disk."""
 
 from __future__ import annotations
 
@@ -16,13 +16,18 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.part.part import Part
 
-# MERGE openfoam.times: How long a simulation runs, over what time it is averaged, and when it wri
-
 _END, _AVERAGING_SHARE = 2.0, 0.25
 # The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
 _REFERENCE_HEAT, _REFERENCE_LENGTH = 3.68, 170.0
 _STAGES_WRITTEN = 4
 _MOST_SNAPSHOTS = 1000
+
+
+RECORD = "case.json"
+"""In the case's folder: what was asked for, so that a later call goes on with the same."""
+AMBIENT_RANGE = (200.0, 400.0)  # K
+PRESSURE_RANGE = (60e3, 120e3)  # Pa
+_MOST_PROCESSES = 1024
 
 
 @frozen
@@ -116,14 +121,6 @@ def natural_times(
     return Times(end, end * _AVERAGING_SHARE if averaging is None else averaging, snapshots)
 
 
-RECORD = "case.json"
-"""In the case's folder: what was asked for, so that a later call goes on with the same."""
-
-AMBIENT_RANGE = (200.0, 400.0)  # K
-PRESSURE_RANGE = (60e3, 120e3)  # Pa
-_MOST_PROCESSES = 1024
-
-
 @frozen(eq=False)
 class Case:
     """A part in air; temperatures in K, lengths in mm, world.
@@ -179,7 +176,7 @@ class Case:
         object.__setattr__(self, "domain", domain)
 
     def record(self) -> dict[str, Any]:
-        """What the flow and the mesh depend on."""
+        """Values that flow and mesh depend on."""
         return {
             "part_sha256": self.part.sha256,
             "part_bounds_mm": np.round(self.part.bounds, 6).tolist(),
@@ -195,7 +192,7 @@ class Case:
 
 
 def stored_record(folder: Path) -> dict[str, Any] | None:
-    """What an earlier call wrote down in a folder; None where there is no case of ours.
+    """Record of an earlier call in a folder; None where there is no case of ours.
 
     Raises
     ------
@@ -214,7 +211,7 @@ def stored_record(folder: Path) -> dict[str, Any] | None:
 
 
 def read_record(file: Path) -> dict[str, Any]:
-    """What a file of ours in a case's folder says.
+    """Content of a JSON file of ours in a case's folder.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Writes the files of a case: mesh, air, boundaries, numerics, times."""
+"""Files of a case: mesh, properties of the air, boundaries, numerics, times."""
 
 from __future__ import annotations
 
@@ -15,25 +15,9 @@ from iriftrace.cfd.openfoam.case import Case, Times
 from iriftrace.cfd.openfoam.domain import WALL_LEVEL
 from iriftrace.cfd.openfoam.part_surface import write_surface
 
-# MERGE openfoam.air: The air's numbers as ``thermophysicalProperties`` reads them.
-
-
-def entries() -> dict[str, Any]:
-    """Perfect gas, heat capacity by "janaf" and viscosity by "sutherland"."""
-    return {
-        "molar_mass": gas.MOLAR_MASS,
-        "cp_common_k": f"{gas.COMMON_K:g}",
-        "cp_high": gas.HEAT_CAPACITY_ABOVE,
-        "cp_low": gas.HEAT_CAPACITY_BELOW,
-        "sutherland_as": gas.SUTHERLAND_AS,
-        "sutherland_ts": gas.SUTHERLAND_TS,
-    }
-
-
 # s; the wall's heat starts on still air. The step grows by a fifth each time until the flow limits
 # it, so that a run that goes on loses little time either.
 _FIRST_STEP, _NEXT_STEP = 1e-5, 1e-4
-
 MESH_FILES = (
     "system/blockMeshDict",
     "system/surfaceFeatureExtractDict",
@@ -45,10 +29,8 @@ AIR_FILES = (
 )
 CONTROL_FILES = ("system/controlDict", "system/fvSolution")
 START_FILES = ("0/T", "0/U", "0/p", "0/p_rgh")
-
 AVERAGED = ("rho", "U", "rhoU")
-"""What the solver averages over time; the results are called with "Mean" behind."""
-
+"""Quantities that the solver averages over time; results are named with "Mean" behind."""
 CORRECTORS, KEEPING_HEAT = ({"outer": 1, "inner": 2}, {"outer": 3, "inner": 1})
 """Times that all equations, and the pressure's within, are solved in a time step.
 
@@ -57,11 +39,21 @@ where the flow changes from step to step: a starting plume takes up half more th
 (cylinder, background cells of 40 mm, 0.3 s), with three 3 % more. In what stands still it makes no
 difference, and three take more than twice the time.
 """
-
 DENSITY_RATE = "ddtRho"
-"""What the density of a state changes by, kg/(m3 s)."""
-
+"""Rate of change of a state's density, kg/(m3 s)."""
 _METRES = 1e-3
+
+
+def gas_entries() -> dict[str, Any]:
+    """Perfect gas, heat capacity by "janaf" and viscosity by "sutherland"."""
+    return {
+        "molar_mass": gas.MOLAR_MASS,
+        "cp_common_k": f"{gas.COMMON_K:g}",
+        "cp_high": gas.HEAT_CAPACITY_ABOVE,
+        "cp_low": gas.HEAT_CAPACITY_BELOW,
+        "sutherland_as": gas.SUTHERLAND_AS,
+        "sutherland_ts": gas.SUTHERLAND_TS,
+    }
 
 
 def write_case(case: Case, folder: Path) -> None:
@@ -132,7 +124,7 @@ def write_file(folder: Path, name: str, entries: dict[str, Any]) -> None:
 
 
 def mesh_entries(case: Case) -> dict[str, Any]:
-    """What the mesher's files say; lengths in m except in ``blockMeshDict``."""
+    """Entries of the mesher's files; lengths in m except in ``blockMeshDict``."""
     domain = case.domain
     (x0, y0, z0), (x1, y1, z1) = domain.lower, domain.upper
     plan = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
@@ -161,10 +153,10 @@ def mesh_entries(case: Case) -> dict[str, Any]:
 
 
 def air_entries(case: Case) -> dict[str, Any]:
-    """What the files of air and boundaries say."""
+    """Entries of the files of air and boundaries."""
     planes = "".join(f"{name}min {{ type symmetryPlane; }} " for name in case.domain.planes)
     return {
-        **entries(),
+        **gas_entries(),
         "ambient_k": case.ambient_k,
         "pressure_pa": case.pressure_pa,
         "symmetry_planes": planes.strip(),

@@ -1,4 +1,4 @@
-"""The box of air around the part, and where its mesh is fine."""
+"""Box of air around the part, and the size of its cells."""
 
 from __future__ import annotations
 
@@ -12,9 +12,28 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
 
-# MERGE openfoam.footprint: The part's plan, seen from above: the plume rises from it.
-
 Rectangle = tuple[float, float, float, float]
+
+
+Resolution = Literal["coarse", "normal", "fine", "extra-fine"]
+RESOLUTIONS: tuple[str, ...] = get_args(Resolution)
+WALL_LEVEL = 4
+"""The background's cells are halved so many times at the wall, which makes a sixteenth."""
+# Edges of the background's cells, mm, for the paper's cylinder, which is 27 mm high.
+_BACKGROUND = {"coarse": 22.0, "normal": 17.0, "fine": 13.0, "extra-fine": 10.0}
+_REFERENCE_HEIGHT = 27.0
+_LETTERS = dict(zip(RESOLUTIONS, "ABCD", strict=True))
+# Cells at the wall that the smallest extent of the part must hold, or its form would be lost.
+_CELLS_ACROSS = 4
+_SIDES, _ABOVE, _BELOW = 140.0, 300.0, 110.0
+"""Air around a part of the size of the paper's cylinder, mm."""
+_REFERENCE_LENGTH = 170.0
+_KEPT_SIDES, _KEPT_ABOVE = 60.0, 150.0
+"""Part of it that the field's file keeps: the lines of sight pass there."""
+# A hundred times the cells that the finest resolution needs; all of them exist before any is cut.
+_MOST_CELLS = 1e7
+# Heights above the part's top at which the plume's temperature is watched, mm.
+_PROBES = (20.0, 60.0, 100.0, 150.0, 200.0)
 
 
 def plan_rectangles(part: Part, raster: float) -> list[Rectangle]:
@@ -71,23 +90,6 @@ def _covered(
     return squares
 
 
-# MERGE openfoam.resolution: How fine the mesh is: resolutions A to D of the paper's Table 1, for
-
-Resolution = Literal["coarse", "normal", "fine", "extra-fine"]
-RESOLUTIONS: tuple[str, ...] = get_args(Resolution)
-
-WALL_LEVEL = 4
-"""The background's cells are halved so many times at the wall, which makes a sixteenth."""
-
-# Edges of the background's cells, mm, for the paper's cylinder, which is 27 mm high.
-_BACKGROUND = {"coarse": 22.0, "normal": 17.0, "fine": 13.0, "extra-fine": 10.0}
-_REFERENCE_HEIGHT = 27.0
-_LETTERS = dict(zip(RESOLUTIONS, "ABCD", strict=True))
-
-# Cells at the wall that the smallest extent of the part must hold, or its form would be lost.
-_CELLS_ACROSS = 4
-
-
 @frozen
 class MeshSize:
     """Edge lengths of cells, mm, and what they are called in results."""
@@ -140,20 +142,6 @@ def mesh_size(
             f"give at most {coarsest:.3g} mm."
         )
     return MeshSize(f"background cells of {background_mm:g} mm", background_mm)
-
-
-_SIDES, _ABOVE, _BELOW = 140.0, 300.0, 110.0
-"""Air around a part of the size of the paper's cylinder, mm."""
-_REFERENCE_LENGTH = 170.0
-
-_KEPT_SIDES, _KEPT_ABOVE = 60.0, 150.0
-"""Part of it that the field's file keeps: the lines of sight pass there."""
-
-# A hundred times the cells that the finest resolution needs; all of them exist before any is cut.
-_MOST_CELLS = 1e7
-
-# Heights above the part's top at which the plume's temperature is watched, mm.
-_PROBES = (20.0, 60.0, 100.0, 150.0, 200.0)
 
 
 @frozen

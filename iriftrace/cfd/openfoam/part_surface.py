@@ -1,4 +1,4 @@
-"""The part's surface for VTK: distances of points from it, and the file that the mesher reads."""
+"""Part's surface for the mesher, and its mirror planes."""
 
 from __future__ import annotations
 
@@ -17,6 +17,11 @@ from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
 
 _METRES = 1e-3
+
+
+_TOLERANCE = 5e-3
+"""Share of the part's size by which the mirrored surface may lie beside it."""
+_SAMPLES = 2000
 
 
 def distance_from(
@@ -47,13 +52,6 @@ def write_surface(part: Part, path: Path) -> None:
     faces: Any = part.faces
     with whole_file(path) as temporary:
         pv.PolyData.from_regular_faces(part.vertices * _METRES, faces).save(temporary)
-
-
-# MERGE openfoam.symmetry: Whether a part is its own mirror image, and how a field of a half becom
-
-_TOLERANCE = 5e-3
-"""Share of the part's size by which the mirrored surface may lie beside it."""
-_SAMPLES = 2000
 
 
 def symmetric_axes(part: Part) -> str:

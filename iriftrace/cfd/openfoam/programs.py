@@ -1,4 +1,4 @@
-"""Where this machine's OpenFOAM is, and how its programs are started."""
+"""OpenFOAM's programs: where they are, how they are started, what their logs say."""
 
 from __future__ import annotations
 
@@ -30,6 +30,15 @@ _BASHRCS = ("/usr/lib/openfoam/openfoam*/etc/bashrc", "/opt/openfoam*/etc/bashrc
 _DISTRIBUTION = Path("/usr/share/openfoam")
 
 
+_TIME = re.compile(r"^Time = (\S+)", re.M)
+_COURANT = re.compile(r"^Courant Number mean: \S+ max: (\S+)", re.M)
+_FATAL = re.compile(r"FOAM FATAL (?:IO )?ERROR.*?\n(?P<text>.*?)(?:\n\s*\n|\Z)", re.S)
+_FLOATING_POINT = re.compile(r"sigFpe|Floating point exception", re.I)
+_CELLS = re.compile(r"^\s*cells:\s+(\d+)", re.M)
+_TAIL = 20_000
+_POLL = 0.5  # s
+
+
 @frozen
 class Installation:
     """An OpenFOAM that can be run.
@@ -53,7 +62,7 @@ class Installation:
 
     @property
     def mended(self) -> bool:
-        """Whether the solver was built in place of the package's."""
+        """True for a solver built in place of the package's."""
         return self.solver != self.installed
 
     def program(self, name: str) -> str:
@@ -149,19 +158,9 @@ def _sourced(bashrc: Path) -> dict[str, str]:
     return {name: value for name, _, value in pairs}
 
 
-# MERGE openfoam.log: What a running solver says: its log, the heat from the wall, temperatures in
-
-_TIME = re.compile(r"^Time = (\S+)", re.M)
-_COURANT = re.compile(r"^Courant Number mean: \S+ max: (\S+)", re.M)
-_FATAL = re.compile(r"FOAM FATAL (?:IO )?ERROR.*?\n(?P<text>.*?)(?:\n\s*\n|\Z)", re.S)
-_FLOATING_POINT = re.compile(r"sigFpe|Floating point exception", re.I)
-_CELLS = re.compile(r"^\s*cells:\s+(\d+)", re.M)
-_TAIL = 20_000
-
-
 @frozen
 class Steps:
-    """How far a solver has come.
+    """Steps in a solver's log.
 
     Attributes
     ----------
@@ -275,11 +274,6 @@ def _numbers(words: list[str]) -> FloatArray:
         except ValueError:
             values.append(np.nan)
     return np.array(values, dtype=np.float64)
-
-
-# MERGE openfoam.commands: Starts OpenFOAM's programs in a case's folder, with one log each.
-
-_POLL = 0.5  # s
 
 
 class OpenFoamError(SetupError):

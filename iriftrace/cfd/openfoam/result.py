@@ -1,4 +1,4 @@
-"""Reads a solved case and writes the field around the whole part, in mm, with its origin."""
+"""Fields of a solved case, around the whole part, in mm, with their origin and heat."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from iriftrace.field.flow import (
 from iriftrace.field.origin import WALL_HEAT, state_origin
 from iriftrace.field.readers import openfoam as openfoam_case
 
-# MERGE openfoam.heat_carried: The heat that the computed air carries and stores, from what the so
+_MM = 1000.0
 
 
 def mean_arrays(case: Case, grid: Any, before: Any, seconds: float) -> dict[str, FloatArray]:
     """Velocity and heat of a time average.
 
     The stored heat is exact: what it is more at the end of the averaging than at its beginning. The
-    flux is that of `air_flow.carried_heat`.
+    flux is that of `iriftrace.field.flow.carried_heat`.
 
     Parameters
     ----------
@@ -91,9 +91,6 @@ def _content(case: Case, grid: Any) -> FloatArray:
     return heat_content(grid.point_data["T"], case.ambient_k, case.pressure_pa)
 
 
-_MM = 1000.0
-
-
 def write_mean(
     case: Case, folder: Path, file: Path, averaged: float, steadiness: Steadiness | None
 ) -> pv.UnstructuredGrid:
@@ -117,7 +114,7 @@ def write_mean(
     -------
     pyvista.UnstructuredGrid
         What was written: mm, world, point data ``T`` in K and those of
-        `heat_carried.mean_arrays`, field data `field_origin.WALL_HEAT`.
+        `mean_arrays`, field data `WALL_HEAT`.
     """
     grid, moment = _read(folder, -1)
     if "rhoMean" not in grid.point_data:
@@ -209,7 +206,7 @@ def _with_wall(
 def _whole(
     case: Case, folder: Path, grid: Any, arrays: dict[str, FloatArray]
 ) -> pv.UnstructuredGrid:
-    """What is kept of the computed piece, in mm, with its mirror images and arrays at its points.
+    """Cells kept of the computed piece, in mm, with mirror images and arrays at their points.
 
     Temperature is the array ``T``.
     """

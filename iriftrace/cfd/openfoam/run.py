@@ -1,4 +1,4 @@
-"""Runs the solver of a meshed case to its end, and goes on with a run that was interrupted."""
+"""Run of the solver of a meshed case, to its end and through interruptions."""
 
 from __future__ import annotations
 
@@ -33,10 +33,13 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.field.readers.openfoam import processor_folders, time_folders
 
-# MERGE openfoam.steadiness: Whether the flow stands still: heat from the wall and temperatures in
-
 STEADY_HEAT, STEADY_PLUME = 0.02, 0.01
 """Steady is what varies less: heat flow by its share, the plume by this share of the heating."""
+
+
+_AVERAGED = "averaging.json"
+# OpenFOAM ends every complete file with it.
+_END_MARK = b"// ****"
 
 
 @frozen
@@ -96,14 +99,9 @@ def _within(rows: FloatArray, window: tuple[float, float]) -> FloatArray:
     return chosen
 
 
-_AVERAGED = "averaging.json"
-# OpenFOAM ends every complete file with it.
-_END_MARK = b"// ****"
-
-
 @frozen
 class State:
-    """How far the run has come, for a display.
+    """Progress of a run, for a display.
 
     Attributes
     ----------
@@ -248,7 +246,7 @@ def _averaging_since(folder: Path, pieces: list[Path], started: float, case: Cas
 
 
 def _whole(folder: Path) -> bool:
-    """Whether a time's fields are all there and none breaks off."""
+    """True where a time's fields are all there and none breaks off."""
     names = [Path(name).name for name in START_FILES]
     needed = [folder / name for name in (*names, "phi", "uniform/time")]
     return all(file.is_file() and _ends_well(file) for file in needed)

@@ -24,7 +24,7 @@ from iriftrace.field.wall import inner_wall
 
 @frozen
 class Simulation:
-    """What came out.
+    """Result of a simulation.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Simulation:
 
 @frozen
 class Display:
-    """What a caller wants to be told while it runs."""
+    """Callbacks to the caller while it runs."""
 
     say: Callable[[str], None] = field(default=lambda text: None)
     watch: Callable[[State], None] = field(default=lambda state: None)

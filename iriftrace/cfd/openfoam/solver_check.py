@@ -1,7 +1,8 @@
-"""Does the solver compute right? Three time steps on a tiny mesh with inclined faces tell.
+"""Trial of the installed solver, and a new build of one that is miscompiled.
 
-Debian 12's OpenFOAM 1912 is miscompiled: on faces that are not along the axes its buoyant solvers
-get velocities of 10,000 m/s in the first steps and die. On meshes along the axes they run.
+The trial takes three time steps on a tiny mesh with inclined faces: Debian 12's OpenFOAM 1912 is
+miscompiled, and on faces that are not along the axes its buoyant solvers get velocities of
+10,000 m/s in the first steps and die. On meshes along the axes they run.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from iriftrace.cfd.openfoam import case_files as air
 from iriftrace.cfd.openfoam.case_files import (
     AIR_FILES,
     CONTROL_FILES,
     CORRECTORS,
     START_FILES,
+    gas_entries,
     uniform,
     write_file,
 )
@@ -52,6 +53,20 @@ _PATCHES = (
     ("sides", "patch", "(0 4 7 3) (0 1 5 4) (1 2 6 5) (3 7 6 2)"),
     ("top", "patch", "(4 5 6 7)"),
 )
+
+
+PACKAGE = "openfoam"
+_SOLVER_FOLDER = f"applications/solvers/heatTransfer/{SOLVER}"
+# What every program of OpenFOAM includes, besides what the solver's own Make/options names.
+_ALWAYS = ("OpenFOAM", "OSspecific/POSIX")
+_HEADERS = (".H", ".C", ".h")
+_FLAGS = (
+    *("-std=c++14", "-m64", "-O2", "-fno-strict-aliasing", "-D__restrict__="),
+    *("-DOPENFOAM=1912", "-DWM_DP", "-DWM_LABEL_SIZE=32", "-DNoRepository"),
+    *("-w", "-ftemplate-depth=100", "-fPIC", "-pthread"),
+)
+# The linker drops these otherwise, and the solver then finds no MPI.
+_LIBRARIES = ("-Wl,--no-as-needed", "-lOpenFOAM", "-lPstream", "-ldl", "-lm")
 
 
 def try_solver(installation: Installation) -> str:
@@ -87,7 +102,7 @@ def _trial(installation: Installation, folder: Path) -> str:
 
 
 def judge(log: str) -> str:
-    """What the solver's log shows: `TRIAL_PASSED`, or what is wrong."""
+    """Verdict on the solver's log: `TRIAL_PASSED`, or what is wrong."""
     steps = read_steps(log)
     if steps.last is None or steps.last < 0.99 * _END or not len(steps.courant):
         return "it did not finish three time steps on a mesh with inclined faces"
@@ -104,7 +119,7 @@ def write_trial(folder: Path) -> None:
     for name in ("0", "constant", "system"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     entries = {
-        **air.entries(),
+        **gas_entries(),
         "ambient_k": 293.15,
         "pressure_pa": 101325.0,
         "symmetry_planes": "",
@@ -130,22 +145,6 @@ def _passed_file(installation: Installation) -> Path:
     """Says by its presence that this very program has passed."""
     cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(cache) / "iriftrace" / "openfoam" / f"{identity(installation.solver)}.passed"
-
-
-# MERGE openfoam.mend: Builds the one solver anew where the distribution's package has it miscompi
-
-PACKAGE = "openfoam"
-_SOLVER_FOLDER = f"applications/solvers/heatTransfer/{SOLVER}"
-# What every program of OpenFOAM includes, besides what the solver's own Make/options names.
-_ALWAYS = ("OpenFOAM", "OSspecific/POSIX")
-_HEADERS = (".H", ".C", ".h")
-_FLAGS = (
-    *("-std=c++14", "-m64", "-O2", "-fno-strict-aliasing", "-D__restrict__="),
-    *("-DOPENFOAM=1912", "-DWM_DP", "-DWM_LABEL_SIZE=32", "-DNoRepository"),
-    *("-w", "-ftemplate-depth=100", "-fPIC", "-pthread"),
-)
-# The linker drops these otherwise, and the solver then finds no MPI.
-_LIBRARIES = ("-Wl,--no-as-needed", "-lOpenFOAM", "-lPstream", "-ldl", "-lm")
 
 
 def build_solver(target: Path) -> None:

@@ -20,7 +20,7 @@ _NINETY_PERCENT = float(np.arctanh(0.8))
 
 @frozen
 class WallTemperatures:
-    """What the user asks of the wall; temperatures in K.
+    """Wanted temperatures of the wall, K.
 
     Attributes
     ----------

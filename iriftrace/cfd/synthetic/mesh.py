@@ -1,4 +1,8 @@
-"""A mesh of the air around a part: fine at the wall and in the plume, coarse far away."""
+"""Mesh of the air around a part: fine at the wall and in the plume, coarse far away.
+
+Tetrahedra are halved at their longest edges until they are small enough, and cut off where the part
+begins.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +25,29 @@ from iriftrace.field.gradient import (
     WEDGE,
 )
 
-# MERGE synthetic.bisection: Conforming tetrahedra of any grading by bisection of cubes.
-
 SizeAt = Callable[[FloatArray], FloatArray]
 """From points (n, 3), mm, to the wanted size of cells there (n,), mm."""
+
+
+_MOST_POINTS = 1 << 31
+# Orders of the axes along which the six tetrahedra of a cube go from corner to corner.
+_KUHN = tuple(permutations(range(3)))
+Inside = Callable[[FloatArray], BoolArray]
+Nearest = Callable[[FloatArray], FloatArray]
+# A corner nearer to the wall than this share of its shortest edge is moved onto it, which keeps
+# slivers out (Labelle and Shewchuk, "Isosurface stuffing", 2007).
+_SNAP = 0.25
+# Halvings of an edge until its end on the wall is known to 1e-9 of its length.
+_HALVINGS = 30
+# Three edges from a corner that a cell of VTK's handedness has right-handed.
+_EDGES_OF = {TETRAHEDRON: (1, 2, 3), WEDGE: (1, 2, 3), PYRAMID: (1, 3, 4)}
+MOST_CELLS = 4_000_000
+_CELLS_ACROSS_LAYER = 5.0
+_GROWTH = 0.2
+_CELLS_ACROSS_PLUME = 1.5
+_SIDES_IN_LAYERS = 2.5
+_HEIGHT_IN_SIZES = 2.0
+_COARSEST_IN_WALL_CELLS = 16
 
 
 @frozen(eq=False)
@@ -93,7 +116,7 @@ class _Middles:
         self._points = np.empty(0, dtype=np.int64)
 
     def on_edges(self, corners: IntArray) -> NDArray[np.bool_]:
-        """Whether any edge of each tetrahedron has been cut."""
+        """True for each tetrahedron with a cut edge."""
         found = np.zeros(len(corners), dtype=bool)
         if len(self._keys):
             for a, b in TETRAHEDRON_EDGES:
@@ -120,11 +143,6 @@ class _Middles:
             return np.zeros(len(keys), dtype=np.int64), np.zeros(len(keys), dtype=bool)
         place = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
         return place, self._keys[place] == keys
-
-
-_MOST_POINTS = 1 << 31
-# Orders of the axes along which the six tetrahedra of a cube go from corner to corner.
-_KUHN = tuple(permutations(range(3)))
 
 
 def _key(a: IntArray, b: IntArray) -> IntArray:
@@ -169,19 +187,6 @@ def _cubes(low: FloatArray, high: FloatArray, edge: float) -> tuple[FloatArray, 
     corner = cells @ stride
     paths = [np.cumsum([0, *stride[list(order)]]) for order in _KUHN]
     return points, np.concatenate([corner[:, None] + path for path in paths])
-
-
-# MERGE synthetic.wall_cut: Tetrahedra cut off where a solid begins; what is left outside ends on
-
-Inside = Callable[[FloatArray], BoolArray]
-Nearest = Callable[[FloatArray], FloatArray]
-
-# A corner nearer to the wall than this share of its shortest edge is moved onto it, which keeps
-# slivers out (Labelle and Shewchuk, "Isosurface stuffing", 2007).
-_SNAP = 0.25
-
-# Halvings of an edge until its end on the wall is known to 1e-9 of its length.
-_HALVINGS = 30
 
 
 @frozen(eq=False)
@@ -302,10 +307,6 @@ def _pieces(corners: IntArray, sign: IntArray, ends: IntArray, first: int) -> di
     }
 
 
-# Three edges from a corner that a cell of VTK's handedness has right-handed.
-_EDGES_OF = {TETRAHEDRON: (1, 2, 3), WEDGE: (1, 2, 3), PYRAMID: (1, 3, 4)}
-
-
 def _assembled(points: FloatArray, cells: dict[int, IntArray], on_wall: BoolArray) -> CutMesh:
     used = np.unique(np.concatenate([c.ravel() for c in cells.values()]))
     number = np.full(len(points), -1)
@@ -323,19 +324,9 @@ def _assembled(points: FloatArray, cells: dict[int, IntArray], on_wall: BoolArra
     return CutMesh(grid, on_wall[used])
 
 
-MOST_CELLS = 4_000_000
-
-_CELLS_ACROSS_LAYER = 5.0
-_GROWTH = 0.2
-_CELLS_ACROSS_PLUME = 1.5
-_SIDES_IN_LAYERS = 2.5
-_HEIGHT_IN_SIZES = 2.0
-_COARSEST_IN_WALL_CELLS = 16
-
-
 @frozen
 class AirMesh:
-    """What is meshed around a part and how finely.
+    """Extent and cell size of the mesh around a part.
 
     Attributes
     ----------

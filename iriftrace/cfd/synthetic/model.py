@@ -1,4 +1,7 @@
-"""The synthetic air: temperature and its gradient at any point outside a part."""
+"""Temperature and its gradient at any point around a hot part, from formulas.
+
+A boundary layer on the part and, above it, the plume of a laminar line source.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,23 @@ from attrs import Attribute, field, frozen
 from numpy.typing import ArrayLike
 from scipy.special import erf
 
-from iriftrace.cfd.check.heat_balance import reference_temperature
+from iriftrace.cfd.check.nusselt import reference_temperature
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
-
-# MERGE synthetic.plume: The warm air that rises from a part, as the similarity solution of a lami
 
 DECAY = 0.6
 """Exponent with which the excess temperature on the axis of a laminar line plume falls."""
 
 _STRENGTH = 0.8
 _WIDTH_SHARE = 0.5
+
+
+_KNOWN_LAYER_MM = 7.7
+_KNOWN_SIZE_MM = 27.0
+_KNOWN_EXCESS_K = 1080.0
+_KNOWN_REFERENCE_K = 962.75
 
 
 def _positive(_: Plume, attribute: Attribute[float], value: float) -> None:
@@ -185,12 +192,6 @@ def _ends(
     return share, by_u, by_width
 
 
-_KNOWN_LAYER_MM = 7.7
-_KNOWN_SIZE_MM = 27.0
-_KNOWN_EXCESS_K = 1080.0
-_KNOWN_REFERENCE_K = 962.75
-
-
 def _require_hotter_wall(wall_k: float, ambient_k: float) -> None:
     if not 0.0 < ambient_k < wall_k:
         raise InputError(
@@ -260,7 +261,7 @@ class SyntheticAir:
 
     @property
     def origin(self) -> str:
-        """What results say of this field."""
+        """Statement of the field's origin in results."""
         plume = "no plume" if self.plume is None else f"plume of strength {self.plume.strength:g}"
         return (
             "synthetic: boundary layer and plume from formulas, not a simulation (wall "
