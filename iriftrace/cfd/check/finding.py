@@ -104,7 +104,7 @@ def edge_finding(field: IndexField) -> Finding:
 
 
 def view_finding(field: IndexField, part: Part, origin: FloatArray) -> Finding:
-    """Judge the share of a camera's view, from `origin` (3,), mm, that lies behind hot open ends."""
+    """Judge the share of a camera's view from `origin` (3,), mm, behind hot open ends."""
     share = share_through_open_sides(field, part, origin)
     place = ", ".join(f"{x:g}" for x in origin)
     if not np.isfinite(share):
