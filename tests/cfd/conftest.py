@@ -8,7 +8,7 @@ import trimesh
 
 from iriftrace.part.part import Part
 from iriftrace.part.regions import Regions
-from validation.inputs.foam_parts import part_from
+from validation.inputs.parts import part_from
 
 
 @pytest.fixture(scope="session")

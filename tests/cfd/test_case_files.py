@@ -25,7 +25,7 @@ from iriftrace.cfd.openfoam.simulate import prepare
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
-from validation.inputs.foam_parts import part_from
+from validation.inputs.parts import part_from
 
 WALL = 1373.15
 NUMBER = r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?"

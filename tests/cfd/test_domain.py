@@ -9,7 +9,7 @@ import trimesh
 from iriftrace.cfd.openfoam.domain import RESOLUTIONS, domain_around, mesh_size, plan_rectangles
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
-from validation.inputs.foam_parts import part_from
+from validation.inputs.parts import part_from
 
 EXTENTS = np.array([170.0, 27.0, 27.0])
 

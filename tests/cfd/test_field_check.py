@@ -28,7 +28,7 @@ from iriftrace.part.part import Part, part_of_mesh, read_part
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from validation.inputs import hot_block
-from validation.inputs.gears import gear
+from validation.inputs.parts import gear
 from validation.inputs.solved_fields import DATA
 
 CYLINDER_A = DATA / "cylinder_A.vtu"

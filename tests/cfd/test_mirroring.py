@@ -9,7 +9,7 @@ import trimesh
 
 from iriftrace.cfd.openfoam.part_surface import mirrored_grid, symmetric_axes
 from iriftrace.part.part import Part
-from validation.inputs.foam_parts import part_from
+from validation.inputs.parts import part_from
 
 CELLS = {
     10: [(1, 0, 0), (1, 1, 0), (1, 0, 1), (0, 0, 0)],

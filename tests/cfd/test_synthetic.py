@@ -22,7 +22,7 @@ from iriftrace.field.origin import origin_of
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
 from iriftrace.part.part import Part, part_of_mesh
-from validation.inputs.gears import gear
+from validation.inputs.parts import gear
 
 WALL, ROOM = 1373.15, 293.15
 

@@ -13,7 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from iriftrace.scenes.analytic import WALL_K
-from validation.oracles.hot_air import REFRACTIVITY, cylinder_ends, slab_ends
+from validation.inputs.hot_air import REFRACTIVITY, cylinder_ends, slab_ends
+from validation.oracles.closed_forms import SLAB_SHIFT_UM
 from validation.oracles.media import (
     LUNEBURG_HEIGHT,
     Launch,
@@ -23,7 +24,6 @@ from validation.oracles.media import (
     walk,
 )
 from validation.sections.exact_continuous import CELLS_BOUND, FORMULA_BOUND, SECTION
-from validation.sections.exact_shells import SLAB_SHIFT_UM
 
 AMBIENT_K = 293.15
 LAUNCHES = launches()

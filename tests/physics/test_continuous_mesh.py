@@ -21,7 +21,7 @@ from iriftrace.field.path_data import cells_of
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from validation.inputs.shell_fields import field_of, hexahedra
 from validation.inputs.small_scenes import part
-from validation.oracles.continuous_media import Ends, follow
+from validation.inputs.smooth_medium import Ends, follow
 
 pytestmark = pytest.mark.usefixtures("variant")
 

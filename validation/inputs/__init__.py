@@ -1,1 +1,1 @@
-"""Writes fields as other programs write them, for tests and figures about the readers."""
+"""Air, parts, cameras, scenes and files that checks are made with."""

@@ -1,1 +1,1 @@
-"""Answers that share no code with the package."""
+"""Answers that are computed without the tracer."""

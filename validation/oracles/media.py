@@ -14,6 +14,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.plugins.kernels.curve import nystrom_step
+from validation.oracles.closed_forms import parabola_um
 
 FloatArray = NDArray[np.float64]
 Medium = Callable[[Any, Any, Any], tuple[Any, tuple[Any, Any, Any]]]
@@ -21,8 +22,8 @@ Medium = Callable[[Any, Any, Any], tuple[Any, tuple[Any, Any, Any]]]
 
 AIR_INDEX = 1.0002718
 AIR_SLOPE = 2 * AIR_INDEX * 1e-5
-AIR_PARABOLA_UM = {100: 49.986414, 200: 199.945655, 500: 1249.660342}
-"""Heights after lengths in mm, by a (x / n0)^2 / 4."""
+AIR_PARABOLA_UM = {length: parabola_um(length, AIR_INDEX, AIR_SLOPE) for length in (100, 200, 500)}
+"""Heights after lengths in mm."""
 
 ROD_INDEX, ROD_G = 1.5, 0.1
 LUNEBURG_HEIGHT = 0.5

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.curves import draw_convergence
-from validation.line import Line, Section, relative
-from validation.oracles.hot_air import (
+from validation.inputs.hot_air import (
     cylinder_cells,
     cylinder_ends,
     cylinder_values,
@@ -17,6 +16,8 @@ from validation.oracles.hot_air import (
     slab_ends,
     slab_values,
 )
+from validation.line import Line, Section, relative
+from validation.oracles.closed_forms import CYLINDER_UM, SLAB_SHIFT_UM
 from validation.oracles.media import (
     AIR_PARABOLA_UM,
     Launch,
@@ -25,7 +26,6 @@ from validation.oracles.media import (
     parabola,
     walk,
 )
-from validation.sections.exact_shells import CYLINDER_UM, SLAB_SHIFT_UM
 
 STEPS = (16, 32, 64, 128)
 PICTURE = "continuous.png"

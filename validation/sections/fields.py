@@ -186,7 +186,7 @@ SECTION = Section(
     "through its plume, they do not. Most of the difference there arises outside the outermost "
     "shell and where a ray turns round within a layer ([design.md](design.md)). It gets "
     "better with the number of shells. Straight down a plume it is worse "
-    " ([parameters.md](parameters.md#when-to-leave-the-defaults)). The continuous engine "
+    "([parameters.md](parameters.md#when-to-leave-the-defaults)). The continuous engine "
     "needs no shells. On the cylinder, whose cells are the coarsest, the difference stays at about "
     "1 %. By how much the engine's two gradients differ tells what the mesh leaves open.",
     _lines,

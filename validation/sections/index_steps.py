@@ -18,7 +18,8 @@ from iriftrace.shells.levels import RULES
 from iriftrace.studies.modes import OURS
 from iriftrace.studies.picture import View, picture_of_shells
 from validation.line import Line, Section
-from validation.sections.exact_shells import CYLINDER_UM, cylinder_hits
+from validation.oracles.closed_forms import CYLINDER_UM
+from validation.sections.exact_shells import cylinder_hits, displacements_um
 
 USUAL, FINEST = 13, 80
 TRIMMED = 0.001
@@ -34,8 +35,8 @@ def in_the_cylinder(folder: Path) -> list[Line]:
     """Errors of 13 shells where the air ends somewhere."""
     lines = []
     for rule in RULES:
-        hits = cylinder_hits(folder / rule, USUAL, rule)
-        found = np.linalg.norm(hits.displacement, axis=1) * 1e3
+        hits = cylinder_hits(folder / rule, USUAL, rule, ("layers",))["layers"]
+        found = displacements_um(hits)
         lines += [
             Line(
                 f"hot cylinder, {USUAL} shells, {rule} rule, ray at {b:g} R: displacement",

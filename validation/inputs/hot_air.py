@@ -19,8 +19,8 @@ from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
 from validation.inputs.shell_fields import field_of
 from validation.inputs.small_scenes import part
-from validation.oracles.continuous_media import Ends, SmoothMedium, follow
-from validation.sections.exact_shells import CYLINDER_UM, SLAB_SHIFT_UM, RoundAir
+from validation.inputs.smooth_medium import Ends, SmoothMedium, follow
+from validation.oracles.closed_forms import CYLINDER_UM, SLAB_SHIFT_UM, RoundAir
 
 FloatArray = NDArray[np.float64]
 
