@@ -256,21 +256,18 @@ class OrbitOptions:
             return scene.part.centre
         return np.array(finite_numbers(self.target, 3, "--target"))
 
-    def pose_sets(self, scene: LoadedScene, camera: Camera) -> list[tuple[float, PoseSet]]:
-        """The poses these options describe, with the stand-off (mm) of each orbit.
-
-        The stand-off is NaN for poses that come from something else.
-        """
+    def pose_sets(self, scene: LoadedScene) -> dict[float, PoseSet]:
+        """Poses by the stand-off (mm) of their orbit, which is NaN for any other poses."""
         from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses, parse_range
         from iriftrace.camera.pose_files import read_poses
 
         self._refuse_contradictions()
         if self.poses is not None:
             convention, unit = self.convention or "opencv", self.length_unit or "mm"
-            return [(math.nan, read_poses(self.poses, convention, length_unit=unit))]
+            return {math.nan: read_poses(self.poses, convention, length_unit=unit)}
         target = self.look_at(scene)
-        sets = []
-        for stand_off, axes in self._axes(scene, camera):
+        sets = {}
+        for stand_off, axes in self._axes(scene):
             kind = self.angles or "parameter"
             orbit = Orbit(centre=scene.part.centre, semi_axes_mm=axes, angles=kind)
             if self.fibonacci is not None:
@@ -279,7 +276,7 @@ class OrbitOptions:
                 azimuth = parse_range(AZIMUTH if self.azimuth is None else self.azimuth)
                 elevation = parse_range(ELEVATION if self.elevation is None else self.elevation)
                 poses = orbit_poses(orbit, azimuth, elevation, target)
-            sets.append((stand_off, poses))
+            sets[stand_off] = poses
         return sets
 
     def _refuse_contradictions(self) -> None:
@@ -312,7 +309,7 @@ class OrbitOptions:
                 "of the two."
             )
 
-    def _axes(self, scene: LoadedScene, camera: Camera) -> list[tuple[float, Any]]:
+    def _axes(self, scene: LoadedScene) -> list[tuple[float, Any]]:
         """Stand-off and semi-axes, mm, of each orbit."""
         from iriftrace.camera.orbit import paper_semi_axes, semi_axes
 
@@ -327,7 +324,7 @@ class OrbitOptions:
         if self.stand_off is not None:
             lengths = different_lengths(self.stand_off, "--stand-off")
             return [(length, semi_axes(scene.part, length)) for length in lengths]
-        far = camera.focus_mm[1]
+        far = scene.camera.focus_mm[1]
         if not np.isfinite(far):
             raise InputError(
                 "The camera's focus has no far end from which a distance could follow; give "

@@ -19,100 +19,7 @@ from iriftrace.core.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.camera.camera import Camera
-    from iriftrace.camera.pose_set import PoseSet
-    from iriftrace.scene.load import LoadedScene
-    from iriftrace.sweep.series import RenderPoses, Series
-
-
-# MERGE cli.swept_series: What ``iriftrace sweep`` renders: scenes, cameras, and poses where a cam
-
-
-def series_of(
-    paths: list[Path],
-    orbit: OrbitOptions,
-    focal_length: str | None,
-    trace: TraceOptions,
-) -> list[Series]:
-    """Every combination of scene, focal length and orbit; scene by scene.
-
-    Raises
-    ------
-    InputError
-        Scenes cannot be compared, the camera has no focal length to change, or poses stand in the
-        part.
-    """
-    from iriftrace.sweep.series import Series, check_comparable
-
-    series = []
-    for path in paths:
-        with notes.status("Loading the scene ..."):
-            scene = trace.load(path)
-        cameras = _cameras(scene.camera, focal_length)
-        orbits = [
-            (stand_off, _placed(scene, poses, listed=orbit.poses))
-            for stand_off, poses in orbit.pose_sets(scene, scene.camera)
-        ]
-        series += [
-            Series(scene, camera, poses, stand_off)
-            for camera in cameras
-            for stand_off, poses in orbits
-        ]
-        check_comparable(series)
-    return series
-
-
-def _cameras(camera: Camera, focal_length: str | None) -> list[Camera]:
-    from attrs import evolve
-
-    if focal_length is None:
-        return [camera]
-    if camera.projection != "pinhole":
-        raise InputError(
-            f"--focal-length is {focal_length}, but the scene's camera is {camera.projection} and "
-            "has none; leave it out."
-        )
-    if camera.distortion is not None:
-        raise InputError(
-            f"--focal-length is {focal_length}, but the scene's lens distortion was calibrated at "
-            f"{camera.focal_length_mm:g} mm and is another at other lengths; leave one of them out."
-        )
-    lengths = different_lengths(focal_length, "--focal-length")
-    return [evolve(camera, focal_length_mm=length) for length in lengths]
-
-
-def _placed(scene: LoadedScene, poses: PoseSet, *, listed: Path | None) -> PoseSet:
-    """Poses where cameras can stand: an orbit's out of the hot air, a list's as they are."""
-    part = scene.part
-    inside = part.closed and part.surface.inside(poses.origins)
-    # A list may name some by mistake, which fail without stopping the rest.
-    if listed is not None and np.all(inside):
-        raise InputError(
-            f"All {len(poses)} poses of {listed} stand inside the part, where there is nothing to "
-            "see; check its positions, and its unit with --length-unit."
-        )
-    if listed is None and np.any(inside):
-        raise InputError(
-            f"{np.sum(inside)} of {len(poses)} poses of the orbit stand inside the part, where "
-            "there is nothing to see; give larger semi-axes."
-        )
-    return poses if listed is not None else _outside(scene, poses)
-
-
-def _outside(scene: LoadedScene, poses: PoseSet) -> PoseSet:
-    """Poses inside the hot air moved back out of it, which is reported."""
-    from iriftrace.camera.pose_set import push_out
-    from iriftrace.trace.render import is_inside
-
-    with notes.status("Looking where the cameras stand ..."):
-        free, moved = push_out(poses, lambda points: is_inside(scene, points))
-    if moved.any():
-        notes.print(
-            f"[bold yellow]warning:[/] {moved.sum()} of {len(poses)} poses stood in the hot air "
-            "and were moved back along their line of sight.",
-            soft_wrap=True,
-        )
-    return free
+    from iriftrace.sweep.series import RenderPoses
 
 
 def sweep(
@@ -167,17 +74,26 @@ def sweep(
     workers
         Number of local workers; by default one for every two cores, at least two.
     """
-    from iriftrace.sweep.sweep import SweepOptions, run_series
+    from iriftrace.sweep.sweep import SweepOptions, run_sweep
 
     if workers is not None and scheduler is None:
         scheduler = "local"
     _check(scenes, output, export, surface, scheduler, workers)
-    series = series_of(scenes, orbit, focal_length, trace)
-    options = SweepOptions(nearest, statuses(include), exr)
-    target = orbit.look_at(series[0].scene)
+    with notes.status("Loading the scene ..."):
+        loaded = [trace.load(scene) for scene in scenes]
     with _renderer(scheduler, workers) as render, pose_progress(output) as report:
-        dataset = run_series(
-            series, output, target=target, options=options, progress=report, render=render
+        dataset = run_sweep(
+            loaded,
+            orbit.pose_sets(loaded[0]),
+            output,
+            focal_lengths_mm=()
+            if focal_length is None
+            else different_lengths(focal_length, "--focal-length"),
+            move_out=orbit.poses is None,
+            target=orbit.look_at(loaded[0]),
+            options=SweepOptions(nearest, statuses(include), exr),
+            progress=report,
+            render=render,
         )
     _print_sweep(dataset)
     if export is not None:
@@ -188,7 +104,7 @@ def sweep(
     if surface is not None:
         from iriftrace.sweep.export import write_surface
 
-        write_surface(surface, dataset, series[0].scene.part)
+        write_surface(surface, dataset, loaded[0].part)
         out.print(f"Part with the maps of all poses in {surface}", markup=False, soft_wrap=True)
     out.print(f"Sweep in {output}; now run:  iriftrace plan {output}", markup=False, soft_wrap=True)
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-from iriftrace.image.sightings import NOTHING_SEEN
-from iriftrace.sweep.journal import Journal, journal_of, remove_leftovers, sole_writer
-from iriftrace.sweep.pose import PoseResult, fingerprint
+from iriftrace.sweep.journal import Journal, Piece, Work
+from iriftrace.sweep.pose import fingerprint
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -32,8 +31,8 @@ def run_cases(
 ) -> xr.Dataset:
     """Measure every case and write the study's netCDF file.
 
-    Finished cases go into the journal of a sweep (:mod:`iriftrace.sweep.journal`), a case being a
-    pose of it: the same call goes on where an earlier one was interrupted or killed.
+    Finished cases go into a journal (:mod:`iriftrace.sweep.journal`): the same call goes on where
+    an earlier one was interrupted or killed.
 
     Parameters
     ----------
@@ -59,30 +58,21 @@ def run_cases(
     InputError
         If the file cannot be written, or belongs to another study.
     """
-    if not path.parent.is_dir():
-        raise InputError(f"The folder {path.parent} does not exist; create it first.")
     wanted = fingerprint(version("iriftrace"), dict(request))
-    folder = journal_of(path)
-    if path.is_file():
-        finished = _finished(path, wanted)
-        remove_leftovers(folder, wanted)
-        return finished
-    with sole_writer(folder, "study"):
-        journal = Journal(folder, wanted, "study")
-        if progress is not None:
-            progress(len(journal), count)
+
+    def left(journal: Journal) -> Iterator[Piece]:
         for number in range(count):
-            if number in journal:
-                continue
-            journal.add(PoseResult(number, measure(number), NOTHING_SEEN))
-            if progress is not None:
-                progress(len(journal), count)
+            if number not in journal:
+                yield Piece(number, measure(number))
+
+    def write(journal: Journal) -> None:
         dataset = dataset_of([journal.entry(number) for number in range(count)])
         dataset.attrs |= {"schema": SCHEMA, "request": wanted}
         with whole_file(path) as temporary:
             dataset.to_netcdf(temporary, engine="h5netcdf")
-        journal.close()
-    return read_study(path)
+
+    work = Work("study", "files or options", path, wanted, count)
+    return work.run(left, write, read_study, progress)
 
 
 def read_study(path: str | Path) -> xr.Dataset:
@@ -119,15 +109,3 @@ def is_study(path: str | Path) -> bool:
             return str(file.attrs.get("schema", "")).startswith(SCHEMA.partition("/")[0] + "/")
     except (OSError, ValueError, KeyError):
         return False
-
-
-def _finished(path: Path, wanted: str) -> xr.Dataset:
-    """The result of an earlier run, which is never replaced."""
-    advice = "delete it, or give another name with -o"
-    try:
-        dataset = read_study(path)
-    except InputError as error:
-        raise InputError(f"{path} is there already and is no study; {advice}.") from error
-    if dataset.attrs.get("request") != wanted:
-        raise InputError(f"{path} holds a study of other files or options; {advice}.")
-    return dataset

@@ -1,208 +1,253 @@
-"""The finished poses of a sweep that is not finished yet, safe from whatever happens next."""
+"""Long work that may be killed: finished pieces in an SQLite file beside the result to be."""
 
 from __future__ import annotations
 
+import io
 import json
-import os
-import shutil
-import sys
-from collections.abc import Iterator
+import sqlite3
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
-from iriftrace.image.sightings import NOTHING_SEEN, FaceSightings
-from iriftrace.sweep.pose import PoseResult
 
-SCHEMA = "iriftrace.sweep-journal/1"
-POSES = "poses.jsonl"
-LOCK = "lock"
+if TYPE_CHECKING:
+    import xarray as xr
+
+SCHEMA = "iriftrace.journal/1"
+
+Progress = Callable[[int, int], None]
+"""Called with the number of finished pieces and of all."""
+
+
+@frozen(eq=False)
+class Piece:
+    """One finished piece of a work: a pose of a sweep, a case of a study.
+
+    Attributes
+    ----------
+    number : int
+        From 0.
+    entry : dict
+        Plain JSON values.
+    rows : array, optional
+        Of numbers, or structured.
+    """
+
+    number: int
+    entry: dict[str, Any]
+    rows: NDArray[Any] | None = None
+
+
+@frozen(eq=False)
+class Work:
+    """Pieces that give one netCDF file together.
+
+    Attributes
+    ----------
+    kind, parts : str
+        What it is, and what tells one from another, in messages: "sweep", "poses, another scene
+        or other options".
+    output : Path
+        The netCDF file.
+    request : str
+        Fingerprint of all that the pieces depend on.
+    total : int
+        Number of pieces.
+    """
+
+    kind: str
+    parts: str
+    output: Path
+    request: str
+    total: int
+
+    def run(
+        self,
+        measure: Callable[[Journal], Iterable[Piece]],
+        write: Callable[[Journal], None],
+        read: Callable[[Path], xr.Dataset],
+        progress: Progress | None = None,
+    ) -> xr.Dataset:
+        """Measure what an earlier run has left, write the result and read it.
+
+        Every piece is in the journal as soon as it is measured, so that the same call goes on
+        where a killed one stopped. The journal is removed when the result is written. A result
+        that is there is read and nothing is measured.
+
+        Parameters
+        ----------
+        measure : callable
+            Gives the pieces that are not in the journal, in any order.
+        write : callable
+            Writes the result, its attribute ``request`` included.
+        read : callable
+        progress : callable, optional
+
+        Raises
+        ------
+        InputError
+            The file or its journal belongs to another work or cannot be written, or another
+            program is writing it.
+        """
+        if not self.output.parent.is_dir():
+            raise InputError(f"The folder {self.output.parent} does not exist; create it first.")
+        if self.output.is_file():
+            finished = self._finished(read)
+            if journal_of(self.output).is_file():
+                # Killed after the result was written; the journal of another work is not ours.
+                with suppress(InputError), open_journal(self) as journal:
+                    journal.clear()
+            return finished
+        with open_journal(self) as journal:
+            if progress is not None:
+                progress(len(journal), self.total)
+            for piece in measure(journal):
+                journal.add(piece)
+                if progress is not None:
+                    progress(len(journal), self.total)
+            write(journal)
+            journal.clear()
+        return read(self.output)
+
+    def _finished(self, read: Callable[[Path], xr.Dataset]) -> xr.Dataset:
+        advice = "delete it, or give another name with -o"
+        try:
+            dataset = read(self.output)
+        except InputError as error:
+            raise InputError(
+                f"{self.output} is there already and is no {self.kind}; {advice}."
+            ) from error
+        if dataset.attrs.get("request") != self.request:
+            dataset.close()
+            raise InputError(f"{self.output} holds a {self.kind} of other {self.parts}; {advice}.")
+        return dataset
 
 
 class Journal:
-    """A folder with one line of JSON for each finished pose and one file with what it sees.
+    """The finished pieces of a work; as a collection it holds their numbers.
 
-    A pose's file is complete before its line is begun, so a line that is whole means a pose that is
-    done. Of each pose only the place of its line is kept in memory. As a collection it holds the
-    numbers of the finished poses.
-
-    Parameters
-    ----------
-    folder : Path
-    request : str
-        Fingerprint of scenes, poses and options; a journal of another sweep is refused.
-    what : str
-        What it is of, in messages: a ``"sweep"``, or a ``"study"``, whose cases are the poses.
-
-    Raises
-    ------
-    InputError
-        If the folder holds the journal of another sweep, or a damaged one.
+    One transaction of SQLite's write-ahead log a piece: what was committed survives the end of the
+    program, however it ends, and a power failure costs the last pieces at most. The exclusive
+    lock ends with the process. Of each piece only its number is in memory.
     """
 
-    def __init__(self, folder: Path, request: str, what: str = "sweep") -> None:
-        self.folder = folder
-        self._what = what
-        self._request = request
-        self._place: dict[int, int] = {}
-        self._faces: dict[int, int] = {}
-        self._end = 0
-        self._read()
+    def __init__(self, connection: sqlite3.Connection, work: Work) -> None:
+        self._connection = connection
+        # With the exclusive lock set first, the log needs no shared memory, which network file
+        # systems lack.
+        connection.execute("PRAGMA locking_mode = EXCLUSIVE")
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+        connection.execute("BEGIN EXCLUSIVE")
+        if connection.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,):
+            connection.execute("CREATE TABLE work (schema TEXT, request TEXT)")
+            connection.execute("INSERT INTO work VALUES (?, ?)", (SCHEMA, work.request))
+            connection.execute(
+                "CREATE TABLE piece (number INTEGER PRIMARY KEY, entry TEXT, rows BLOB)"
+            )
+        connection.execute("COMMIT")
+        if connection.execute("SELECT * FROM work").fetchone() != (SCHEMA, work.request):
+            raise InputError(
+                f"{journal_of(work.output)} belongs to a {work.kind} of other {work.parts}; delete "
+                "it, or give another name with -o."
+            )
+        self._numbers = {number for (number,) in connection.execute("SELECT number FROM piece")}
 
     def __len__(self) -> int:
-        return len(self._place)
+        return len(self._numbers)
 
     def __iter__(self) -> Iterator[int]:
-        return iter(self._place)
+        return iter(self._numbers)
 
-    def __contains__(self, pose: object) -> bool:
-        return pose in self._place
+    def __contains__(self, number: object) -> bool:
+        return number in self._numbers
 
-    def add(self, result: PoseResult) -> None:
-        """Record a pose."""
-        faces = len(result.sightings)
-        if faces:
-            with whole_file(self._file(result.number)) as temporary, temporary.open("wb") as file:
-                np.save(file, result.sightings.as_rows(), allow_pickle=False)
-                _flush(file)
-        with (self.folder / POSES).open("rb+" if self._end else "wb") as file:
-            if not self._end:
-                self._end += file.write(_line({"schema": SCHEMA, "request": self._request}))
-            file.seek(self._end)
-            # What follows was being written when an earlier run was killed.
-            file.truncate()
-            written = file.write(_line({"pose": result.number, "faces": faces, **result.entry}))
-            _flush(file)
-        self._remember(result.number, faces, written)
+    def add(self, piece: Piece) -> None:
+        """Record a piece."""
+        blob = None
+        if piece.rows is not None:
+            buffer = io.BytesIO()
+            np.save(buffer, piece.rows, allow_pickle=False)
+            blob = buffer.getvalue()
+        self._connection.execute(
+            "INSERT INTO piece VALUES (?, ?, ?)", (piece.number, json.dumps(piece.entry), blob)
+        )
+        self._numbers.add(piece.number)
 
-    def entry(self, pose: int) -> dict[str, Any]:
-        """What a pose was recorded with."""
-        with (self.folder / POSES).open("rb") as file:
-            file.seek(self._place[pose])
-            entry: dict[str, Any] = json.loads(file.readline())
+    def entry(self, number: int) -> dict[str, Any]:
+        """The JSON values of a piece."""
+        (text,) = self._connection.execute(
+            "SELECT entry FROM piece WHERE number = ?", (number,)
+        ).fetchone()
+        entry: dict[str, Any] = json.loads(text)
         return entry
 
-    def sightings(self, pose: int) -> FaceSightings:
-        """Which faces a pose sees."""
-        if not self._faces[pose]:
-            return NOTHING_SEEN
-        return FaceSightings.from_rows(np.load(self._file(pose), allow_pickle=False))
+    def rows(self, number: int) -> NDArray[Any] | None:
+        """The array of a piece."""
+        (blob,) = self._connection.execute(
+            "SELECT rows FROM piece WHERE number = ?", (number,)
+        ).fetchone()
+        if blob is None:
+            return None
+        rows: NDArray[Any] = np.load(io.BytesIO(blob), allow_pickle=False)
+        return rows
 
-    def close(self) -> None:
-        """Give the poses up, because they are in the result now."""
-        (self.folder / POSES).unlink()
-
-    def _file(self, pose: int) -> Path:
-        return self.folder / f"faces_{pose:06d}.npy"
-
-    def _remember(self, pose: int, faces: int, length: int) -> None:
-        self._place[pose] = self._end
-        self._faces[pose] = faces
-        self._end += length
-
-    def _read(self) -> None:
-        if not (self.folder / POSES).is_file():
-            return
-        with (self.folder / POSES).open("rb") as file:
-            for line in file:
-                # A line without its end was being written when the program was killed.
-                if not line.endswith(b"\n"):
-                    break
-                try:
-                    values = json.loads(line)
-                    if self._end:
-                        pose, faces = int(values["pose"]), int(values["faces"])
-                    else:
-                        request = str(values["request"])
-                except (ValueError, TypeError, KeyError) as error:
-                    raise InputError(
-                        f"{file.name} is damaged ({error}); delete the folder {self.folder} to "
-                        f"start the {self._what} again."
-                    ) from error
-                if self._end:
-                    self._remember(pose, faces, len(line))
-                else:
-                    self._check(request)
-                    self._end = len(line)
-
-    def _check(self, request: str) -> None:
-        if request != self._request:
-            raise InputError(
-                f"{self.folder} belongs to a {self._what} of other poses, another scene or other "
-                "options; delete it, or give another name with -o."
-            )
+    def clear(self) -> None:
+        """Give the pieces up, because they are in the result."""
+        self._numbers.clear()
 
 
 def journal_of(output: Path) -> Path:
-    """Folder of the journal beside a result."""
-    return output.with_name(output.name + ".journal")
-
-
-def remove_leftovers(folder: Path, request: str) -> None:
-    """Remove the journal of a sweep whose result is there, if it was killed before it could."""
-    if folder.is_dir():
-        # The journal of another sweep is not ours.
-        with suppress(InputError):
-            Journal(folder, request)
-            shutil.rmtree(folder, ignore_errors=True)
+    """File of the journal beside a result."""
+    return output.with_name(output.name + ".partial")
 
 
 @contextmanager
-def sole_writer(folder: Path, what: str = "sweep") -> Iterator[None]:
-    """Make sure that no other process goes on with the same journal.
-
-    The lock ends with the process, however that ends. A folder without a finished pose is removed
-    at the end of the block.
+def open_journal(work: Work) -> Iterator[Journal]:
+    """Journal of a work, for one program at a time; without pieces it is removed at the end.
 
     Raises
     ------
     InputError
-        If another process has the lock, or the folder cannot be made.
+        Another program is writing it, it belongs to another work, or the file is damaged or
+        cannot be written.
     """
+    path = journal_of(work.output)
     try:
-        folder.mkdir(exist_ok=True)
-        file = (folder / LOCK).open("ab")
-    except OSError as error:
-        raise InputError(
-            f"The {what} needs the folder {folder} while it runs, which cannot be made "
-            f"({error.strerror}); remove what is there, or give another name with -o."
-        ) from error
-    locked = False
-    try:
-        with file:
-            _lock(file, folder, what)
-            locked = True
-            yield
-    finally:
-        if locked and not (folder / POSES).exists():
-            shutil.rmtree(folder, ignore_errors=True)
+        connection = sqlite3.connect(path, timeout=0, isolation_level=None)
+        journal = None
+        try:
+            journal = Journal(connection, work)
+            yield journal
+        finally:
+            connection.close()
+            if journal is not None and not journal:
+                path.unlink()
+    except sqlite3.Error as error:
+        raise InputError(_reason(error, path, work.kind)) from error
 
 
-def _lock(file: IO[bytes], folder: Path, what: str) -> None:
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        raise InputError(
-            f"Another program is writing the {what} in {folder} ({error.strerror}); wait for it, "
-            "stop it, or give another name with -o."
-        ) from error
-
-
-def _line(values: dict[str, Any]) -> bytes:
-    return (json.dumps(values) + "\n").encode()
-
-
-def _flush(file: IO[bytes]) -> None:
-    file.flush()
-    os.fsync(file.fileno())
+def _reason(error: sqlite3.Error, path: Path, kind: str) -> str:
+    code = getattr(error, "sqlite_errorcode", None)
+    if code == sqlite3.SQLITE_BUSY:
+        return (
+            f"Another program is writing the {kind} in {path}; wait for it, stop it, or give "
+            "another name with -o."
+        )
+    if code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE):
+        return (
+            f"The disk has no room for {path} ({error}); make room and give the same command "
+            "again: no finished piece is lost."
+        )
+    if code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM):
+        return (
+            f"The {kind} needs the file {path} while it runs, which cannot be written ({error}); "
+            "remove what is there, or give another name with -o."
+        )
+    return f"{path} is damaged ({error}); delete it to start the {kind} again."

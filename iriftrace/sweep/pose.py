@@ -1,4 +1,4 @@
-"""One pose of a sweep: what is asked of whoever renders it, and what comes back."""
+"""One pose of a sweep: the task, the scene that it needs, and its rendering."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE
-from iriftrace.image.sightings import NOTHING_SEEN, FaceSightings, sight_faces
+from iriftrace.image.sightings import sight_faces
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_folder, members_of
 from iriftrace.scene.file import read_scene_file
 from iriftrace.scene.load import LoadedScene
+from iriftrace.sweep.journal import Piece
 from iriftrace.trace.render import render_scene
 from iriftrace.trace.shell_convergence import EVERY_SECOND_SHELL, shell_resolution
 
@@ -88,24 +89,6 @@ class PoseTask:
     exr: str
 
 
-@frozen(eq=False)
-class PoseResult:
-    """What one pose gives.
-
-    Attributes
-    ----------
-    number : int
-        Of the pose in its sweep.
-    entry : dict
-        Plain JSON values: ``metrics`` (None if the pose failed) and ``failure`` (why, else empty).
-    sightings : FaceSightings
-    """
-
-    number: int
-    entry: dict[str, Any]
-    sightings: FaceSightings
-
-
 def source_of(
     path: Path, variables: dict[str, str], variant: str, engine: str | None = None
 ) -> SceneSource:
@@ -162,7 +145,7 @@ def fingerprint(*pieces: Any) -> str:
     return sha256(json.dumps(pieces, sort_keys=True).encode()).hexdigest()
 
 
-def render_pose(task: PoseTask, scene: LoadedScene) -> PoseResult:
+def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
     """Render one pose and reduce it; the same in every process.
 
     Parameters
@@ -170,6 +153,12 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> PoseResult:
     task : PoseTask
     scene : LoadedScene
         Loaded from the task's source.
+
+    Returns
+    -------
+    Piece
+        Its entry has ``metrics`` (None if the pose failed) and ``failure`` (why, else empty); its
+        rows are those of `FaceSightings`.
 
     Raises
     ------
@@ -184,7 +173,7 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> PoseResult:
                 scene, camera=task.camera, include=task.include, nearest=task.nearest, empty=True
             )
         except InputError as error:
-            return PoseResult(task.number, {"metrics": None, "failure": str(error)}, NOTHING_SEEN)
+            return Piece(task.number, {"metrics": None, "failure": str(error)})
     resolution = shell_resolution(scene, rendering.image, task.camera, SAMPLE)
     if resolution is not None:
         rendering.metrics[EVERY_SECOND_SHELL] = resolution.as_dict()
@@ -193,11 +182,8 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> PoseResult:
     measured = {
         key: value for key, value in rendering.metrics.items() if key in _KEPT or _is_measure(key)
     }
-    return PoseResult(
-        task.number,
-        {"metrics": measured, "failure": ""},
-        sight_faces(rendering.image, task.include),
-    )
+    seen = sight_faces(rendering.image, task.include).as_rows()
+    return Piece(task.number, {"metrics": measured, "failure": ""}, seen)
 
 
 def _is_measure(key: str) -> bool:

@@ -1,24 +1,27 @@
-"""What a sweep goes through: poses of one scene with one camera, and several such series."""
+"""Series of a sweep: poses of one scene with one camera, and whether several can be compared."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose_set import PoseSet
-from iriftrace.core.errors import InputError
+from iriftrace.camera.pose_set import PoseSet, push_out
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.scene.load import LoadedScene
-from iriftrace.sweep.pose import PoseResult, PoseTask, SceneSource, render_pose, source_of
+from iriftrace.sweep.journal import Piece
+from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
+from iriftrace.trace.render import is_inside
 
-RenderPoses = Callable[[Iterable[PoseTask]], Iterator[PoseResult]]
-"""Who renders: takes the tasks of a sweep and gives the results in any order."""
+RenderPoses = Callable[[Iterable[PoseTask]], Iterator[Piece]]
+"""Renders the tasks of a sweep and gives the results in any order."""
 
 
 @frozen(eq=False)
@@ -39,6 +42,96 @@ class Series:
     camera: Camera
     poses: PoseSet
     stand_off_mm: float = math.nan
+
+
+def all_series(
+    scenes: Sequence[LoadedScene],
+    poses: PoseSet | Mapping[float, PoseSet],
+    focal_lengths_mm: Sequence[float] = (),
+    *,
+    move_out: bool = False,
+) -> list[Series]:
+    """Every combination of scene, focal length and set of poses; scene by scene.
+
+    Parameters
+    ----------
+    scenes : sequence of LoadedScene
+        Of the same part, with the same sensor.
+    poses : PoseSet, or mapping from float to PoseSet
+        Or those of several orbits by their stand-offs, mm.
+    focal_lengths_mm : sequence of float, mm
+        In place of the sensor's.
+    move_out : bool
+        Move cameras that stand in the hot air back along their line of sight. Otherwise such a
+        pose is recorded as failed and does not stop the rest.
+
+    Raises
+    ------
+    InputError
+        As `check_comparable`, or the camera has no focal length to change; cameras to be moved out
+        of the air, or all of them, stand in the part.
+
+    Warns
+    -----
+    IriftraceWarning
+        Cameras were moved.
+    """
+    sets = {math.nan: poses} if isinstance(poses, PoseSet) else poses
+    series: list[Series] = []
+    for scene in scenes:
+        placed = {key: _placed(scene, one, move_out) for key, one in sets.items()}
+        series += [
+            Series(scene, camera, one, stand_off)
+            for camera in _cameras(scene.camera, focal_lengths_mm)
+            for stand_off, one in placed.items()
+        ]
+        check_comparable(series)
+    return series
+
+
+def _cameras(camera: Camera, focal_lengths_mm: Sequence[float]) -> list[Camera]:
+    if not focal_lengths_mm:
+        return [camera]
+    lengths = ", ".join(f"{length:g}" for length in focal_lengths_mm)
+    if camera.projection != "pinhole":
+        raise InputError(
+            f"The focal length is to be {lengths} mm, but the scene's camera is "
+            f"{camera.projection} and has none; leave --focal-length out."
+        )
+    if camera.distortion is not None:
+        raise InputError(
+            f"The focal length is to be {lengths} mm, but the scene's lens distortion was "
+            f"calibrated at {camera.focal_length_mm:g} mm and is another at other lengths; leave "
+            "--focal-length out, or the distortion."
+        )
+    return [evolve(camera, focal_length_mm=length) for length in focal_lengths_mm]
+
+
+def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
+    part = scene.part
+    inside = part.closed and part.surface.inside(poses.origins)
+    count = int(np.sum(inside))
+    if move_out and count:
+        raise InputError(
+            f"{count} of {len(poses)} poses of the orbit stand inside the part, where there is "
+            "nothing to see; give larger semi-axes."
+        )
+    if 0 < count == len(poses):
+        raise InputError(
+            f"All {count} poses stand inside the part, where there is nothing to see; check their "
+            "positions, and the unit of these with --length-unit."
+        )
+    if not move_out:
+        return poses
+    free, moved = push_out(poses, lambda points: is_inside(scene, points))
+    if moved.any():
+        warnings.warn(
+            f"{moved.sum()} of {len(poses)} poses stood in the hot air and were moved back along "
+            "their line of sight.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    return free
 
 
 def check_comparable(series: Sequence[Series]) -> None:
@@ -99,7 +192,7 @@ def render_here(series: Sequence[Series], sources: Sequence[SceneSource]) -> Ren
     """Render in this process, one pose after the other."""
     scenes = {source.fingerprint: one.scene for source, one in zip(sources, series, strict=True)}
 
-    def render(tasks: Iterable[PoseTask]) -> Iterator[PoseResult]:
+    def render(tasks: Iterable[PoseTask]) -> Iterator[Piece]:
         for task in tasks:
             yield render_pose(task, scenes[task.source.fingerprint])
 

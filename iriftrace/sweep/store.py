@@ -1,6 +1,7 @@
 """The result of a sweep: one labelled dataset, in memory and as a netCDF file.
 
-What it holds of each pose's metrics is said in `iriftrace.sweep_measures`.
+The metrics of each pose are described in `iriftrace.sweep.measures`, the faces that each pose sees
+in `iriftrace.image.sightings`.
 """
 
 from __future__ import annotations
@@ -17,14 +18,15 @@ from numpy.typing import ArrayLike
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.image.sightings import COLUMNS, COUNTS, ROW, FaceSightings
+from iriftrace.sweep.journal import journal_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.camera.pose_set import PoseSet
 
-
-# MERGE sighting_file: The ragged arrays of a sweep's netCDF file, written pose by pose: one is in
+SCHEMA = "iriftrace.sweep/1"
+WHOLE_PART = "part"
 
 SIGHTING = "sighting"
 """Dimension of the rows of all poses."""
@@ -32,48 +34,6 @@ SIGHTING = "sighting"
 _CHUNK = 65_536
 # Higher levels make the files 1 to 3 % smaller and take several times as long.
 _LEVEL = 4
-
-
-def append_sightings(path: Path, rows: int, sightings: Iterable[FaceSightings]) -> None:
-    """Add what each pose sees to a netCDF file that lacks it.
-
-    Parameters
-    ----------
-    path : Path
-    rows : int
-        Number of rows of all poses.
-    sightings : iterable of FaceSightings
-        Of each pose, in their order.
-    """
-    import h5netcdf
-
-    with h5netcdf.File(path, "r+") as file:
-        file.dimensions[SIGHTING] = rows
-        columns = {}
-        for name, (kind, unit, text) in COLUMNS.items():
-            column = file.create_variable(
-                f"{SIGHTING}_{name}",
-                (SIGHTING,),
-                np.dtype(kind),
-                chunks=(min(_CHUNK, max(rows, 1)),),
-                compression="gzip",
-                compression_opts=_LEVEL,
-                shuffle=True,
-            )
-            column.attrs["units"] = unit
-            column.attrs["long_name"] = text
-            columns[name] = column
-        start = 0
-        for found in sightings:
-            if len(found) == 0:
-                continue
-            for name, column in columns.items():
-                column[start : start + len(found)] = getattr(found, name)
-            start += len(found)
-
-
-SCHEMA = "iriftrace.sweep/1"
-WHOLE_PART = "part"
 
 
 def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
@@ -132,7 +92,36 @@ def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightin
     with whole_file(path) as temporary:
         packed = {name: {"zlib": True} for name, v in dataset.items() if v.dims == ("face",)}
         dataset.to_netcdf(temporary, engine="h5netcdf", encoding=packed)
-        append_sightings(temporary, rows, sightings)
+        _append_sightings(temporary, rows, sightings)
+
+
+def _append_sightings(path: Path, rows: int, sightings: Iterable[FaceSightings]) -> None:
+    """Add the variables over ``sighting`` to a netCDF file that lacks them, pose by pose."""
+    import h5netcdf
+
+    with h5netcdf.File(path, "r+") as file:
+        file.dimensions[SIGHTING] = rows
+        columns = {}
+        for name, (kind, unit, text) in COLUMNS.items():
+            column = file.create_variable(
+                f"{SIGHTING}_{name}",
+                (SIGHTING,),
+                np.dtype(kind),
+                chunks=(min(_CHUNK, max(rows, 1)),),
+                compression="gzip",
+                compression_opts=_LEVEL,
+                shuffle=True,
+            )
+            column.attrs["units"] = unit
+            column.attrs["long_name"] = text
+            columns[name] = column
+        start = 0
+        for found in sightings:
+            if len(found) == 0:
+                continue
+            for name, column in columns.items():
+                column[start : start + len(found)] = getattr(found, name)
+            start += len(found)
 
 
 def _refuse_full_disk(path: Path, needed: int) -> None:
@@ -161,10 +150,8 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     import xarray as xr
 
     if not Path(path).is_file():
-        from iriftrace.sweep.journal import journal_of
-
         journal = journal_of(Path(path))
-        if journal.is_dir():
+        if journal.is_file():
             raise InputError(
                 f"The sweep {path} is not finished, what is done lies in {journal}; give the same "
                 "`iriftrace sweep` command again, which goes on from there."
@@ -195,9 +182,6 @@ def _fault(dataset: xr.Dataset) -> str:
 
 def _attribute(value: Any) -> Any:
     return value if isinstance(value, str | int | float) else json.dumps(value)
-
-
-# MERGE sweep_origin: What a sweep's attributes say of the files it was made from.
 
 
 def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:

@@ -1,8 +1,9 @@
-"""Many poses in one result: rendered here or by workers, never lost, resumed where they stopped."""
+"""Many poses in one result: rendered here or by workers, resumed where an earlier run stopped."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+import warnings
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,18 +12,19 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_set import PoseSet, joined
-from iriftrace.core.errors import InputError
-from iriftrace.image.sightings import face_maps
-from iriftrace.scene.load import LoadedScene
-from iriftrace.sweep.diagnostics import warn_of_empty_poses
-from iriftrace.sweep.journal import Journal, journal_of, remove_leftovers, sole_writer
+from iriftrace.core.arrays import BoolArray
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.image.metrics import FEWEST_RAYS
+from iriftrace.image.sightings import NOTHING_SEEN, FaceSightings, face_maps
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.sweep.journal import Journal, Progress, Work
 from iriftrace.sweep.measures import metric_variables
 from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint
 from iriftrace.sweep.series import (
     RenderPoses,
     Series,
+    all_series,
     check_comparable,
     render_here,
     scenes_attribute,
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
 
 @frozen
 class SweepOptions:
-    """What is computed of each pose.
+    """Amount of work for each pose.
 
     Attributes
     ----------
@@ -56,20 +58,55 @@ class SweepOptions:
     exr: bool = False
 
 
+STANDARD = SweepOptions()
+
+
 def run_sweep(
-    scene: LoadedScene,
-    poses: PoseSet,
-    camera: Camera,
+    scenes: LoadedScene | str | Path | Sequence[LoadedScene | str | Path],
+    poses: PoseSet | Mapping[float, PoseSet],
     path: str | Path,
     *,
+    focal_lengths_mm: Sequence[float] = (),
+    move_out: bool = False,
     target: ArrayLike | None = None,
-    options: SweepOptions | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    options: SweepOptions = STANDARD,
+    progress: Progress | None = None,
     render: RenderPoses | None = None,
 ) -> xr.Dataset:
-    """Render one scene from many poses; see `run_series`."""
+    """Render scenes from many poses and keep the metrics in one netCDF file.
+
+    Every combination of scene, focal length and set of poses is swept, in this order of nesting.
+
+    Parameters
+    ----------
+    scenes : LoadedScene or path, or several
+        Of the same part, with the same sensor, which gives the intrinsics.
+    poses : PoseSet, or mapping from float to PoseSet
+        Camera poses, or those of several orbits by their stand-offs, mm.
+    path : path
+        The netCDF file.
+    focal_lengths_mm : sequence of float, mm
+        In place of the sensor's.
+    move_out : bool
+        Move cameras that stand in the hot air back along their line of sight. Otherwise such a
+        pose is recorded as failed.
+    target, options, progress, render
+        See `run_series`.
+
+    Returns
+    -------
+    xarray.Dataset
+        See `run_series`.
+
+    Raises
+    ------
+    InputError
+        As `run_series`, or the camera has no focal length to change, or cameras stand in the part.
+    """
+    several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
+    loaded = [one if isinstance(one, LoadedScene) else load_scene(one) for one in several]
     return run_series(
-        [Series(scene, camera, poses)],
+        all_series(loaded, poses, focal_lengths_mm, move_out=move_out),
         path,
         target=target,
         options=options,
@@ -83,16 +120,16 @@ def run_series(
     path: str | Path,
     *,
     target: ArrayLike | None = None,
-    options: SweepOptions | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    options: SweepOptions = STANDARD,
+    progress: Progress | None = None,
     render: RenderPoses | None = None,
 ) -> xr.Dataset:
     """Render every pose of every series and keep the metrics in one netCDF file.
 
     Every finished pose goes into a journal beside the file, so that a sweep that was interrupted
     or killed loses the poses in flight at most: the same call goes on where it stopped, and its
-    result is the same but for the times. The journal is removed when the file is complete. Memory
-    does not grow with the number of poses but for the metrics, some kilobytes a pose.
+    result is the same but for the times. Memory does not grow with the number of poses but for the
+    metrics, some kilobytes a pose.
 
     All poses of all series are equals: one `iriftrace.planning.rank.rank_poses` normalises and
     ranks them together, so that fields, focal lengths and distances compete.
@@ -109,7 +146,7 @@ def run_series(
     progress : callable, optional
         Called with the number of finished poses and of all poses.
     render : callable, optional
-        Who renders; this process by default, else what `iriftrace.sweep.workers.workers` gives.
+        Renders the poses, as `iriftrace.sweep.workers.workers` does; by default this process.
 
     Returns
     -------
@@ -129,50 +166,34 @@ def run_series(
         If more than half of the poses are empty, naming the main reason; and if there are poses
         for whose single rays the shells are too few.
     """
-    chosen = options or SweepOptions()
-    out = Path(path)
     check_comparable(series)
-    if not out.parent.is_dir():
-        raise InputError(f"The folder {out.parent} does not exist; create it first.")
+    out = Path(path)
     sources = sources_of(series)
-    request = _request(series, sources, chosen)
-    folder = journal_of(out)
-    if out.is_file():
-        finished = _finished(out, request)
-        remove_leftovers(folder, request)
-        return finished
-    total = sum(len(one.poses) for one in series)
-    with sole_writer(folder):
-        journal = Journal(folder, request)
-        if progress is not None:
-            progress(len(journal), total)
-        tasks = _tasks(series, sources, chosen, out, journal)
-        for result in (render or render_here(series, sources))(tasks):
-            journal.add(result)
-            if progress is not None:
-                progress(len(journal), total)
-        dataset = _dataset(series, sources, journal, chosen, out, target)
-        dataset.attrs["request"] = request
-        write_sweep(out, dataset, (journal.sightings(pose) for pose in range(total)))
-        journal.close()
-    finished = read_sweep(out)
-    warn_of_empty_poses(finished)
-    warn_of_coarse_poses(finished["every_second_shell_p95"].values)
-    return finished
+    work = Work(
+        kind="sweep",
+        parts="poses, another scene or other options",
+        output=out,
+        request=_request(series, sources, options),
+        total=sum(len(one.poses) for one in series),
+    )
 
+    def write(journal: Journal) -> None:
+        dataset = _dataset(series, sources, journal, options, out, target)
+        dataset.attrs["request"] = work.request
+        write_sweep(out, dataset, _sightings(journal, work.total))
 
-def _finished(out: Path, request: str) -> xr.Dataset:
-    """The result of an earlier run, which is never replaced."""
-    advice = "delete it, or give another name with -o"
-    try:
-        dataset = read_sweep(out)
-    except InputError as error:
-        raise InputError(f"{out} is there already and is no sweep; {advice}.") from error
-    if dataset.attrs.get("request") != request:
-        dataset.close()
-        raise InputError(
-            f"{out} holds a sweep of other poses, another scene or other options; {advice}."
-        )
+    fresh = not out.is_file()
+    dataset = work.run(
+        lambda journal: (render or render_here(series, sources))(
+            _tasks(series, sources, options, out, journal)
+        ),
+        write,
+        read_sweep,
+        progress,
+    )
+    if fresh:
+        _warn_of_empty_poses(dataset)
+        warn_of_coarse_poses(dataset["every_second_shell_p95"].values)
     return dataset
 
 
@@ -218,6 +239,13 @@ def _exr_name(number: int) -> str:
     return f"pose_{number:05d}.exr"
 
 
+def _sightings(journal: Journal, total: int) -> Iterator[FaceSightings]:
+    """Faces that each pose sees, one pose at a time."""
+    for number in range(total):
+        rows = journal.rows(number)
+        yield NOTHING_SEEN if rows is None else FaceSightings.from_rows(rows)
+
+
 def _dataset(
     series: Sequence[Series],
     sources: Sequence[SceneSource],
@@ -248,7 +276,7 @@ def _dataset(
             **pose_variables(poses, part.centre if target is None else target),
             **series_variables(series),
             "exr": (("pose",), np.array(images, dtype=object)),
-            **face_maps(map(journal.sightings, numbers), part),
+            **face_maps(_sightings(journal, len(poses)), part),
         },
         part.region_names,
         {
@@ -258,3 +286,34 @@ def _dataset(
             "include": list(options.include),
         },
     )
+
+
+def _warn_of_empty_poses(dataset: xr.Dataset) -> None:
+    """Give the main reason if more than half of the poses are empty."""
+    good = dataset["rays_good"].sel(region="part").values
+    empty: BoolArray = good < FEWEST_RAYS
+    if 2 * empty.sum() <= len(empty):
+        return
+    hits = dataset["rays_hit"].sel(region="part").values
+    reasons = {
+        "the camera stands in the hot air or the part, or failed": (good < 0).sum(),
+        "the part is out of focus": _most(dataset, "rays_out_of_focus", empty),
+        "the part is hidden by another object": _most(dataset, "rays_blocked", empty),
+        "the part is out of the picture": (empty & (hits == 0)).sum(),
+        f"the part covers fewer than {FEWEST_RAYS} pixels": (
+            empty & (hits > 0) & (hits < FEWEST_RAYS)
+        ).sum(),
+    }
+    reason = max(reasons, key=lambda text: reasons[text])
+    warnings.warn(
+        f"{empty.sum()} of {len(empty)} poses see fewer than {FEWEST_RAYS} good rays, mostly "
+        f"because {reason}; change the orbit, the focus interval, the focal length or the number "
+        "of pixels.",
+        IriftraceWarning,
+        stacklevel=4,
+    )
+
+
+def _most(dataset: xr.Dataset, name: str, empty: BoolArray) -> int:
+    counts = dataset[name].sel(region="part").values
+    return int((empty & (counts >= FEWEST_RAYS)).sum())

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning, SetupError
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene, load_scene
-from iriftrace.sweep.pose import PoseResult, PoseTask, SceneSource, render_pose, source_of
+from iriftrace.sweep.journal import Piece
+from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
 
 if TYPE_CHECKING:
     from iriftrace.sweep.series import RenderPoses
@@ -163,7 +164,7 @@ def _quiet() -> Iterator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-def _render(client: Any, tasks: Iterable[PoseTask]) -> Iterator[PoseResult]:
+def _render(client: Any, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
 
     waiting = iter(tasks)
     running: set[Any] = set()
@@ -191,11 +192,11 @@ def _render(client: Any, tasks: Iterable[PoseTask]) -> Iterator[PoseResult]:
         client.cancel(list(running))
 
 
-def _result(future: Any) -> PoseResult:
+def _result(future: Any) -> Piece:
     """The result, or an error that a user understands."""
     distributed = import_module("distributed")
     try:
-        result: PoseResult = future.result()
+        result: Piece = future.result()
     except distributed.KilledWorker as error:
         raise SetupError(
             f"{error.allowed_failures + 1} workers died of the same pose, the last one at "
@@ -227,7 +228,7 @@ _one_at_a_time = threading.Lock()
 _loaded: dict[str, LoadedScene] = {}
 
 
-def render_on_worker(task: PoseTask, workers_of_host: Mapping[str, int]) -> PoseResult:
+def render_on_worker(task: PoseTask, workers_of_host: Mapping[str, int]) -> Piece:
     """Render one pose in this worker.
 
     Parameters

@@ -47,7 +47,7 @@ def images(scene: LoadedScene, poses: PoseSet) -> list[AovImage]:
 def swept(
     scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
 ) -> xr.Dataset:
-    return run_sweep(scene, poses, scene.camera, tmp_path_factory.mktemp("sweep") / "sweep.nc")
+    return run_sweep(scene, poses, tmp_path_factory.mktemp("sweep") / "sweep.nc")
 
 
 def by_hand(image: AovImage, include: tuple[int, ...] = (0,)) -> dict[int, list[tuple[float, ...]]]:

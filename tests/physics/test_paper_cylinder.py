@@ -24,7 +24,7 @@ def orbit(variant: str, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     azimuth = np.array((0.0, 2.0, 4.0, 26.0, 42.0, 56.0, 60.0, 90.0))
     poses = orbit_poses(Orbit(centre, axes), azimuth, np.zeros(1), centre)
     path = tmp_path_factory.mktemp("paper") / "sweep.nc"
-    return run_sweep(scene, poses, scene.camera, path, options=SweepOptions(nearest=True))
+    return run_sweep(scene, poses, path, options=SweepOptions(nearest=True))
 
 
 def at(orbit: xr.Dataset, name: str, azimuth: float) -> float:

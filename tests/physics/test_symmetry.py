@@ -48,7 +48,7 @@ def sweep_both_sides(folder: Path, stack: ShellStack) -> xr.Dataset:
     scene = load_scene(write_scene(folder, part, stack, bundled.camera, paraview=False))
     orbit = Orbit(centre=part.centre, semi_axes_mm=(310.0, 238.5, 238.5))
     poses = orbit_poses(orbit, np.array((-50.0, 50.0)), np.array((-30.0, 10.0, 40.0)), part.centre)
-    return run_sweep(scene, poses, scene.camera, folder / "sweep.nc")
+    return run_sweep(scene, poses, folder / "sweep.nc")
 
 
 def pairs(dataset: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:

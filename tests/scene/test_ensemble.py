@@ -421,11 +421,9 @@ def test_sweep_has_the_scatter_of_each_pose(ten: Path, tmp_path: Path) -> None:
 
     path = tmp_path / "sweep.nc"
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(scene, poses, scene.camera, path, progress=stop_after_one)
+        run_sweep(scene, poses, path, progress=stop_after_one)
     rendered: list[int] = []
-    dataset = run_sweep(
-        scene, poses, scene.camera, path, progress=lambda done, total: rendered.append(done)
-    )
+    dataset = run_sweep(scene, poses, path, progress=lambda done, total: rendered.append(done))
     assert rendered == [1, 2]
     for number, matrix in enumerate(poses.matrices):
         metrics = render_scene(scene, camera=scene.camera.at(matrix), nearest=False).metrics
@@ -454,7 +452,7 @@ def test_a_changed_member_is_another_sweep(tmp_path: Path) -> None:
         scene = load_scene(
             write_ensemble_scene(tmp_path / "s", part, airs, SLANTED, paraview=False)[0]
         )
-        return run_sweep(scene, _poses(), scene.camera, tmp_path / "sweep.nc")
+        return run_sweep(scene, _poses(), tmp_path / "sweep.nc")
 
     write(0.1).close()
     write(0.1).close()

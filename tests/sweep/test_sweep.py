@@ -20,12 +20,13 @@ from iriftrace.image.sightings import sightings_of
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.export import write_surface, write_table
-from iriftrace.sweep.journal import sole_writer
+from iriftrace.sweep.journal import Work, open_journal
 from iriftrace.sweep.measures import MEASURES
 from iriftrace.sweep.series import Series
 from iriftrace.sweep.store import read_sweep
 from iriftrace.sweep.sweep import SweepOptions, run_series, run_sweep
 from iriftrace.trace.render import render_scene
+from validation.inputs.journals import pieces_done
 
 # Some poses look straight down the plume.
 pytestmark = pytest.mark.filterwarnings("ignore:Single rays of .* poses change")
@@ -47,7 +48,7 @@ def swept(
     scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, xr.Dataset]:
     path = tmp_path_factory.mktemp("sweep") / "sweep.nc"
-    return path, run_sweep(scene, poses, scene.camera, path)
+    return path, run_sweep(scene, poses, path)
 
 
 def same_results(one: xr.Dataset, other: xr.Dataset) -> bool:
@@ -83,7 +84,7 @@ def test_file_says_what_it_holds_and_reads_back(swept: tuple[Path, xr.Dataset]) 
     assert json.loads(plain.attrs["camera"])["focal_length_mm"] == 10
     assert json.loads(plain.attrs["assumptions"])["optics"].startswith("geometric")
     assert read_sweep(path).identical(dataset.astype(dataset.dtypes))
-    assert not list(path.parent.glob("*journal*"))
+    assert not list(path.parent.glob("*partial*"))
 
 
 def test_head_on_view_covers_the_head(swept: tuple[Path, xr.Dataset]) -> None:
@@ -108,18 +109,12 @@ def test_interrupted_sweep_goes_on_and_ends_the_same(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(scene, poses, scene.camera, path, progress=stop_after_three)
+        run_sweep(scene, poses, path, progress=stop_after_three)
     assert not path.exists()
-    journal = tmp_path / "sweep.nc.journal"
-    # What a kill leaves behind: a pose without its line, half a pose, half a line.
-    (journal / "faces_000003.npy").write_bytes(b"of an earlier day")
-    (journal / ".faces_000004.123.npy").write_bytes(b"half")
-    with (journal / "poses.jsonl").open("ab") as file:
-        file.write(b'{"pose": 3, "metr')
+    journal = tmp_path / "sweep.nc.partial"
+    assert pieces_done(journal) == 3
     rendered.clear()
-    dataset = run_sweep(
-        scene, poses, scene.camera, path, progress=lambda done, total: rendered.append(done)
-    )
+    dataset = run_sweep(scene, poses, path, progress=lambda done, total: rendered.append(done))
     assert rendered[0] == 3
     assert same_results(dataset, swept[1])
     assert not journal.exists()
@@ -134,13 +129,12 @@ def test_a_full_disk_costs_no_pose(
     with monkeypatch.context() as full:
         full.setattr(shutil, "disk_usage", lambda folder: usage._replace(free=1000))
         with pytest.raises(InputError, match="make room and give the same command again"):
-            run_sweep(scene, poses.take([0, 2]), scene.camera, path)
+            run_sweep(scene, poses.take([0, 2]), path)
     assert not path.exists()
     rendered: list[int] = []
     run_sweep(
         scene,
         poses.take([0, 2]),
-        scene.camera,
         path,
         progress=lambda done, total: rendered.append(done),
     )
@@ -156,7 +150,7 @@ def test_finished_sweep_is_not_repeated(
     def never(done: int, total: int) -> None:
         raise AssertionError
 
-    assert run_sweep(scene, poses, scene.camera, path, progress=never).identical(read_sweep(path))
+    assert run_sweep(scene, poses, path, progress=never).identical(read_sweep(path))
     assert same_results(read_sweep(path), dataset)
 
 
@@ -166,12 +160,12 @@ def test_other_sweep_is_not_overwritten(
     path, _ = swept
     before = path.read_bytes()
     with pytest.raises(InputError, match="other poses"):
-        run_sweep(scene, poses.take([0, 1]), scene.camera, path)
+        run_sweep(scene, poses.take([0, 1]), path)
     assert path.read_bytes() == before
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc", progress=_stop_after_one)
+        run_sweep(scene, poses, tmp_path / "a.nc", progress=_stop_after_one)
     with pytest.raises(InputError, match="belongs to a sweep of other"):
-        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc", options=SweepOptions(nearest=True))
+        run_sweep(scene, poses, tmp_path / "a.nc", options=SweepOptions(nearest=True))
 
 
 def _stop_after_one(done: int, total: int) -> None:
@@ -188,7 +182,7 @@ def test_failed_and_empty_poses_do_not_stop_the_rest(
     matrices[1, :3, :3] = matrices[1, :3, :3] @ np.diag((-1.0, 1.0, -1.0))
     odd = PoseSet(matrices=matrices)
     with pytest.warns(IriftraceWarning, match="2 of 3 poses see fewer than 100 good rays"):
-        dataset = run_sweep(scene, odd, scene.camera, tmp_path / "odd.nc")
+        dataset = run_sweep(scene, odd, tmp_path / "odd.nc")
     assert "inside the part" in str(dataset["failure"][0].values)
     whole = dataset.sel(region="part")
     assert whole["rays_good"].values.tolist()[:2] == [-1, 0]
@@ -203,15 +197,14 @@ def test_a_part_far_away_is_said_to_be_small(
     matrices = np.array(poses.matrices[:1])
     matrices[0, :3, 3] *= 20.0
     camera = evolve(scene.camera, focus_mm=(50.0, np.inf))
+    far = Series(scene, camera, PoseSet(matrices=matrices))
     with pytest.warns(IriftraceWarning, match="the part covers fewer than 100 pixels"):
-        dataset = run_sweep(scene, PoseSet(matrices=matrices), camera, tmp_path / "far.nc")
+        dataset = run_series([far], tmp_path / "far.nc")
     assert 0 < int(dataset["rays_good"].sel(region="part")[0]) < 100
 
 
 def test_images_are_kept_on_request(scene: LoadedScene, poses: PoseSet, tmp_path: Path) -> None:
-    dataset = run_sweep(
-        scene, poses.take([2]), scene.camera, tmp_path / "one.nc", options=SweepOptions(exr=True)
-    )
+    dataset = run_sweep(scene, poses.take([2]), tmp_path / "one.nc", options=SweepOptions(exr=True))
     assert (tmp_path / str(dataset["exr"].values[0])).is_file()
 
 
@@ -234,37 +227,37 @@ def test_two_programs_never_write_one_sweep(
     scene: LoadedScene, poses: PoseSet, tmp_path: Path
 ) -> None:
     """Somebody forgot the first terminal; the poses of both would end up in one journal."""
-    folder = tmp_path / "one.nc.journal"
-    with sole_writer(folder):
+    journal = tmp_path / "one.nc.partial"
+    with open_journal(Work("sweep", "poses", tmp_path / "one.nc", "mine", 1)):
         with pytest.raises(InputError, match="Another program is writing"):
-            run_sweep(scene, poses.take([2]), scene.camera, tmp_path / "one.nc")
-        assert folder.is_dir()
-    assert not folder.exists()
-    run_sweep(scene, poses.take([2]), scene.camera, tmp_path / "one.nc")
+            run_sweep(scene, poses.take([2]), tmp_path / "one.nc")
+        assert journal.is_file()
+    assert not journal.exists()
+    run_sweep(scene, poses.take([2]), tmp_path / "one.nc")
 
 
 def test_journal_that_outlived_its_sweep_is_removed(
     scene: LoadedScene, poses: PoseSet, tmp_path: Path
 ) -> None:
     """Killed after the result was written and before the journal was gone."""
-    path, journal = tmp_path / "one.nc", tmp_path / "one.nc.journal"
+    path, journal = tmp_path / "one.nc", tmp_path / "one.nc.partial"
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(scene, poses.take([2, 5]), scene.camera, path, progress=_stop_after_one)
+        run_sweep(scene, poses.take([2, 5]), path, progress=_stop_after_one)
     kept = tmp_path / "kept"
-    shutil.copytree(journal, kept)
-    run_sweep(scene, poses.take([2, 5]), scene.camera, path)
+    shutil.copy(journal, kept)
+    run_sweep(scene, poses.take([2, 5]), path)
     kept.rename(journal)
-    run_sweep(scene, poses.take([2, 5]), scene.camera, path)
+    run_sweep(scene, poses.take([2, 5]), path)
     assert not journal.exists()
 
 
 def test_damaged_journal_is_refused(scene: LoadedScene, poses: PoseSet, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc", progress=_stop_after_one)
-    lines = tmp_path / "a.nc.journal" / "poses.jsonl"
-    lines.write_bytes(lines.read_bytes().replace(b'"pose"', b'"nose"'))
+        run_sweep(scene, poses, tmp_path / "a.nc", progress=_stop_after_one)
+    journal = tmp_path / "a.nc.partial"
+    journal.write_bytes(b"nonsense" + journal.read_bytes()[8:])
     with pytest.raises(InputError, match="is damaged"):
-        run_sweep(scene, poses, scene.camera, tmp_path / "a.nc")
+        run_sweep(scene, poses, tmp_path / "a.nc")
 
 
 @pytest.fixture(scope="module")
@@ -336,11 +329,11 @@ def test_changed_mesh_makes_another_sweep(
     """The XML is the same, but a resumed sweep would mix poses of two fields."""
     path = tmp_path / "a.nc"
     with pytest.raises(KeyboardInterrupt):
-        run_sweep(other_scene, poses, other_scene.camera, path, progress=_stop_after_one)
+        run_sweep(other_scene, poses, path, progress=_stop_after_one)
     mesh = other_scene.path.parent / "shells" / "shell_03.ply"
     mesh.write_bytes(mesh.read_bytes() + b"\0")
     with pytest.raises(InputError, match="belongs to a sweep of other"):
-        run_sweep(other_scene, poses, other_scene.camera, path)
+        run_sweep(other_scene, poses, path)
 
 
 def test_surface_carries_the_maps(
@@ -374,9 +367,9 @@ def test_file_of_another_kind_is_refused(tmp_path: Path, content: bytes) -> None
 
 
 def test_a_sweep_that_is_not_finished_is_no_missing_one(tmp_path: Path) -> None:
-    (tmp_path / "half.nc.journal").mkdir()
+    (tmp_path / "half.nc.partial").touch()
     with pytest.raises(
-        InputError, match=r"half\.nc is not finished, what is done lies in .*journal"
+        InputError, match=r"half\.nc is not finished, what is done lies in .*partial"
     ):
         read_sweep(tmp_path / "half.nc")
 
@@ -406,6 +399,6 @@ def test_file_of_another_program_is_not_replaced(
     path = tmp_path / "other.nc"
     path.write_bytes(b"somebody's work")
     with pytest.raises(InputError, match="is there already and is no sweep"):
-        run_sweep(scene, poses, scene.camera, path)
+        run_sweep(scene, poses, path)
     assert path.read_bytes() == b"somebody's work"
     assert list(tmp_path.iterdir()) == [path]

@@ -47,7 +47,7 @@ def alone(
     scene: LoadedScene, poses: PoseSet, tmp_path_factory: pytest.TempPathFactory
 ) -> xr.Dataset:
     """Rendered in this process."""
-    return run_sweep(scene, poses, scene.camera, tmp_path_factory.mktemp("alone") / "sweep.nc")
+    return run_sweep(scene, poses, tmp_path_factory.mktemp("alone") / "sweep.nc")
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,6 @@ def test_workers_give_the_same_to_the_last_bit_even_if_one_is_killed(
         dataset = run_sweep(
             scene,
             poses,
-            scene.camera,
             tmp_path / "sweep.nc",
             progress=kill_one_after_three,
             render=render,
@@ -92,7 +91,7 @@ def test_workers_give_the_same_to_the_last_bit_even_if_one_is_killed(
     assert done == list(range(len(poses) + 1))
     assert untimed(dataset).identical(untimed(alone))
     assert "inside the part" in str(dataset["failure"].values[-1])
-    assert not (tmp_path / "sweep.nc.journal").exists()
+    assert not (tmp_path / "sweep.nc.partial").exists()
 
 
 def test_sweep_begun_by_workers_is_finished_without_them(
@@ -104,8 +103,8 @@ def test_sweep_begun_by_workers_is_finished_without_them(
 
     path = tmp_path / "sweep.nc"
     with pytest.raises(KeyboardInterrupt), workers(cluster.scheduler_address) as render:
-        run_sweep(scene, poses, scene.camera, path, progress=stop_after_four, render=render)
-    assert untimed(run_sweep(scene, poses, scene.camera, path)).identical(untimed(alone))
+        run_sweep(scene, poses, path, progress=stop_after_four, render=render)
+    assert untimed(run_sweep(scene, poses, path)).identical(untimed(alone))
 
 
 def test_workers_that_see_another_scene_are_refused(
@@ -132,9 +131,7 @@ def test_local_workers_start_and_end(
     scene: LoadedScene, poses: PoseSet, alone: xr.Dataset, tmp_path: Path
 ) -> None:
     with workers("local", 1) as render:
-        dataset = run_sweep(
-            scene, poses.take([0, 5]), scene.camera, tmp_path / "two.nc", render=render
-        )
+        dataset = run_sweep(scene, poses.take([0, 5]), tmp_path / "two.nc", render=render)
     for name in ("displacement_median", "coverage", "rays_good", "sightings"):
         assert dataset[name].identical(alone[name].isel(pose=[0, 5]))
 

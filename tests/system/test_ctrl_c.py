@@ -162,7 +162,7 @@ def test_ctrl_c_says_how_much_is_kept(
     status, said = outcome(monkeypatch, capsys, command)
     assert status == 130
     assert said.splitlines()[-1] == (
-        f"interrupted; 59 of 172 {what.lower()} are kept in s.nc.journal, give the same command "
+        f"interrupted; 59 of 172 {what.lower()} are kept in s.nc.partial, give the same command "
         "again to go on"
     )
 

@@ -16,6 +16,7 @@ import psutil
 
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.store import read_sweep
+from validation.inputs.journals import pieces_done
 
 KILLS = 20
 
@@ -29,33 +30,27 @@ def command(output: Path, *more: str, azimuths: int = 8) -> list[str]:
     ]
 
 
-def poses_done(journal: Path) -> int:
-    """Whole lines of the journal after its first."""
-    lines = journal / "poses.jsonl"
-    return max(0, lines.read_bytes().count(b"\n") - 1) if lines.is_file() else 0
-
-
 def test_killed_sweeps_resume_to_the_undisturbed_result(tmp_path: Path) -> None:
     undisturbed = tmp_path / "undisturbed.nc"
     subprocess.run(command(undisturbed), check=True, capture_output=True)
     chance = random.Random(3)
     output = tmp_path / "killed.nc"
-    journal = tmp_path / "killed.nc.journal"
+    journal = tmp_path / "killed.nc.partial"
     killed_at = []
     for _ in range(KILLS):
-        before = poses_done(journal)
+        before = pieces_done(journal)
         process = subprocess.Popen(
             command(output), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         # From just after the first new pose to the middle of a later one.
         deadline = time.monotonic() + 60
-        while poses_done(journal) <= before and process.poll() is None:
+        while pieces_done(journal) <= before and process.poll() is None:
             assert time.monotonic() < deadline
             time.sleep(0.01)
         time.sleep(chance.uniform(0, 0.08))
         process.send_signal(signal.SIGKILL)
         process.wait()
-        killed_at.append(poses_done(journal))
+        killed_at.append(pieces_done(journal))
         if output.exists():
             break
     assert len(killed_at) > 10
@@ -71,7 +66,7 @@ def test_killed_sweeps_resume_to_the_undisturbed_result(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_the_workers_without_a_word_of_theirs(tmp_path: Path) -> None:
     """A terminal sends the signal to every process; who asked for the workers ends them."""
-    output, journal = tmp_path / "a.nc", tmp_path / "a.nc.journal"
+    output, journal = tmp_path / "a.nc", tmp_path / "a.nc.partial"
     process = subprocess.Popen(
         # So many poses that none of them is the last one when the signal comes.
         command(output, "--workers", "2", azimuths=200),
@@ -83,7 +78,7 @@ def test_ctrl_c_ends_the_workers_without_a_word_of_theirs(tmp_path: Path) -> Non
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 120
-    while poses_done(journal) < 3 and process.poll() is None:
+    while pieces_done(journal) < 3 and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.01)
     workers = psutil.Process(process.pid).children(recursive=True)
@@ -98,9 +93,9 @@ def test_ctrl_c_ends_the_workers_without_a_word_of_theirs(tmp_path: Path) -> Non
     )
     assert kept
     # The last one may be in the journal and not yet counted.
-    assert int(kept[1]) in (poses_done(journal) - 1, poses_done(journal))
+    assert int(kept[1]) in (pieces_done(journal) - 1, pieces_done(journal))
     assert Path(kept[2]) == journal
     _, alive = psutil.wait_procs(workers, timeout=30)
     assert not alive
-    assert poses_done(journal) >= 3
+    assert pieces_done(journal) >= 3
     assert not output.exists()

@@ -120,7 +120,7 @@ def test_a_sweep_keeps_it_of_each_pose_and_says_how_many(tmp_path: Path) -> None
     away = look_at((0.0, -200.0, 0.0), (0.0, -400.0, 0.0))
     poses = PoseSet(np.concatenate((matrices, away[None])))
     with pytest.warns(IriftraceWarning, match=r"1 of 3 poses .*every_second_shell_p95"):
-        dataset = run_sweep(scene, poses, scene.camera, tmp_path / "s.nc")
+        dataset = run_sweep(scene, poses, tmp_path / "s.nc")
     side, above, nothing = dataset["every_second_shell_p95"].values
     whole = found_in(scene)
     assert side == pytest.approx(whole.p95_share, rel=0.5)

@@ -23,6 +23,7 @@ from iriftrace.cli.study import print_comparison, study
 from iriftrace.studies.cases import read_study
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
+from validation.inputs.journals import pieces_done
 
 Failing = Callable[..., str]
 
@@ -201,7 +202,7 @@ def test_a_killed_study_goes_on(
     out = tmp_path / "layers.nc"
     words = ["study", "layers", str(hot.field), str(hot.part), "-o", str(out), "--layers=1:4"]
     words += ["--reference=3", *SMALL]
-    journal = tmp_path / "layers.nc.journal" / "poses.jsonl"
+    journal = tmp_path / "layers.nc.partial"
     program = subprocess.Popen(
         [sys.executable, "-m", "iriftrace", *words],
         stdout=subprocess.DEVNULL,
@@ -209,18 +210,17 @@ def test_a_killed_study_goes_on(
         env={**os.environ},
     )
     try:
-        while program.poll() is None and not (journal.is_file() and journal.stat().st_size > 900):
+        while program.poll() is None and pieces_done(journal) < 1:
             time.sleep(0.02)
     finally:
         program.send_signal(signal.SIGKILL)
         program.wait()
     assert not out.exists()
-    done = journal.read_bytes().count(b"\n") - 1
-    assert done >= 1
+    assert pieces_done(journal) >= 1
     ended(capsys, *words)
     again = tmp_path / "again.nc"
     ended(capsys, *[word.replace("layers.nc", "again.nc") for word in words])
-    assert not journal.parent.exists()
+    assert not journal.exists()
     for name, values in read_study(again).items():
         np.testing.assert_array_equal(read_study(out)[name], values)
 

@@ -125,8 +125,8 @@ def test_output_of_another_program(
 
 
 def test_journal_that_is_a_file(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
-    (tmp_path / "a.nc.journal").write_text("{}\n")
-    assert "a.nc.journal" in fails(*f"sweep {hot.scene} -o a.nc {ORBIT}".split())
+    (tmp_path / "a.nc.partial").write_text("{}\n")
+    assert "a.nc.partial" in fails(*f"sweep {hot.scene} -o a.nc {ORBIT}".split())
 
 
 def test_scenes_of_different_parts(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:

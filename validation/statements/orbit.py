@@ -129,5 +129,5 @@ def sweep_around(
     aim = loaded.part.centre if target is None else target
     orbit = Orbit(aim, semi_axes(loaded.part, stand_off_mm), angles="geocentric")
     poses = orbit_poses(orbit, AZIMUTH_DEG, ELEVATION_DEG, aim)
-    dataset = run_sweep(loaded, poses, loaded.camera, folder / f"{scene}.nc", target=aim)
+    dataset = run_sweep(loaded, poses, folder / f"{scene}.nc", target=aim)
     return Swept(loaded.part, dataset)
