@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
@@ -16,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.figures.style import check_png_name, write_png
+from iriftrace.figures.style import ColourScale, legend_below
 from iriftrace.image.comparison import Comparison
 
 COLOUR_PERCENTILE = 98.0
@@ -30,9 +27,9 @@ _COMPONENTS = ("across, u", "down, v")
 
 
 def comparison_figure(
-    comparison: Comparison, resolution: tuple[int, int] | None, title: str, path: str | Path
-) -> None:
-    """Draw both components of the shifts and residuals and write them as PNG.
+    comparison: Comparison, resolution: tuple[int, int] | None, title: str
+) -> Figure:
+    """Draw both components of the shifts and residuals.
 
     Measured and simulated shifts share one scale of colours, the residuals another one.
 
@@ -44,21 +41,7 @@ def comparison_figure(
         Width and height of a map, which is drawn as a picture; None draws markers.
     title
         What the second line says.
-    path
-        Name of the PNG file; an existing one is replaced.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
     """
-    check_png_name(path)
-    write_png(_comparison_figure(comparison, resolution, title), path)
-
-
-def _comparison_figure(
-    comparison: Comparison, resolution: tuple[int, int] | None, title: str
-) -> Figure:
     signals = {"Measured": comparison.measured, "Simulated": comparison.simulated}
     residuals = {"Residual": comparison.residual}
     if comparison.motion is not None:
@@ -76,27 +59,15 @@ def _comparison_figure(
     grid: NDArray[Any] = figure.subplots(2, columns, sharex=True, sharey=True, squeeze=False)
     first = 0
     for panels, label in ((signals, "Shift (px)"), (residuals, "Residual (px)")):
-        values = np.abs(np.concatenate(list(panels.values())))
-        limit = float(np.percentile(values, COLOUR_PERCENTILE)) or 1.0
-        drawn: ScalarMappable | None = None
-        for column, (name, field) in enumerate(panels.items(), first):
+        values = np.concatenate(list(panels.values())).ravel()
+        limit = float(np.percentile(np.abs(values), COLOUR_PERCENTILE)) or 1.0
+        scale = ColourScale(values, (-limit, limit), label, False, "RdBu_r")
+        for column, (name, shifts) in enumerate(panels.items(), first):
             grid[0, column].set_title(name, fontsize=10)
-            for row in range(2):
-                drawn = _draw(
-                    grid[row, column], comparison.places, field[:, row], resolution, limit
-                )
-        assert drawn is not None
-        bar = figure.colorbar(
-            drawn,
-            ax=grid[:, first : first + len(panels)].ravel().tolist(),
-            location="bottom",
-            extend="both" if values.max() > limit else "neither",
-            label=label,
-            aspect=30,
-            shrink=0.9,
-        )
-        bar.locator = MaxNLocator(5, symmetric=True)
-        bar.update_ticks()
+            for axes, component in zip(grid[:, column], shifts.T, strict=True):
+                _draw(axes, comparison.places, component, resolution, scale)
+        some = grid[:, first : first + len(panels)].ravel().tolist()
+        scale.add_bar(figure, ax=some, location="bottom", shrink=0.9)
         first += len(panels)
     for row in range(2):
         grid[row, 0].set_ylabel(f"{_COMPONENTS[row]}\nRow (px)")
@@ -110,12 +81,8 @@ def _comparison_figure(
         )
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(4, integer=True))
-    figure.legend(
-        handles=[Patch(facecolor=_BACKGROUND, label=_GREY_MAP if resolution else _GREY_MARKERS)],
-        loc="outside lower center",
-        fontsize=9,
-        frameon=False,
-    )
+    text = _GREY_MAP if resolution else _GREY_MARKERS
+    legend_below(figure, [Patch(facecolor=_BACKGROUND, label=text)])
     figure.suptitle(_headline(comparison) + "\n" + title, fontsize=11)
     return figure
 
@@ -125,30 +92,19 @@ def _draw(
     places: FloatArray,
     values: FloatArray,
     resolution: tuple[int, int] | None,
-    limit: float,
-) -> ScalarMappable:
-    norm = Normalize(-limit, limit)
+    scale: ColourScale,
+) -> None:
     axes.set_facecolor(_BACKGROUND)
+    colours: dict[str, Any] = {"norm": scale.norm, "cmap": scale.colour_map}
     if resolution is None:
         size = float(np.clip(4000.0 / len(places), 4.0, 40.0))
-        across, down = places.T
-        return axes.scatter(
-            across,
-            down,
-            c=values,
-            s=size,
-            norm=norm,
-            cmap="RdBu_r",
-            edgecolors="0.3",
-            linewidths=0.3,
-        )
+        axes.scatter(*places.T, c=values, s=size, edgecolors="0.3", linewidths=0.3, **colours)
+        return
     width, height = resolution
     picture = np.full((height, width), np.nan)
     column, row = np.floor(places).astype(int).T
     picture[row, column] = values
-    return axes.imshow(
-        picture, norm=norm, cmap="RdBu_r", extent=(0, width, height, 0), interpolation="nearest"
-    )
+    axes.imshow(picture, extent=(0, width, height, 0), interpolation="nearest", **colours)
 
 
 def _headline(comparison: Comparison) -> str:

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
@@ -22,88 +21,192 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import synthetic_mark
-from iriftrace.figures.style import check_png_name, colour_norm, round_ticks, write_png
+from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask
-from iriftrace.image.metrics import FEWEST_RAYS
-from iriftrace.sweep.measures import Limits
+from iriftrace.image.metrics import FEWEST_RAYS, has_ensemble
+from iriftrace.sweep.faces import displacement_limits
 
-# MERGE figure_status: Pixels that see the part but have no displacement, in a colour for each rea
+UM_PER_MM = 1000.0
 
 # Flat colours that differ from each other, from the white background, from the colour map and from
-# the black lines of silhouettes, beside which most rays lie whose refracted twin misses: for these
-# the vermilion of Okabe and Ito, which colour-blind eyes tell from viridis and from greys.
-COLOURS: dict[Status, tuple[str, str]] = {
+# the black lines of silhouettes. Beside these lie most rays whose refracted twin misses: they get
+# the vermilion that colour-blind eyes tell from viridis and from greys.
+STATUS_COLOURS: dict[Status, tuple[str, str]] = {
     Status.OUT_OF_FOCUS: ("0.84", "Out of focus"),
     Status.BLOCKED: ("0.70", "Another object in the way"),
-    Status.REFRACTED_MISSED: ("#d55e00", "Refracted ray missed the part"),
+    Status.REFRACTED_MISSED: (COLOURS[1], "Refracted ray missed the part"),
     Status.ONLY_REFRACTED: ("0.56", "Only the refracted ray hit"),
     Status.INDEX_MISMATCH: ("0.42", "Index steps do not add up"),
     Status.GAVE_UP: ("0.27", "Gave up (crossing limit)"),
 }
 
 
-def draw_without_displacement(
-    axes: Axes, status: NDArray[np.int64], others: BoolArray, extent: tuple[int, int, int, int]
-) -> list[Patch]:
-    """Paint the pixels without a displacement.
+@frozen
+class Shown:
+    """A channel as a picture: its name, and words for the title and the colour bar."""
+
+    channel: str
+    title: str
+    label: str
+
+
+DISPLACEMENT = Shown("displacement.norm", "Displacement by hot air", "Displacement")
+BIAS = Shown("displacement.norm", "Mean displacement of the ensemble (bias)", "Mean displacement")
+SCATTER = Shown(
+    "displacement.std.norm", "Scatter over the ensemble", "Standard deviation of the displacement"
+)
+
+_WIDTH_IN = 8.0
+_TALLEST_IN = 9.0
+_FLATTEST_IN = 3.6
+_FLAT = 0.5  # Height over width below which the colour bar has no room beside the picture.
+
+
+def displacement_figure(
+    image: AovImage, include: Collection[int] = (Status.GOOD,), *, view: str = ""
+) -> Figure:
+    """Draw the displacement of every pixel on the part, 1600 pixels wide; of an ensemble its mean.
+
+    Colours are logarithmic between the 1st and the 99th percentile of the rays that count; pixels
+    on the part without a displacement have a colour for each status; dark lines are silhouettes.
 
     Parameters
     ----------
-    axes
-    status
-        (h, w) array of status codes.
-    others
-        (h, w) mask of the pixels to paint.
-    extent
-        Of the picture: left, right, bottom, top.
+    image
+        AOV image of one pose.
+    include
+        Codes of the rays that count; 0 and 5 are possible.
+    view
+        Name of the pose among several, for a line below the title.
 
-    Returns
-    -------
-    list of Patch
-        Entries of the legend.
+    Raises
+    ------
+    InputError
+        No ray counts, so there is nothing to draw.
     """
-    order = list(COLOURS)
+    return _draw(image, include, BIAS if has_ensemble(image) else DISPLACEMENT, view)
+
+
+def scatter_figure(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Figure:
+    """Draw the standard deviation of the displacement over the members of an ensemble.
+
+    Parameters
+    ----------
+    image, include
+        As for `displacement_figure`; the image is that of an ensemble.
+
+    Raises
+    ------
+    InputError
+        The image is that of a single field; or as for `displacement_figure`.
+    """
+    if not has_ensemble(image):
+        raise InputError(
+            "the image is that of a single field, which has no scatter; render the scene of an "
+            "ensemble."
+        )
+    return _draw(image, include, SCATTER)
+
+
+def pose_figures(
+    image: AovImage, name: str, include: Collection[int] = (Status.GOOD,)
+) -> dict[str, Figure]:
+    """All figures of a pose, named after it: the displacement and, of an ensemble, the scatter.
+
+    Raises
+    ------
+    InputError
+        No ray counts, so there is nothing to draw.
+    """
+    figures = {name: displacement_figure(image, include)}
+    if has_ensemble(image):
+        figures[f"{name}_scatter"] = scatter_figure(image, include)
+    return figures
+
+
+def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = "") -> Figure:
+    good = good_mask(image, include)
+    if not good.any():
+        raise InputError(
+            "the image has no good ray, so there is no displacement to draw; look at the counts by "
+            "status in the metrics, then turn the camera to the part or widen the focus interval."
+        )
+    displacement = UM_PER_MM * image.channels[what.channel].astype(np.float64)
+    values = displacement[good]
+    limits = displacement_limits(values)
+    # Shells without an index step move nothing: then the scale starts at 0.
+    scale = ColourScale(values, limits, f"{what.label} (µm)", logarithmic=limits[0] > 0.0)
+    seen = image.status != Status.MISSED
+    columns, rows = _crop(seen)
+
+    aspect = (rows[1] - rows[0]) / (columns[1] - columns[0])
+    height = float(np.clip(1.7 + 6.1 * aspect, _FLATTEST_IN, _TALLEST_IN))
+    # Compressed: axes of equal scales leave no gap between themselves and their colour bar.
+    layout = ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.08, compress=True)
+    figure = Figure(figsize=(_WIDTH_IN, height), dpi=DPI, layout=layout)
+    axes = figure.add_subplot()
+    extent = (0, image.resolution[0], image.resolution[1], 0)
+    entries = _draw_without_displacement(axes, image.status, seen & ~good, extent)
+    axes.imshow(
+        np.ma.masked_where(~good, displacement),
+        norm=scale.norm,
+        cmap=scale.colour_map,
+        extent=extent,
+        interpolation="nearest",
+    )
+    _draw_silhouettes(axes, image, seen)
+    axes.set(xlim=columns, ylim=rows[::-1], xlabel="Column (px)", ylabel="Row (px)")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
+    side: Literal["right", "bottom"] = "right" if aspect > _FLAT else "bottom"
+    scale.add_bar(figure, ax=axes, location=side, shrink=0.95, aspect=28)
+    figure.suptitle(f"{what.title}: {_statistics(values)}", fontsize=12)
+    second_line = "\n".join(filter(None, (view, _provenance(image.header))))
+    axes.set_title(second_line, fontsize=9, color=TEXT_COLOUR, pad=8)
+    if entries:
+        title = "Pixels without a displacement (share of all that see the part)"
+        legend_below(figure, entries, min(2, len(entries)), title=title, title_fontsize=9)
+    return figure
+
+
+def _crop(seen: BoolArray) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Columns and rows that hold all that was seen, with a margin, as far as the picture goes."""
+    spans = []
+    filled = [np.flatnonzero(seen.any(axis=axis)) for axis in (0, 1)]
+    margin = 0.03 * max(np.ptp(used) + 1 for used in filled) + 2
+    for used, size in zip(filled, seen.shape[::-1], strict=True):
+        spans.append((float(max(used[0] - margin, 0)), float(min(used[-1] + 1 + margin, size))))
+    return spans[0], spans[1]
+
+
+def _draw_without_displacement(
+    axes: Axes, status: NDArray[np.int64], others: BoolArray, extent: tuple[int, int, int, int]
+) -> list[Patch]:
+    """Paint the pixels of the mask `others`, each status in its colour; returns legend entries."""
     codes = np.full(status.shape, np.nan)
     total = int((status != Status.MISSED).sum())
     entries = []
-    for number, code in enumerate(order):
+    for place, (code, (colour, label)) in enumerate(STATUS_COLOURS.items()):
         pixels = others & (status == code)
         count = int(pixels.sum())
         if count:
-            codes[pixels] = number
-            colour, label = COLOURS[code]
-            text = f"{label}: {count:,} px ({_percent(count / total)})"
+            codes[pixels] = place
+            share = f"{100 * count / total:.1f} %" if count / total >= 0.0005 else "< 0.1 %"
+            text = f"{label}: {count:,} px ({share})"
             entries.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.4, label=text))
     axes.imshow(
         codes,
-        norm=Normalize(-0.5, len(order) - 0.5),
-        cmap=ListedColormap([colour for colour, _ in COLOURS.values()]),
+        norm=Normalize(-0.5, len(STATUS_COLOURS) - 0.5),
+        cmap=ListedColormap([colour for colour, _ in STATUS_COLOURS.values()]),
         extent=extent,
         interpolation="nearest",
     )
     return entries
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f} %" if share >= 0.0005 else "< 0.1 %"
-
-
-# MERGE figure_silhouettes: Lines in a picture where the part ends or hides a farther piece of its
-
-
-def draw_silhouettes(axes: Axes, image: AovImage, seen: BoolArray) -> None:
-    """Draw the pixel edges that are silhouettes.
-
-    Parameters
-    ----------
-    axes
-        With the picture's pixels as its units.
-    image
-        AOV image of the pose.
-    seen
-        (h, w) mask of the pixels that see the part.
-    """
+def _draw_silhouettes(axes: Axes, image: AovImage, seen: BoolArray) -> None:
+    """Draw the pixel edges where the part ends or hides a farther piece of itself."""
     distance, slope = _distance_and_slope(image)
     face = image.channels["part.face"]
     for axis in (0, 1):
@@ -150,203 +253,6 @@ def _pixel_edges(marked: BoolArray, axis: int) -> FloatArray:
     start = np.stack((column, row + 1) if axis == 0 else (column + 1, row), axis=1)
     along = (1, 0) if axis == 0 else (0, 1)
     return np.stack((start, start + along), axis=1).astype(np.float64)
-
-
-COLOUR_PERCENTILES = (1.0, 99.0)
-"""A few silhouette rays jump by millimetres; these percentiles keep them out of the colours."""
-
-UM_PER_MM = 1000.0
-
-
-@frozen
-class Shown:
-    """A channel as a picture: its name, and words for the title and the colour bar."""
-
-    channel: str
-    title: str
-    label: str
-
-
-DISPLACEMENT = Shown("displacement.norm", "Displacement by hot air", "Displacement")
-BIAS = Shown("displacement.norm", "Mean displacement of the ensemble (bias)", "Mean displacement")
-SCATTER = Shown(
-    "displacement.std.norm", "Scatter over the ensemble", "Standard deviation of the displacement"
-)
-
-
-_DPI = 200
-_WIDTH_IN = 8.0
-_TALLEST_IN = 9.0
-_FLATTEST_IN = 3.6
-_FLAT = 0.5  # Height over width below which the colour bar has no room beside the picture.
-
-
-def displacement_figure(
-    image: AovImage,
-    path: str | Path,
-    include: Collection[int] = (Status.GOOD,),
-    *,
-    view: str = "",
-) -> None:
-    """Draw the displacement of every pixel on the part and write it as PNG, 1600 pixels wide.
-
-    Colours are logarithmic between the 1st and the 99th percentile of the rays that count; pixels
-    on the part without a displacement have a colour for each status; dark lines are silhouettes.
-
-    Parameters
-    ----------
-    image
-        AOV image of one pose.
-    path
-        Name of the PNG file; an existing one is replaced.
-    include
-        Codes of the rays that count; 0 and 5 are possible.
-    view
-        Which view of several it is, for a line below the title.
-
-    Raises
-    ------
-    InputError
-        No ray counts, so there is nothing to draw; or the file cannot be written.
-    """
-    check_png_name(path)
-    write_png(_displacement_figure(image, include, view=view), path)
-
-
-def scatter_figure(
-    image: AovImage, path: str | Path, include: Collection[int] = (Status.GOOD,)
-) -> None:
-    """Draw the standard deviation of the displacement over the members of an ensemble, as PNG.
-
-    Parameters
-    ----------
-    image, path, include
-        As for `displacement_figure`; the image is that of an ensemble.
-
-    Raises
-    ------
-    InputError
-        The image is that of a single field; or as for `displacement_figure`.
-    """
-    if SCATTER.channel not in image.channels:
-        raise InputError(
-            "the image is that of a single field, which has no scatter; render the scene of an "
-            "ensemble."
-        )
-    check_png_name(path)
-    write_png(_displacement_figure(image, include, SCATTER), path)
-
-
-def _displacement_figure(
-    image: AovImage,
-    include: Collection[int] = (Status.GOOD,),
-    what: Shown | None = None,
-    view: str = "",
-) -> Figure:
-    what = what or (BIAS if SCATTER.channel in image.channels else DISPLACEMENT)
-    good = good_mask(image, include)
-    if not good.any():
-        raise InputError(
-            "the image has no good ray, so there is no displacement to draw; look at the counts by "
-            "status in the metrics, then turn the camera to the part or widen the focus interval."
-        )
-    displacement = np.ma.masked_where(
-        ~good, image.channels[what.channel].astype(np.float64) * UM_PER_MM
-    )
-    limits = _colour_limits(displacement.compressed())
-    seen = image.status != Status.MISSED
-    columns, rows = _crop(seen)
-
-    aspect = (rows[1] - rows[0]) / (columns[1] - columns[0])
-    height = float(np.clip(1.7 + 6.1 * aspect, _FLATTEST_IN, _TALLEST_IN))
-    figure = Figure(figsize=(_WIDTH_IN, height), dpi=_DPI, layout=_layout())
-    axes = figure.add_subplot()
-    extent = (0, image.resolution[0], image.resolution[1], 0)
-    entries = draw_without_displacement(axes, image.status, seen & ~good, extent)
-    picture = axes.imshow(
-        displacement,
-        norm=colour_norm(limits),
-        cmap="viridis",
-        extent=extent,
-        interpolation="nearest",
-    )
-    draw_silhouettes(axes, image, seen)
-    axes.set(xlim=columns, ylim=rows[::-1], xlabel="Column (px)", ylabel="Row (px)")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
-    side: Literal["right", "bottom"] = "right" if aspect > _FLAT else "bottom"
-    _add_colour_bar(figure, picture, axes, displacement.compressed(), limits, side, what)
-    second_line = "\n".join(filter(None, (view, _provenance(image.header))))
-    _add_titles(figure, axes, displacement.compressed(), second_line, what)
-    if entries:
-        figure.legend(
-            handles=entries,
-            loc="outside lower center",
-            ncols=2 if len(entries) > 1 else 1,
-            fontsize=9,
-            frameon=False,
-            title="Pixels without a displacement (share of all that see the part)",
-            title_fontsize=9,
-        )
-    return figure
-
-
-def _layout() -> ConstrainedLayoutEngine:
-    # Compressed: axes of equal scales leave no gap between themselves and their colour bar.
-    return ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.08, compress=True)
-
-
-def _colour_limits(values: FloatArray) -> Limits:
-    """Percentiles of the values, moved apart where they would not make a logarithmic scale."""
-    low, high = (float(v) for v in np.percentile(values, COLOUR_PERCENTILES))
-    if high <= 0.0:
-        # Shells without an index step: nothing moves, and the scale is linear.
-        return 0.0, 1.0
-    low = max(low, 1e-4 * high)
-    return (low, high) if high > 1.05 * low else (low / 1.05, high * 1.05)
-
-
-def _crop(seen: BoolArray) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Columns and rows that hold all that was seen, with a margin, as far as the picture goes."""
-    spans = []
-    filled = [np.flatnonzero(seen.any(axis=axis)) for axis in (0, 1)]
-    margin = 0.03 * max(np.ptp(used) + 1 for used in filled) + 2
-    for used, size in zip(filled, seen.shape[::-1], strict=True):
-        spans.append((float(max(used[0] - margin, 0)), float(min(used[-1] + 1 + margin, size))))
-    return spans[0], spans[1]
-
-
-def _add_colour_bar(
-    figure: Figure,
-    picture: AxesImage,
-    axes: Axes,
-    values: FloatArray,
-    limits: Limits,
-    side: Literal["right", "bottom"],
-    what: Shown,
-) -> None:
-    below, above = bool(values.min() < limits[0]), bool(values.max() > limits[1])
-    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
-    bar = figure.colorbar(
-        picture,
-        ax=axes,
-        extend=extend.get((below, above), "neither"),
-        label=f"{what.label} (µm)",
-        location=side,
-        shrink=0.95,
-        aspect=28,
-        pad=0.02,
-    )
-    ticks = round_ticks(limits).tolist()
-    bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
-    bar.set_ticks([], minor=True)
-
-
-def _add_titles(
-    figure: Figure, axes: Axes, values: FloatArray, second_line: str, what: Shown
-) -> None:
-    figure.suptitle(f"{what.title}: {_statistics(values)}", fontsize=12)
-    axes.set_title(second_line, fontsize=9, color="0.35", pad=8)
 
 
 def _statistics(values: FloatArray) -> str:

@@ -12,31 +12,21 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import FuncNorm
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.figures.space import (
-    Box,
     View,
     add_part,
     add_picture,
     box_around,
-    camera_body,
     fitting_view,
     rendered,
-    sight_lines,
     thinned,
     titled_figure,
     view_direction,
-)
-from iriftrace.figures.style import (
-    celsius_of,
-    check_png_name,
-    temperature_norm,
-    temperature_ticks,
-    write_png,
 )
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
@@ -52,8 +42,8 @@ _COLOUR_MAP = "plasma"
 _TRANSMITTANCE = 0.2
 
 
-def scene_figure(part: Part, shells: ShellStack, camera: Camera, path: str | Path) -> None:
-    """Draw part, shells and camera in space and write the picture as PNG, 1600 x 1200 pixels.
+def scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
+    """Draw part, shells and camera in space, 1600 x 1200 pixels.
 
     The half of the shells that faces the viewer is cut away along the vertical plane through the
     part's centre that is parallel to the camera's axis, so that the nesting shows. Colours are
@@ -64,21 +54,12 @@ def scene_figure(part: Part, shells: ShellStack, camera: Camera, path: str | Pat
     ----------
     part, shells, camera
         The scene, mm, world.
-    path
-        Name of the PNG file; an existing one is replaced.
 
     Raises
     ------
-    InputError
-        The file cannot be written.
     SetupError
         This machine has no OpenGL that draws without a display.
     """
-    check_png_name(path)
-    write_png(_scene_figure(part, shells, camera), path)
-
-
-def _scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
     norm = temperature_norm(shells)
     towards, side = view_direction(camera.forward, -camera.matrix[:3, 1])
     sight = sight_lines(camera, part)
@@ -108,9 +89,122 @@ def _scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
             shell = shells.shells[number]
             _add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
 
-    picture = rendered(view, box, draw)
-    names = _names(camera, view, sight, body.points)
-    return _composed(picture, view, box, names, norm, _titles(shells, len(drawn), camera))
+    figure = titled_figure(*_titles(shells, len(drawn), camera))
+    axes = add_picture(figure, rendered(view, box, draw), view, box)
+    for text, points, place in _names(camera, view, sight, body.points):
+        _name(axes, view.pixels(points), text, place)
+    bar = figure.colorbar(
+        ScalarMappable(norm, _COLOUR_MAP),
+        cax=figure.add_axes((0.885, 0.22, 0.022, 0.56)),
+        label="Air temperature at the shells (°C)",
+    )
+    bar.set_ticks(temperature_ticks(norm))
+    bar.set_ticks([], minor=True)
+    return figure
+
+
+def celsius_of(shells: ShellStack) -> FloatArray:
+    """(shells,) array, degC: temperature of the air at each surface."""
+    return shells.temperature_k - ZERO_CELSIUS_K
+
+
+def temperature_norm(shells: ShellStack) -> FuncNorm:
+    """Colours over temperature (degC) that are linear in 1/T, hence in the refractivity."""
+    celsius = celsius_of(shells)
+    low, high = float(celsius.min()), float(celsius.max())
+    if high - low < 1.0:
+        low, high = low - 10.0, high + 10.0
+    return FuncNorm(
+        (
+            lambda t: -1.0 / (np.asarray(t) + ZERO_CELSIUS_K),
+            lambda u: -1.0 / np.asarray(u) - ZERO_CELSIUS_K,
+        ),
+        low,
+        high,
+    )
+
+
+def temperature_ticks(norm: FuncNorm) -> list[float]:
+    """Round temperatures that do not crowd the colour bar."""
+    rounds = np.array([20, 30, 40, 50, 75, 100, 150, 200, 300, 400, 500, 700, 1000, 1500, 2000])
+    low, high = (float(t) for t in norm.inverse(np.array((0.0, 1.0))))
+    inside = rounds[(rounds >= low) & (rounds <= high)]
+    ticks: list[float] = []
+    for tick in inside.tolist():
+        if not ticks or norm(tick) - norm(ticks[-1]) > 0.045:
+            ticks.append(tick)
+    return ticks if len(ticks) > 1 else [round(low), round(high)]
+
+
+def camera_body(camera: Camera, size: float) -> pv.PolyData:
+    """A box and a lens behind the pinhole; mm, world.
+
+    Parameters
+    ----------
+    camera
+        Whose pose it is.
+    size
+        About the width of the body, mm.
+    """
+    box = pv.Cube(
+        center=(0.0, 0.0, -0.75 * size),
+        x_length=1.3 * size,
+        y_length=0.95 * size,
+        z_length=0.9 * size,
+    )
+    lens = pv.Cylinder(
+        center=(0.0, 0.0, -0.15 * size),
+        direction=(0.0, 0.0, 1.0),
+        radius=0.36 * size,
+        height=0.3 * size,
+        resolution=48,
+    )
+    body: pv.PolyData = box.triangulate().append_polydata(lens.triangulate())
+    moved: pv.PolyData = body.transform(camera.matrix, inplace=False)
+    return moved
+
+
+def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
+    """Edges of a camera's view and outlines of its focus interval.
+
+    Parameters
+    ----------
+    camera
+        The camera. Where its far focus lies well behind the part, the edges end earlier and there
+        is no outline of it.
+    part
+        What it looks at.
+
+    Returns
+    -------
+    list of (name, points)
+        Polylines, (n, 3) arrays, mm, world; the names of the edges are empty.
+    """
+    local = camera.to_camera(part.vertices)
+    pinhole = camera.projection == "pinhole"
+    distances = np.linalg.norm(local, axis=1) if pinhole else local[:, 2]
+    near, far = camera.focus_mm
+    # A far end that lies well behind the part would make the part small in the picture.
+    reach = min(far, 1.3 * float(distances.max()))
+    width, height = camera.resolution
+    corners = np.array([(0, 0), (width, 0), (width, height), (0, height)], dtype=np.float64)
+    shares = np.linspace(0.0, 1.0, 17)[:-1, None]
+    sides = [a + shares * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
+    border = np.concatenate([*sides, corners[:1]])
+
+    starts, directions = camera.rays(corners)
+    lines = [
+        ("", np.stack((start, start + reach * direction)))
+        for start, direction in zip(starts, directions, strict=True)
+    ]
+    starts, directions = camera.rays(border)
+    if not pinhole:
+        lines.append(("", starts))
+    for name, distance in (("Near focus", near), ("Far focus", far)):
+        if 0.0 < distance <= reach:
+            # The focus interval is measured along the ray, so the outline lies on a sphere.
+            lines.append((f"{name} {distance:g} mm", starts + distance * directions))
+    return lines
 
 
 def _some(shells: tuple[Shell, ...]) -> list[int]:
@@ -145,29 +239,6 @@ def _add_shell(
     cut = surface.slice(normal=side, origin=centre)
     if cut.n_cells:
         plotter.add_mesh(cut, color=colour, line_width=2.5, lighting=False)
-
-
-def _composed(
-    picture: NDArray[np.uint8],
-    view: View,
-    box: Box,
-    names: list[tuple[str, FloatArray, str]],
-    norm: FuncNorm,
-    titles: tuple[str, str],
-) -> Figure:
-    """Put the rendered picture under labels, titles and colour bar."""
-    figure = titled_figure(*titles)
-    axes = add_picture(figure, picture, view, box)
-    for text, points, place in names:
-        _name(axes, view.pixels(points), text, place)
-    bar = figure.colorbar(
-        ScalarMappable(norm, _COLOUR_MAP),
-        cax=figure.add_axes((0.885, 0.22, 0.022, 0.56)),
-        label="Air temperature at the shells (°C)",
-    )
-    bar.set_ticks(temperature_ticks(norm))
-    bar.set_ticks([], minor=True)
-    return figure
 
 
 def _names(

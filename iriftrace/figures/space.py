@@ -1,4 +1,9 @@
-"""What all figures in space have in common: the rendered picture, its box, size and titles."""
+"""Pictures in space: a parallel view rendered off screen, under the labels of its box.
+
+Grid and labels are drawn here, because VTK's cube axes (pyvista's ``show_grid``) have round numbers
+only where the box itself ends at round numbers, write them slanted in a font of their own, and
+need room around the box that depends on the view.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +18,27 @@ import pyvista as pv
 from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import SetupError
+from iriftrace.figures.style import DPI, TEXT_COLOUR, even_ticks, number
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
-# MERGE figure_view: Parallel view of a scene in space and the labelled box around it.
+PART_COLOUR = "#ff8c1a"
+
+SIZE_PX = (1600, 1200)
+"""Width and height of the figures."""
+
+# Of one surface. The time for thinning out grows with the third power of the bins along each side;
+# these are about as fine as the picture's pixels and cost 0.07 s.
+_MOST_TRIANGLES = 100_000
+_BINS = 400
 
 _GRID_COLOUR = "#d3d7dc"
-_TEXT_COLOUR = "0.25"
+_LABEL_COLOUR = "0.25"
 _TICK_GAP_PX = 12.0
 _CORNER_PX = 14.0
 _NAME_GAP_PX = 48.0
@@ -154,15 +166,9 @@ def box_around(points: FloatArray) -> Box:
     low, high = points.min(axis=0), points.max(axis=0)
     longest = float((high - low).max())
     bounds = np.stack((low - 0.02 * longest, high + 0.02 * longest))
-    ticks = [_ticks(side, max(2, round(7 * np.ptp(side) / longest))) for side in bounds.T]
-    return Box(bounds, (ticks[0], ticks[1], ticks[2]))
-
-
-def _ticks(ends: FloatArray, most: int) -> FloatArray:
-    locator = MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
-    marks: FloatArray = np.asarray(locator.tick_values(float(ends[0]), float(ends[1])))
-    inside: FloatArray = marks[(marks >= ends[0]) & (marks <= ends[1])]
-    return inside
+    most = [max(2, round(7 * extent / longest)) for extent in np.ptp(bounds, axis=0)]
+    x, y, z = (even_ticks((a, b), n) for (a, b), n in zip(bounds.T.tolist(), most, strict=True))
+    return Box(bounds, (x, y, z))
 
 
 def fitting_view(towards: FloatArray, box: Box, size_px: tuple[int, int]) -> View:
@@ -219,14 +225,9 @@ def label_box(axes: Axes, view: View, box: Box) -> None:
         for tick, position in zip(ticks[axis], positions, strict=True):
             # Near a corner the label would meet that of the next edge.
             if np.linalg.norm(ends - position, axis=1).min() > _CORNER_PX:
-                _write(axes, position + _TICK_GAP_PX * outward, _number(tick), outward, 8)
+                _write(axes, position + _TICK_GAP_PX * outward, number(tick), outward, 8)
         gap = _NAME_GAP_PX + _LABEL_WIDTH_PX * abs(outward[0])
         _write(axes, ends.mean(axis=0) + gap * outward, f"{name} (mm)", outward, 9)
-
-
-def _number(value: float) -> str:
-    # Adding 0 turns -0 into 0.
-    return f"{value + 0.0:g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _outward(positions: FloatArray, middle: FloatArray) -> FloatArray:
@@ -243,20 +244,10 @@ def _write(axes: Axes, position: FloatArray, text: str, outward: FloatArray, siz
         float(position[1]),
         text,
         fontsize=size,
-        color=_TEXT_COLOUR,
+        color=_LABEL_COLOUR,
         ha=("left" if outward[0] > 0 else "right") if sideways else "center",
         va=("bottom" if outward[1] > 0 else "top") if abs(outward[1]) > 0.35 else "center",
     )
-
-
-# MERGE figure_surfaces: Surfaces drawn off screen: the plotter, the part, and meshes with too man
-
-# Of one surface. The time for thinning out grows with the third power of the bins along each side;
-# these are about as fine as the picture's pixels and cost 0.07 s.
-_MOST_TRIANGLES = 100_000
-_BINS = 400
-
-PART_COLOUR = "#ff8c1a"
 
 
 @contextmanager
@@ -274,22 +265,18 @@ def off_screen(size_px: tuple[int, int]) -> Iterator[pv.Plotter]:
             off_screen=True, window_size=list(size_px), theme=pv.themes.DocumentTheme()
         )
         try:
-            _require_opengl(plotter)
+            # Without a working OpenGL the window stays as it is, and drawing would end the process.
+            if not opens(plotter.render_window):
+                raise SetupError(
+                    "the 3-D figure needs an OpenGL library that draws without a display, and none "
+                    "was found; install Mesa's EGL (on Debian and Ubuntu: apt-get install libegl1) "
+                    "or leave the figure out."
+                )
             plotter.enable_anti_aliasing("msaa", multi_samples=8)
             plotter.renderer.SetUseOIT(False)
             yield plotter
         finally:
             plotter.close()
-
-
-def _require_opengl(plotter: pv.Plotter) -> None:
-    # Without a working OpenGL the window stays as it is, and drawing would end the process.
-    if not opens(plotter.render_window):
-        raise SetupError(
-            "the 3-D figure needs an OpenGL library that draws without a display, and none was "
-            "found; install Mesa's EGL (on Debian and Ubuntu: apt-get install libegl1) or leave "
-            "the figure out."
-        )
 
 
 def opens(window: Any) -> bool:
@@ -323,13 +310,6 @@ def thinned(surface: pv.PolyData) -> pv.PolyData:
     return thin
 
 
-SIZE_PX = (1600, 1200)
-"""Width and height of the figures."""
-
-_DPI = 200
-_TITLE_COLOURS = ("0", "0.35")
-
-
 def rendered(view: View, box: Box, draw: Callable[[pv.Plotter], None]) -> NDArray[np.uint8]:
     """(height, width, 3) array: what `draw` adds to a plotter, before the grids of the box.
 
@@ -348,11 +328,9 @@ def rendered(view: View, box: Box, draw: Callable[[pv.Plotter], None]) -> NDArra
 def titled_figure(title: str, subtitle: str) -> Figure:
     """An empty figure with a title and a line below it."""
     width, height = SIZE_PX
-    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
-    for text, y, size, colour in zip(
-        (title, subtitle), (0.96, 0.92), (12, 9), _TITLE_COLOURS, strict=True
-    ):
-        figure.text(0.5, y, text, ha="center", va="center", fontsize=size, color=colour)
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure.text(0.5, 0.96, title, ha="center", va="center", fontsize=12)
+    figure.text(0.5, 0.92, subtitle, ha="center", va="center", fontsize=9, color=TEXT_COLOUR)
     return figure
 
 
@@ -386,77 +364,3 @@ def add_picture(
     axes.set_axis_off()
     label_box(axes, view, box)
     return axes
-
-
-# MERGE figure_camera: What a camera looks like in a figure: its body, the edges of its view, its
-
-
-def camera_body(camera: Camera, size: float) -> pv.PolyData:
-    """A box and a lens behind the pinhole; mm, world.
-
-    Parameters
-    ----------
-    camera
-        Whose pose it is.
-    size
-        About the width of the body, mm.
-    """
-    box = pv.Cube(
-        center=(0.0, 0.0, -0.75 * size),
-        x_length=1.3 * size,
-        y_length=0.95 * size,
-        z_length=0.9 * size,
-    )
-    lens = pv.Cylinder(
-        center=(0.0, 0.0, -0.15 * size),
-        direction=(0.0, 0.0, 1.0),
-        radius=0.36 * size,
-        height=0.3 * size,
-        resolution=48,
-    )
-    body: pv.PolyData = box.triangulate().append_polydata(lens.triangulate())
-    moved: pv.PolyData = body.transform(camera.matrix, inplace=False)
-    return moved
-
-
-def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
-    """Edges of a camera's view and outlines of its focus interval.
-
-    Parameters
-    ----------
-    camera
-        The camera. Where its far focus lies well behind the part, the edges end earlier and there
-        is no outline of it.
-    part
-        What it looks at.
-
-    Returns
-    -------
-    list of (name, points)
-        Polylines, (n, 3) arrays, mm, world; the names of the edges are empty.
-    """
-    local = camera.to_camera(part.vertices)
-    pinhole = camera.projection == "pinhole"
-    distances = np.linalg.norm(local, axis=1) if pinhole else local[:, 2]
-    near, far = camera.focus_mm
-    # A far end that lies well behind the part would make the part small in the picture.
-    reach = min(far, 1.3 * float(distances.max()))
-    width, height = camera.resolution
-    corners = np.array([(0, 0), (width, 0), (width, height), (0, height)], dtype=np.float64)
-    shares = np.linspace(0.0, 1.0, 17)[:-1, None]
-    sides = [a + shares * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
-    border = np.concatenate([*sides, corners[:1]])
-
-    starts, directions = camera.rays(corners)
-    lines = [
-        ("", np.stack((start, start + reach * direction)))
-        for start, direction in zip(starts, directions, strict=True)
-    ]
-    starts, directions = camera.rays(border)
-    if not pinhole:
-        lines.append(("", starts))
-    for name, distance in (("Near focus", near), ("Far focus", far)):
-        if 0.0 < distance <= reach:
-            # The focus interval is measured along the ray, so the outline lies on a sphere.
-            lines.append((f"{name} {distance:g} mm", starts + distance * directions))
-    return lines

@@ -1,4 +1,4 @@
-"""The figure of any study."""
+"""Figures of studies: differences of hits, or times, along what was varied."""
 
 from __future__ import annotations
 
@@ -11,25 +11,54 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator
 
-from iriftrace.figures.style import TEXT_COLOUR, new_figure, number, round_ticks
+from iriftrace.figures.style import (
+    COLOURS,
+    TEXT_COLOUR,
+    finish_axes,
+    legend_below,
+    new_figure,
+    number,
+    round_ticks,
+)
 from iriftrace.studies.hit_comparison import reference_words
 
-# MERGE studies.figure_comparison: Figure of a study that compares hits: each statistic along the
+_MARKERS = ("o", "s", "^", "v", "D", "P")
 
-# Colours that colour-blind eyes tell apart (Okabe and Ito): ours, the paper's, and others.
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-MARKERS = ("o", "s", "^", "v", "D", "P")
-
-TITLES = {
+_COMPARISONS = {
     "layers": "Number of shells: difference of the refracted hits from the reference",
     "smoothing": "Smoothed shells: difference of the refracted hits from the finest field",
     "mesh": "Resolution of the flow solution: difference of the refracted hits",
 }
-ROWS = (
+_ROWS = (
     (("rmse",), "rmse / \N{MICRO SIGN}m"),
     (("rmse_trimmed",), "rmse without the worst\n1 % of the rays / \N{MICRO SIGN}m"),
     (("p95", "median"), "95th percentile (open),\nmedian (full) / \N{MICRO SIGN}m"),
 )
+
+_TIMINGS = {
+    "rays": ("Time of each stage against the number of rays", "rays", "Rays launched"),
+    "polygons": (
+        "Time of each stage against the number of triangles",
+        "triangles_per_shell",
+        "Triangles per shell",
+    ),
+}
+_NOTE: dict[str, Any] = {"fontsize": 8, "color": TEXT_COLOUR, "loc": "right", "pad": 3}
+_STAGES = {
+    "load": ("Load, build BVH", "#999999", "v"),
+    "build": ("Tables, layer at the wall", COLOURS[3], "^"),
+    "straight": ("Straight trace", COLOURS[5], "o"),
+    "refracted": ("Refracted trace", COLOURS[1], "s"),
+    "search": ("Its intersection search alone", COLOURS[0], "D"),
+    "metrics": ("Metrics", COLOURS[2], "P"),
+    "write": ("EXR", COLOURS[4], "X"),
+}
+
+
+def study_figure(dataset: xr.Dataset) -> Figure:
+    """Draw what :func:`iriftrace.studies.cases.read_study` reads."""
+    compares = dataset.attrs["study"] in _COMPARISONS
+    return comparison_figure(dataset) if compares else timing_figure(dataset)
 
 
 def comparison_figure(dataset: xr.Dataset) -> Figure:
@@ -37,7 +66,7 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     references = [str(name) for name in dataset["reference"].values]
     modes = len(dataset["mode"])
-    title = TITLES[dataset.attrs["study"]]
+    title = _COMPARISONS[dataset.attrs["study"]]
     subtitle = "Rays that are good in both runs; a ray that is good in one only is unmatched"
     height = 9.2 + 0.18 * modes
     figure, body = new_figure(4.4 * len(references) + 1.0, height, title, subtitle)
@@ -45,7 +74,7 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
     places = _places(dataset[str(axis)].values)
     for column, reference in enumerate(references):
         some = dataset.sel(reference=reference)
-        for row, (names, label) in enumerate(ROWS):
+        for row, (names, label) in enumerate(_ROWS):
             axes = grid[row, column]
             for mode in range(modes):
                 for name in names:
@@ -54,7 +83,8 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
                     shown = np.where(values > 1e-9, values, np.nan)
                     axes.plot(places, shown, **_line(mode, hollow=len(names) > 1 and name == "p95"))
             axes.set_yscale("log")
-            _finish(axes, label if column == 0 else "")
+            axes.set_ylabel(label if column == 0 else "")
+            finish_axes(axes)
         axes = grid[3, column]
         for mode in range(modes):
             lost = some["only_here"].values[mode] + some["only_reference"].values[mode]
@@ -64,7 +94,8 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
         axes.set_ylim(bottom=0)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_locator(NullLocator())
-        _finish(axes, "unmatched rays" if column == 0 else "")
+        axes.set_ylabel("unmatched rays" if column == 0 else "")
+        finish_axes(axes)
         _name_places(axes, dataset, str(axis), places)
         grid[0, column].set_title(f"Against {reference_words(reference)}", fontsize=10)
     for axes in grid[:3, 0]:
@@ -78,7 +109,7 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
         Line2D([], [], label=str(text), **_line(mode))
         for mode, text in enumerate(dataset["mode_description"].values)
     ]
-    body.legend(handles=entries, loc="outside lower center", ncols=1, fontsize=9, frameon=False)
+    legend_below(body, entries)
     return figure
 
 
@@ -86,7 +117,7 @@ def _line(mode: int, hollow: bool = False) -> dict[str, Any]:
     colour = COLOURS[mode % len(COLOURS)]
     return {
         "color": colour,
-        "marker": MARKERS[mode % len(MARKERS)],
+        "marker": _MARKERS[mode % len(_MARKERS)],
         "markersize": 4.5,
         "markerfacecolor": "white" if hollow else colour,
         "linewidth": 1.2,
@@ -116,39 +147,9 @@ def _name_places(axes: Axes, dataset: xr.Dataset, axis: str, places: Any) -> Non
         axes.xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
 
 
-def _finish(axes: Axes, label: str) -> None:
-    axes.set_ylabel(label)
-    axes.grid(color="0.92", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-# MERGE studies.figure_timing: Figure of a study that compares times: each stage along the axis, a
-
-FIGURE_TIMING_TITLES = {
-    "rays": ("Time of each stage against the number of rays", "rays", "Rays launched"),
-    "polygons": (
-        "Time of each stage against the number of triangles",
-        "triangles_per_shell",
-        "Triangles per shell",
-    ),
-}
-NOTE: dict[str, Any] = {"fontsize": 8, "color": TEXT_COLOUR, "loc": "right", "pad": 3}
-# Colours that colour-blind eyes tell apart (Okabe and Ito).
-STAGES = {
-    "load": ("Load, build BVH", "#999999", "v"),
-    "build": ("Tables, layer at the wall", "#cc79a7", "^"),
-    "straight": ("Straight trace", "#56b4e9", "o"),
-    "refracted": ("Refracted trace", "#d55e00", "s"),
-    "search": ("Its intersection search alone", "#0072b2", "D"),
-    "metrics": ("Metrics", "#009e73", "P"),
-    "write": ("EXR", "#e69f00", "X"),
-}
-
-
 def timing_figure(dataset: xr.Dataset) -> Figure:
     """Draw a result of :func:`iriftrace.studies.timing.run_timing`."""
-    title, across, label = FIGURE_TIMING_TITLES[dataset.attrs["study"]]
+    title, across, label = _TIMINGS[dataset.attrs["study"]]
     subtitle = (
         f"Fastest of {dataset.attrs['repeats']} pictures, {dataset.attrs['variant']}; times belong "
         "to the machine, ratios do not"
@@ -162,7 +163,7 @@ def timing_figure(dataset: xr.Dataset) -> Figure:
         some = dataset.isel(mode=column)
         places = some[across].values
         upper, lower = grid[:, column]
-        for stage, (name, colour, marker) in STAGES.items():
+        for stage, (name, colour, marker) in _STAGES.items():
             upper.plot(
                 places,
                 some[f"time_{stage}"].values,
@@ -175,21 +176,20 @@ def timing_figure(dataset: xr.Dataset) -> Figure:
         upper.set(xscale="log", yscale="log")
         upper.set_title(text.replace(": ", ":\n", 1), fontsize=9)
         share = 100.0 * some["search_share"].values
-        lower.plot(places, share, color="#0072b2", marker="D", markersize=4.5, linewidth=1.2)
+        lower.plot(places, share, color=COLOURS[0], marker="D", markersize=4.5, linewidth=1.2)
         lower.set_ylim(0, max(110.0, 1.05 * float(dataset["search_share"].max()) * 100.0))
         lower.axhline(100.0, color="0.6", linewidth=0.8, linestyle=":")
         if share.max() > 100.0:
-            lower.set_title("above 100 %: noise, the search is timed in a run of its own", **NOTE)
+            lower.set_title("above 100 %: noise, the search is timed in a run of its own", **_NOTE)
         lower.set_xlabel(label)
         ticks = places.tolist()
         lower.set_xticks(ticks, [_short(tick) for tick in ticks])
         lower.set_xticks([], minor=True)
         for axes in (upper, lower):
-            _figure_timing_finish(axes)
+            finish_axes(axes)
     grid[0, 0].set_ylabel("Time / s")
     grid[1, 0].set_ylabel("Search, share of the\nrefracted trace / %")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    body.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
+    legend_below(body, grid[0, 0].get_legend_handles_labels()[0], 4)
     return figure
 
 
@@ -199,15 +199,3 @@ def _short(count: float) -> str:
         if count >= factor:
             return f"{count / factor:.3g} {letter}"
     return f"{count:g}"
-
-
-def _figure_timing_finish(axes: Axes) -> None:
-    axes.grid(color="0.92", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-def study_figure(dataset: xr.Dataset) -> Figure:
-    """Draw what :func:`iriftrace.studies.cases.read_study` reads."""
-    compares = dataset.attrs["study"] in TITLES
-    return comparison_figure(dataset) if compares else timing_figure(dataset)

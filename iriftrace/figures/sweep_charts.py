@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -17,14 +15,16 @@ from iriftrace.figures.style import (
     BEST_COLOUR,
     BEST_RING,
     COLOUR_MAP,
+    COLOURS,
     TEXT_COLOUR,
     UNKNOWN,
-    add_colour_bar,
+    finish_axes,
+    legend_below,
     marks,
     new_figure,
     number,
-    quantity_norm,
-    unknown_label,
+    scale_of,
+    unknown_marks,
 )
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.quantities import Quantity
@@ -33,20 +33,20 @@ from iriftrace.planning.summary import SweepSummary
 _BAR_COLOUR = "#31688e"
 _BINS = 24
 
-# Colours that colour-blind eyes tell apart, and names; what can be used has that of the bars.
+# Colours and names; what can be used has the colour of the bars.
 RAY_OUTCOMES: dict[Status, tuple[str, str]] = {
     Status.GOOD: (_BAR_COLOUR, "Good"),
     Status.OUT_OF_FOCUS: ("#b8c4cf", "Out of focus"),
     Status.BLOCKED: ("#7f7f7f", "Another object in the way"),
-    Status.REFRACTED_MISSED: ("#e69f00", "Only the straight ray hit"),
-    Status.ONLY_REFRACTED: ("#d55e00", "Only the refracted ray hit"),
-    Status.INDEX_MISMATCH: ("#cc79a7", "Index steps do not add up"),
+    Status.REFRACTED_MISSED: (COLOURS[4], "Only the straight ray hit"),
+    Status.ONLY_REFRACTED: (COLOURS[1], "Only the refracted ray hit"),
+    Status.INDEX_MISMATCH: (COLOURS[3], "Index steps do not add up"),
     Status.GAVE_UP: ("#222222", "Gave up (crossing limit)"),
 }
 
 
 def histogram_figure(summary: SweepSummary) -> Figure:
-    """How each metric is distributed over the poses, with the ends of its normalisation."""
+    """Histogram of each metric over the poses, with the ends of its normalisation."""
     figure, body = new_figure(8.0, 6.4, "Metrics of all poses", summary.subtitle)
     for axes, quantity in zip(body.subplots(2, 2).flat, summary.metrics, strict=True):
         values = quantity.values[quantity.known]
@@ -54,7 +54,7 @@ def histogram_figure(summary: SweepSummary) -> Figure:
             values, bins=_bins(quantity, values), color=_BAR_COLOUR, edgecolor="white", lw=0.4
         )
         if quantity.logarithmic:
-            _logarithmic(axes, "x")
+            _logarithmic(axes)
         for limit, style in zip(quantity.limits, ("--", "-"), strict=True):
             axes.axvline(limit, color=BEST_COLOUR, linestyle=style, linewidth=1.2)
         _finish_histogram(axes, quantity.label)
@@ -63,12 +63,12 @@ def histogram_figure(summary: SweepSummary) -> Figure:
     )
     low.set_label("Minimum: normalised to 0")
     high.set_label(f"{summary.plan.percentile:g}th percentile: normalised to 1")
-    _add_legend(body, [low, high, *_unknown(summary.metrics)])
+    legend_below(body, [low, high, *_unknown(summary.metrics)], 3)
     return figure
 
 
 def normalised_figure(summary: SweepSummary) -> Figure:
-    """How the normalised metrics and the score are distributed over the ranked poses."""
+    """Histograms of the normalised metrics and the score of the ranked poses."""
     figure, body = new_figure(10.0, 6.4, "Normalised metrics and combined score", summary.subtitle)
     *panels, spare = body.subplots(2, 3, sharey=True).flat
     edges = np.linspace(0.0, 1.0, _BINS + 1)
@@ -104,7 +104,7 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         color=TEXT_COLOUR,
     )
     best = Line2D([], [], color=BEST_COLOUR, linewidth=1.2, label="Smallest score: best pose")
-    _add_legend(body, [best, *_unknown(ranked)])
+    legend_below(body, [best, *_unknown(ranked)], 3)
     return figure
 
 
@@ -126,30 +126,20 @@ def _finish_histogram(axes: Axes, label: str) -> None:
 def _unknown(quantities: tuple[Quantity, ...]) -> list[Line2D]:
     """Legend entry for the poses that no histogram holds."""
     count = len(set().union(*(np.flatnonzero(~q.known).tolist() for q in quantities)))
-    return [Line2D([], [], label=f"{unknown_label(count)}, not shown", **UNKNOWN)] if count else []
+    return unknown_marks(count, ", not shown")
 
 
-def _logarithmic(axes: Axes, which: str) -> None:
-    axis = axes.xaxis if which == "x" else axes.yaxis
-    axes.set(**{f"{which}scale": "log"})
-    low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 1e3 * low else (1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _position: number(value)))
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _add_legend(body: SubFigure, entries: Sequence[Patch | Line2D], columns: int = 3) -> None:
-    body.legend(
-        handles=list(entries),
-        loc="outside lower center",
-        ncols=columns,
-        fontsize=9,
-        frameon=False,
-    )
+def _logarithmic(axes: Axes) -> None:
+    """Make the horizontal axis logarithmic, with few and plain numbers."""
+    axes.set_xscale("log")
+    low, high = axes.xaxis.get_view_interval()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 1e3 * low else (1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _position: number(value)))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def rays_figure(summary: SweepSummary) -> Figure:
-    """What each pose counts: rays that hit by what became of them, faces hit, shell triangles."""
+    """Counts of each pose: rays that hit, by status; faces hit; shell triangles in view."""
     counts = [(summary.polygons, "Shell triangles in view")]
     if summary.faces is not None:
         counts.insert(0, (summary.faces, "Faces of the part hit"))
@@ -191,7 +181,7 @@ def rays_figure(summary: SweepSummary) -> Figure:
     upper.set_ylabel("Rays that hit the part")
     others[-1].set_xlabel("Pose (number in the sweep)")
     others[-1].xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
-    _add_legend(body, entries)
+    legend_below(body, entries, 3)
     return figure
 
 
@@ -211,7 +201,7 @@ def pareto_figure(summary: SweepSummary) -> Figure:
             across.values[coloured],
             up.values[coloured],
             c=colour.values[coloured],
-            norm=quantity_norm(colour),
+            norm=scale_of(colour).norm,
             cmap=COLOUR_MAP,
             s=size,
             edgecolors=edge,
@@ -223,15 +213,13 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     best = summary.plan.best
     axes.plot(across.values[best], up.values[best], zorder=4, **BEST_RING)
     if across.logarithmic:
-        _logarithmic(axes, "x")
+        _logarithmic(axes)
     axes.set(xlabel=across.label, ylabel=up.label)
     # Poses that all see much the same would lie in one line at the top.
     if up.values[known].min() < 0.5 * up.values[known].max():
         axes.set_ylim(bottom=0)
-    axes.grid(color="0.92", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    add_colour_bar(body, colour, axes=axes)
+    finish_axes(axes)
+    scale_of(colour).add_bar(body, ax=axes)
     entries = marks(summary, np.zeros(len(known), dtype=np.bool_), BEST_RING)
     for count, text in (
         (int(grey.sum()), "Without lateral resolution: {}"),
@@ -251,5 +239,5 @@ def pareto_figure(summary: SweepSummary) -> Figure:
         label=f"Pareto front in displacement, coverage, axial and lateral resolution: "
         f"{len(summary.front)} poses",
     )
-    _add_legend(body, [ring, *entries], columns=1)
+    legend_below(body, [ring, *entries])
     return figure

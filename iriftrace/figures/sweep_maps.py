@@ -14,11 +14,11 @@ from iriftrace.figures.style import (
     BEST,
     COLOUR_MAP,
     UNKNOWN,
-    add_colour_bar,
+    legend_below,
     marks,
     new_figure,
     number,
-    quantity_norm,
+    scale_of,
 )
 from iriftrace.planning.quantities import Quantity
 from iriftrace.planning.summary import SweepSummary
@@ -50,14 +50,8 @@ def map_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
         axes.set_title(text, fontsize=9)
     for axes in panels[len(series) :]:
         axes.set_axis_off()
-    add_colour_bar(body, quantity, axes=panels.tolist())
-    body.legend(
-        handles=marks(summary, ~quantity.known),
-        loc="outside lower center",
-        ncols=2,
-        fontsize=9,
-        frameon=False,
-    )
+    scale_of(quantity).add_bar(body, ax=panels.tolist())
+    legend_below(body, marks(summary, ~quantity.known), 2)
     return figure
 
 
@@ -106,7 +100,7 @@ def _draw_cells(axes: Axes, summary: SweepSummary, quantity: Quantity, grid: Int
         _edges(azimuths),
         rows,
         values,
-        norm=quantity_norm(quantity),
+        norm=scale_of(quantity).norm,
         cmap=COLOUR_MAP,
         # Vector figures would show white seams between cells.
         rasterized=True,
@@ -129,7 +123,7 @@ def _draw_dots(axes: Axes, summary: SweepSummary, quantity: Quantity, members: I
         summary.azimuth[known],
         summary.elevation[known],
         c=quantity.values[known],
-        norm=quantity_norm(quantity),
+        norm=scale_of(quantity).norm,
         cmap=COLOUR_MAP,
         s=float(np.clip(2.0e4 / len(members), 6.0, 60.0)),
         edgecolors="0.3",

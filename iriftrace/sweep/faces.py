@@ -64,7 +64,7 @@ def face_maps_of(dataset: xr.Dataset) -> tuple[FaceMap, ...]:
             "Mean displacement on each face, all poses",
             "Mean displacement (µm)",
             displacement,
-            _displacement_limits(displacement),
+            displacement_limits(displacement),
         ),
         FaceMap(
             "times_seen",
@@ -96,7 +96,11 @@ def faces_seen(dataset: xr.Dataset, region: str) -> IntArray | None:
     return np.bincount(pose[inside], minlength=len(counts)).astype(np.int64)
 
 
-def _displacement_limits(values: FloatArray) -> Limits:
+def displacement_limits(values: FloatArray) -> Limits:
+    """Ends of the colours of displacements, their 1st and 99th percentile, apart enough to differ.
+
+    The lower one is positive, for a logarithmic scale, unless nothing moves: then 0 and 1.
+    """
     low, high = (float(v) for v in np.nanpercentile(values, _PERCENTILES))
     if not high > 0.0:
         return 0.0, 1.0
