@@ -6,15 +6,17 @@ import base64
 import json
 from importlib import resources
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
+from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import PoseText, pose_text
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.figures.sweep import draw_sweep
+from iriftrace.figures.style import figure_bytes
+from iriftrace.figures.sweep import sweep_charts, sweep_pictures
+from iriftrace.figures.sweep_charts import RAY_OUTCOMES
 from iriftrace.image.aov_image import Status
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.rank import stability
@@ -35,7 +37,31 @@ if TYPE_CHECKING:
     from iriftrace.planning.summary import SweepSummary
 
 
-# MERGE report_content: What the report of a sweep says, as plain text and rows; the template only
+_TEMPLATE = "templates/report.html.jinja"
+
+# In the order of the page; a picture that is not listed comes last, under its file's name.
+_CAPTIONS = {
+    "pareto": "Coverage against displacement, coloured by lateral resolution. Ringed poses are "
+    "beaten by no other one in everything at once.",
+    "map_score": "Combined score over the direction from which the camera looks.",
+    "map_displacement": "Displacement over the direction from which the camera looks.",
+    "map_coverage": "Seen share of the area over the direction from which the camera looks.",
+    "map_axial": "Resolution along the line of sight.",
+    "map_lateral": "Resolution across the line of sight.",
+    "scene_score": "The camera poses around the part, coloured by the combined score.",
+    "scene_displacement": "The camera poses around the part, coloured by displacement.",
+    "scene_coverage": "The camera poses around the part, coloured by coverage.",
+    "scene_axial": "The camera poses around the part, coloured by axial resolution.",
+    "scene_lateral": "The camera poses around the part, coloured by lateral resolution.",
+    "view_smallest_displacement": "What the pose with the smallest displacement sees.",
+    "view_largest_displacement": "What the pose with the largest displacement sees.",
+    "faces_displacement": "How far hot air moves the points of each face, over all poses.",
+    "faces_times_seen": "How many poses see each face.",
+    "faces_incidence": "The best angle at which any pose sees each face.",
+    "histograms": "How the metrics are distributed over the poses.",
+    "histograms_normalised": "The same, normalised as they enter the score.",
+    "rays": "What became of the rays of each pose, and how much they met.",
+}
 
 Rows = tuple[tuple[str, ...], ...]
 
@@ -268,8 +294,6 @@ def _varied_weights(summary: SweepSummary) -> Rows:
 
 
 def _rays(dataset: xr.Dataset) -> Rows:
-    from iriftrace.figures.sweep_charts import RAY_OUTCOMES
-
     whole = dataset.sel(region="part")
     counts = {
         status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
@@ -316,50 +340,6 @@ def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-_TEMPLATE = "templates/report.html.jinja"
-
-# In the order of the page; a picture that is not listed comes last, under its file's name.
-_CAPTIONS = {
-    "pareto": "Coverage against displacement, coloured by lateral resolution. Ringed poses are "
-    "beaten by no other one in everything at once.",
-    "map_score": "Combined score over the direction from which the camera looks.",
-    "map_displacement": "Displacement over the direction from which the camera looks.",
-    "map_coverage": "Seen share of the area over the direction from which the camera looks.",
-    "map_axial": "Resolution along the line of sight.",
-    "map_lateral": "Resolution across the line of sight.",
-    "scene_score": "The camera poses around the part, coloured by the combined score.",
-    "scene_displacement": "The camera poses around the part, coloured by displacement.",
-    "scene_coverage": "The camera poses around the part, coloured by coverage.",
-    "scene_axial": "The camera poses around the part, coloured by axial resolution.",
-    "scene_lateral": "The camera poses around the part, coloured by lateral resolution.",
-    "view_smallest_displacement": "What the pose with the smallest displacement sees.",
-    "view_largest_displacement": "What the pose with the largest displacement sees.",
-    "faces_displacement": "How far hot air moves the points of each face, over all poses.",
-    "faces_times_seen": "How many poses see each face.",
-    "faces_incidence": "The best angle at which any pose sees each face.",
-    "histograms": "How the metrics are distributed over the poses.",
-    "histograms_normalised": "The same, normalised as they enter the score.",
-    "rays": "What became of the rays of each pose, and how much they met.",
-}
-
-
-@frozen
-class Figure:
-    """A picture within the page.
-
-    Attributes
-    ----------
-    name : str
-    caption : str
-    uri : str
-        The picture itself, as a ``data:`` URI.
-    """
-
-    name: str
-    caption: str
-    uri: str
-
-
 def write_report(
     path: Path, sweep: Path, dataset: xr.Dataset, summary: SweepSummary, *, top: int = 10
 ) -> tuple[str, ...]:
@@ -370,7 +350,7 @@ def write_report(
     path
         The HTML file; an existing one is replaced when the new one is complete.
     sweep
-        The sweep's file; images that it kept lie beside it.
+        The sweep's file.
     dataset, summary
         What it holds.
     top
@@ -389,30 +369,30 @@ def write_report(
     from jinja2 import Environment, StrictUndefined
 
     content = report_content(dataset, summary, top)
-    with TemporaryDirectory() as folder:
-        pictures = draw_sweep(dataset, summary, sweep.parent, Path(folder), vectors=False)
-        figures = [_figure(file) for file in pictures.files]
-    order = list(_CAPTIONS)
-    figures.sort(key=lambda f: order.index(f.name) if f.name in order else len(order))
+    pictures, missing = sweep_pictures(dataset, summary)
+    figures = {**sweep_charts(summary), **pictures}
+    names = [name for name in _CAPTIONS if name in figures]
+    names += [name for name in figures if name not in _CAPTIONS]
     source = resources.files("iriftrace.figures").joinpath(_TEMPLATE).read_text(encoding="utf-8")
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     text = environment.from_string(source).render(
         content=content,
-        figures=figures,
-        missing=pictures.missing,
+        figures=[
+            {"name": name, "caption": _CAPTIONS.get(name, name), "uri": _data_uri(figures[name])}
+            for name in names
+        ],
+        missing=missing,
         sweep=sweep.name,
         sha256=sha256_of(sweep),
         version=str(dataset.attrs.get("version", "")),
     )
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
-    return pictures.missing
+    return missing
 
 
-def _figure(file: Path) -> Figure:
-    picture = base64.b64encode(file.read_bytes()).decode("ascii")
-    return Figure(
-        file.stem, _CAPTIONS.get(file.stem, file.stem), f"data:image/png;base64,{picture}"
-    )
+def _data_uri(figure: Figure) -> str:
+    picture = base64.b64encode(figure_bytes(figure)).decode("ascii")
+    return f"data:image/png;base64,{picture}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -71,8 +72,6 @@ _CANVAS = {".png": FigureCanvasAgg, ".pdf": FigureCanvasPdf}
 def write_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure as PNG or PDF, whole or not at all; the same figure gives the same bytes.
 
-    Drawn on a canvas of its own, without the global state of pyplot.
-
     Raises
     ------
     InputError
@@ -83,11 +82,16 @@ def write_figure(figure: Figure, path: str | Path) -> None:
         raise InputError(
             f"{path} ends in neither .png nor .pdf, the formats of the figures; rename it."
         )
-    metadata = {"metadata": {"CreationDate": None}} if suffix == ".pdf" else {}
     with whole_file(path) as temporary:
-        _CANVAS[suffix](figure).print_figure(
-            temporary, format=suffix[1:], dpi=figure.dpi, **metadata
-        )
+        temporary.write_bytes(figure_bytes(figure, suffix))
+
+
+def figure_bytes(figure: Figure, suffix: str = ".png") -> bytes:
+    """The content of a ``.png`` or ``.pdf`` file, drawn without the global state of pyplot."""
+    content = BytesIO()
+    metadata = {"metadata": {"CreationDate": None}} if suffix == ".pdf" else {}
+    _CANVAS[suffix](figure).print_figure(content, format=suffix[1:], dpi=figure.dpi, **metadata)
+    return content.getvalue()
 
 
 def new_figure(

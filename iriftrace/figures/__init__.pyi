@@ -1,0 +1,13 @@
+from .comparison import comparison_figure as comparison_figure
+from .result import Plots as Plots
+from .result import plot as plot
+from .pose import displacement_figure as displacement_figure
+from .pose import scatter_figure as scatter_figure
+from .report import write_report as write_report
+from .scene import scene_figure as scene_figure
+from .studies import study_figure as study_figure
+from .style import write_figure as write_figure
+from .sweep import sweep_charts as sweep_charts
+from .sweep import sweep_pictures as sweep_pictures
+from .sweep_space import sweep_face_figure as sweep_face_figure
+from .sweep_space import sweep_scene_figure as sweep_scene_figure

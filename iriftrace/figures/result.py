@@ -1,0 +1,119 @@
+"""Figures of any result: a pose, a sweep or a study, as an object or as its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from attrs import frozen
+from matplotlib.figure import Figure
+
+from iriftrace.core.errors import InputError
+from iriftrace.figures.style import write_figure
+from iriftrace.image.aov_image import AovImage, read_exr
+from iriftrace.studies.cases import is_study, read_study
+from iriftrace.sweep.store import read_sweep
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from iriftrace.planning.rank import Plan
+    from iriftrace.trace.render import Rendering
+
+
+@frozen(eq=False)
+class Plots:
+    """The figures of a result.
+
+    Attributes
+    ----------
+    figures
+        Matplotlib figures by name; the name is that of the file too.
+    vectors
+        Names of those that `save` writes as PDF beside the PNG.
+    missing
+        Figures that could not be drawn and the reasons, a sentence each.
+    """
+
+    figures: dict[str, Figure]
+    vectors: frozenset[str] = frozenset()
+    missing: tuple[str, ...] = ()
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write all figures to an existing folder; files of the same names are replaced.
+
+        Raises
+        ------
+        InputError
+            A file cannot be written.
+        """
+        written = []
+        for name, figure in self.figures.items():
+            for suffix in (".png", ".pdf") if name in self.vectors else (".png",):
+                written.append(Path(folder) / f"{name}{suffix}")
+                write_figure(figure, written[-1])
+        return written
+
+
+def plot(
+    result: str | Path | AovImage | Rendering | xr.Dataset,
+    *,
+    plan: Plan | None = None,
+    name: str | None = None,
+) -> Plots:
+    """Draw a result.
+
+    Parameters
+    ----------
+    result
+        A pose (an AOV image, a rendering, or an ``.exr``), a sweep or a study (a dataset or an
+        ``.nc``).
+    plan
+        Ranking of a sweep's poses; by default that of Kern et al. (2025).
+    name
+        Name of the figure of a pose or study; by default that of the file, else "displacement" or
+        the study's.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, the image has no good ray, or no pose of the sweep can be ranked.
+    """
+    if isinstance(result, str | Path):
+        name = name or Path(result).stem
+        result = read_result(result)
+    image = result if isinstance(result, AovImage) else getattr(result, "image", None)
+    if isinstance(image, AovImage):
+        from iriftrace.figures.pose import pose_figures
+
+        return Plots(pose_figures(image, name or "displacement"))
+    if "study" in result.attrs:
+        from iriftrace.figures.studies import study_figure
+
+        return Plots({name or str(result.attrs["study"]): study_figure(result)})
+    from iriftrace.figures.sweep import sweep_charts, sweep_pictures
+    from iriftrace.planning.rank import rank_poses
+    from iriftrace.planning.summary import summarise
+
+    summary = summarise(result, rank_poses(result) if plan is None else plan)
+    charts = sweep_charts(summary)
+    pictures, missing = sweep_pictures(result, summary)
+    return Plots({**charts, **pictures}, frozenset(charts), missing)
+
+
+def read_result(path: str | Path) -> AovImage | xr.Dataset:
+    """Read an AOV image (.exr), or a sweep or study (.nc).
+
+    Raises
+    ------
+    InputError
+        The name ends otherwise, or the file is missing or no such result.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".exr":
+        return read_exr(path)
+    if suffix != ".nc":
+        raise InputError(
+            f"{path} ends in neither .nc nor .exr; give a sweep or the AOV image of a pose."
+        )
+    return read_study(path) if is_study(path) else read_sweep(path)
