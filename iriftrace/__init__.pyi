@@ -4,6 +4,8 @@ from .camera.pose import look_at as look_at
 from .field.index_field import IndexField as IndexField
 from .field.read import read_field as read_field
 from .figures.pose import displacement_figure as displacement_figure
+from .figures.result import plot as plot
+from .figures.style import write_figure as write_figure
 from .image.aov_image import AovImage as AovImage
 from .image.aov_image import read_exr as read_exr
 from .image.coverage import seen_areas as seen_areas

@@ -81,11 +81,12 @@ def compare(
     written = [target]
     if figures:
         from iriftrace.figures.comparison import comparison_figure
+        from iriftrace.figures.style import write_figure
 
         picture = target.with_suffix(".png")
         with working("Drawing"):
             title = f"{measured.name} and {image.name}, {report['points']['compared']:,} places"
-            comparison_figure(comparison, shifts.resolution, title, picture)
+            write_figure(comparison_figure(comparison, shifts.resolution, title), picture)
         written.append(picture)
     write_comparison(target, report)
     _print_report(report, image.name, rendering.resolution)

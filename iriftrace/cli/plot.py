@@ -1,4 +1,4 @@
-"""The command ``iriftrace plot``: pictures of a sweep, a study or one pose."""
+"""The commands ``iriftrace plot`` and ``iriftrace report``: figures of results."""
 
 from __future__ import annotations
 
@@ -40,85 +40,29 @@ def plot(
     wavelength
         Wavelength that the file must be of, "450 nm"; one of other light is refused.
     """
-    suffix = file.suffix.lower()
-    if suffix not in (".nc", ".exr"):
-        raise InputError(
-            f"{file} ends in neither .nc nor .exr; give a sweep or the AOV image of a pose."
-        )
+    from iriftrace.figures.result import plot as draw
+    from iriftrace.figures.result import read_result
+
     check_input(file)
     if not output.absolute().parent.is_dir():
         raise InputError(f"The folder {output.parent} does not exist; create it first.")
     check_folder(output)
-    if suffix == ".exr":
-        pictures = _plot_pose(file, wavelength, output)
-    elif _is_study(file):
-        pictures = _plot_study(file, wavelength, output)
-    else:
-        pictures = _plot_sweep(file, ranking, wavelength, output)
+    result = read_result(file)
+    image = file.suffix.lower() == ".exr"
+    check_light(wavelength, result.header if image else result.attrs, file)
+    ranked = not image and "study" not in result.attrs
+    plan = ranking.summary_of(result).plan if ranked else None
+    with removed_on_failure(output):
+        output.mkdir(exist_ok=True)
+        with working("Drawing"):
+            plots = draw(result, plan=plan, name=file.stem)
+            pictures = plots.save(output)
+    _print_missing(plots.missing)
     out.print(
         f"Pictures in {output}: {', '.join(path.name for path in pictures)}",
         markup=False,
         soft_wrap=True,
     )
-
-
-def _plot_pose(file: Path, wavelength: str | None, folder: Path) -> list[Path]:
-    from iriftrace.figures.pose import displacement_figure, scatter_figure
-    from iriftrace.image.aov_image import read_exr
-    from iriftrace.image.metrics import has_ensemble
-
-    image = read_exr(file)
-    check_light(wavelength, image.header, file)
-    pictures = [folder / f"{file.stem}.png"]
-    with removed_on_failure(folder), working("Drawing"):
-        folder.mkdir(exist_ok=True)
-        displacement_figure(image, pictures[0])
-        if has_ensemble(image):
-            pictures.append(folder / f"{file.stem}_scatter.png")
-            scatter_figure(image, pictures[1])
-    return pictures
-
-
-def _is_study(file: Path) -> bool:
-    from iriftrace.studies.cases import is_study
-
-    return is_study(file)
-
-
-def _plot_study(file: Path, wavelength: str | None, folder: Path) -> list[Path]:
-    from iriftrace.figures.studies import study_figure
-    from iriftrace.figures.style import write_png
-    from iriftrace.studies.cases import read_study
-
-    dataset = read_study(file)
-    check_light(wavelength, dataset.attrs, file)
-    picture = folder / f"{file.stem}.png"
-    with removed_on_failure(folder), working("Drawing"):
-        folder.mkdir(exist_ok=True)
-        write_png(study_figure(dataset), picture)
-    return [picture]
-
-
-def _plot_sweep(
-    file: Path, ranking: RankingOptions, wavelength: str | None, folder: Path
-) -> list[Path]:
-    from iriftrace.sweep.store import read_sweep
-
-    dataset = read_sweep(file)
-    check_light(wavelength, dataset.attrs, file)
-    summary = ranking.summary_of(dataset)
-    from iriftrace.figures.sweep import draw_sweep
-
-    with removed_on_failure(folder):
-        folder.mkdir(exist_ok=True)
-        with working("Drawing"):
-            pictures = draw_sweep(dataset, summary, file.parent, folder)
-    for text in pictures.missing:
-        notes.print(f"note: {text}", markup=False, soft_wrap=True)
-    return list(pictures.files)
-
-
-# MERGE cli.report_commands: The command ``iriftrace report``: what a sweep found out, as one HTML
 
 
 def report(
@@ -129,7 +73,7 @@ def report(
     top: Whole = 10,
     wavelength: str | None = None,
 ) -> None:
-    """Write what a sweep found out as one HTML page that needs neither Python nor a network.
+    """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
 
     Example: ``iriftrace report sweep.nc -o report.html``
 
@@ -154,6 +98,10 @@ def report(
     summary = ranking.summary_of(dataset)
     with working("Writing the report"):
         missing = write_report(output, sweep, dataset, summary, top=top)
-    for text in missing:
-        notes.print(f"note: {text}", markup=False, soft_wrap=True)
+    _print_missing(missing)
     out.print(f"Report in {output}", markup=False, soft_wrap=True)
+
+
+def _print_missing(sentences: tuple[str, ...]) -> None:
+    for text in sentences:
+        notes.print(f"note: {text}", markup=False, soft_wrap=True)

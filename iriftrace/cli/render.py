@@ -234,14 +234,13 @@ def _render(
             checked[EVERY_SECOND_SHELL] = resolution.as_dict()
     rendering.metrics.update(checked)
     if figures:
-        from iriftrace.figures.pose import displacement_figure, scatter_figure
-        from iriftrace.image.metrics import has_ensemble
+        from iriftrace.figures.pose import pose_figures
+        from iriftrace.figures.style import write_figure
 
         with working("Drawing"):
             started = time.perf_counter()
-            displacement_figure(rendering.image, exr.with_suffix(".png"), include)
-            if has_ensemble(rendering.image):
-                scatter_figure(rendering.image, _scatter_picture(exr), include)
+            for name, figure in pose_figures(rendering.image, exr.stem, include).items():
+                write_figure(figure, exr.with_name(f"{name}.png"))
             seconds = time.perf_counter() - started
             rendering.metrics["time_s"]["figures"] = seconds
             rendering.metrics["time_s"]["total"] += seconds
@@ -271,10 +270,11 @@ def _scene_picture(
             return []
         from iriftrace.camera.camera import Camera
         from iriftrace.figures.scene import scene_figure
+        from iriftrace.figures.style import write_figure
         from iriftrace.shells.files import load_shells
 
         camera = Camera.from_dict(rendering.image.header["camera"])
-        scene_figure(part, load_shells(shells_folder), camera, picture)
+        write_figure(scene_figure(part, load_shells(shells_folder), camera), picture)
     return [picture]
 
 

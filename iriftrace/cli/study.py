@@ -231,14 +231,14 @@ def _run(
     show: Callable[[Any, Any], None],
 ) -> None:
     from iriftrace.figures.studies import study_figure
-    from iriftrace.figures.style import write_png
+    from iriftrace.figures.style import write_figure
 
     with pose_progress(output, "Cases") as report:
         dataset = run(what, output, report)
     show(out, dataset)
     picture = output.with_suffix(".png")
     with working("Drawing"):
-        write_png(study_figure(dataset), picture)
+        write_figure(study_figure(dataset), picture)
     out.print(f"Study in {output}, figure in {picture}", markup=False, soft_wrap=True)
 
 

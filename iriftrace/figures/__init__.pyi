@@ -1,9 +1,9 @@
 from .comparison import comparison_figure as comparison_figure
-from .result import Plots as Plots
-from .result import plot as plot
 from .pose import displacement_figure as displacement_figure
 from .pose import scatter_figure as scatter_figure
 from .report import write_report as write_report
+from .result import Plots as Plots
+from .result import plot as plot
 from .scene import scene_figure as scene_figure
 from .studies import study_figure as study_figure
 from .style import write_figure as write_figure

@@ -148,7 +148,7 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
     axes = figure.add_subplot()
     extent = (0, image.resolution[0], image.resolution[1], 0)
     entries = _draw_without_displacement(axes, image.status, seen & ~good, extent)
-    axes.imshow(
+    picture = axes.imshow(
         np.ma.masked_where(~good, displacement),
         norm=scale.norm,
         cmap=scale.colour_map,
@@ -160,7 +160,7 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
     side: Literal["right", "bottom"] = "right" if aspect > _FLAT else "bottom"
-    scale.add_bar(figure, ax=axes, location=side, shrink=0.95, aspect=28)
+    scale.add_bar(figure, picture, ax=axes, location=side, shrink=0.95, aspect=28)
     figure.suptitle(f"{what.title}: {_statistics(values)}", fontsize=12)
     second_line = "\n".join(filter(None, (view, _provenance(image.header))))
     axes.set_title(second_line, fontsize=9, color=TEXT_COLOUR, pad=8)

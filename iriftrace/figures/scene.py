@@ -75,7 +75,7 @@ def scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
         )
     )
     view = fitting_view(towards, box, _PICTURE_PX)
-    drawn = _some(shells.shells)
+    drawn = drawn_shells(shells.shells)
 
     def draw(plotter: pv.Plotter) -> None:
         add_part(plotter, part)
@@ -207,7 +207,7 @@ def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
     return lines
 
 
-def _some(shells: tuple[Shell, ...]) -> list[int]:
+def drawn_shells(shells: tuple[Shell, ...]) -> list[int]:
     """Numbers of the shells to draw: all, or as many as the eye can tell apart."""
     count = min(len(shells), _MOST_SHELLS)
     return [int(number) for number in np.rint(np.linspace(0, len(shells) - 1, count))]

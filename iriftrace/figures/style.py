@@ -161,8 +161,13 @@ class ColourScale:
         """(n, 3) array, 0 to 1, of (n,) numbers."""
         return np.asarray(colormaps[self.colour_map](self.norm(values)))[:, :3]
 
-    def add_bar(self, figure: Figure | SubFigure, **place: Any) -> Colorbar:
-        """Add the colour bar; `place` as for Matplotlib's ``colorbar`` (``ax`` or ``cax`` ...)."""
+    def add_bar(
+        self, figure: Figure | SubFigure, drawn: ScalarMappable | None = None, **place: Any
+    ) -> Colorbar:
+        """Add the colour bar, of an artist with these colours if one is given.
+
+        `place` is as for Matplotlib's ``colorbar``: ``ax`` or ``cax``, ``location`` ...
+        """
         known = self.values[np.isfinite(self.values)]
         room = 1e-9 * max(map(abs, self.limits))
         beyond = (known < self.limits[0] - room).any(), (known > self.limits[1] + room).any()
@@ -170,7 +175,7 @@ class ColourScale:
         if "ax" in place:
             place = {"aspect": 30, "pad": 0.02, **place}
         bar = figure.colorbar(
-            ScalarMappable(self.norm, self.colour_map),
+            drawn or ScalarMappable(self.norm, self.colour_map),
             extend=ends.get((bool(beyond[0]), bool(beyond[1])), "neither"),
             label=self.label,
             **place,

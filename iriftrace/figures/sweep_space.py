@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 import pyvista as pv
@@ -102,7 +103,7 @@ def sweep_scene_figure(
         ball = pv.Sphere(radius=1.0, theta_resolution=24, phi_resolution=24)
         spheres = _marks(ball, summary.origins[known], radii[known])
         colours = scale.rgb(quantity.values[known])
-        _add_coloured(plotter, spheres, np.repeat(colours, ball.n_points, axis=0))
+        _add_coloured(plotter, spheres, np.repeat(colours, ball.n_points, axis=0), "point")
         ring = pv.Disc(inner=0.72, outer=1.0, normal=view.towards, c_res=32)
         rings = _marks(ring, summary.origins[unknown], radii[unknown])
         if rings.n_cells:
@@ -166,7 +167,7 @@ def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Fig
     colours[seen] = scale.rgb(values.values[seen])
 
     def draw(plotter: pv.Plotter) -> None:
-        _add_coloured(plotter, surface, colours)
+        _add_coloured(plotter, surface, colours, "cell")
         edges = surface.clean().extract_feature_edges(
             feature_angle=_SHARP_DEG, non_manifold_edges=False, manifold_edges=False
         )
@@ -231,13 +232,15 @@ def _marks(shape: pv.PolyData, places: FloatArray, radii: FloatArray) -> pv.Poly
     return copies
 
 
-def _add_coloured(plotter: pv.Plotter, surface: pv.PolyData, colours: FloatArray) -> None:
-    """Add a surface with a colour, 0 to 1, for each of its points or faces."""
+def _add_coloured(
+    plotter: pv.Plotter, surface: pv.PolyData, colours: FloatArray, each: Literal["point", "cell"]
+) -> None:
+    """Add a surface with a colour, 0 to 1, for each of its points or cells."""
     if surface.n_cells:
         # Mostly ambient: shading must not change what the colour bar says.
         light = {"ambient": 0.78, "diffuse": 0.27, "specular": 0.0}
         painted = np.rint(255.0 * colours).astype(np.uint8)
-        plotter.add_mesh(surface, scalars=painted, rgb=True, **light)
+        plotter.add_mesh(surface, scalars=painted, rgb=True, preference=each, **light)
 
 
 def _framed(title: str, subtitle: str, scale: ColourScale, entries: Sequence[Artist]) -> Figure:

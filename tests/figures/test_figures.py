@@ -1,4 +1,4 @@
-"""The figures: what they plot and when they refuse, not which pixels they have."""
+"""Figures of a pose and a scene: plotted values against the channels, labels against VTK's view."""
 
 from __future__ import annotations
 
@@ -18,20 +18,17 @@ from iriftrace.air.refractivity import Air
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.figures import (
-    pose as figure_status,
-)
-from iriftrace.figures import (
-    pose as figures,
-)
-from iriftrace.figures import (
-    scene as figure_scene,
-)
-from iriftrace.figures import (
-    space as figure_surfaces,
+from iriftrace.figures import space
+from iriftrace.figures.pose import STATUS_COLOURS, displacement_figure
+from iriftrace.figures.scene import (
+    celsius_of,
+    drawn_shells,
+    scene_figure,
+    temperature_norm,
+    temperature_ticks,
 )
 from iriftrace.figures.space import View, box_around, fitting_view, view_direction
-from iriftrace.figures.style import celsius_of, temperature_norm, temperature_ticks
+from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import CHANNELS, AovImage, Status
 from iriftrace.part.part import Part, read_part
 from iriftrace.shells.levels import index_levels
@@ -93,7 +90,7 @@ def good_um(image: AovImage) -> np.ndarray:
 
 def marked_edges(image: AovImage) -> set[tuple[float, ...]]:
     """Pixel edges drawn as silhouettes: (column, row, column, row)."""
-    axes = figures._displacement_figure(image).axes[0]
+    axes = displacement_figure(image).axes[0]
     return {
         tuple(segment.ravel().tolist())
         for lines in axes.collections
@@ -105,7 +102,7 @@ def marked_edges(image: AovImage) -> set[tuple[float, ...]]:
 def test_displacement_picture_has_its_size(tmp_path: Path) -> None:
     """1600 pixels wide whatever was rendered; the height follows the part's shape."""
     path = tmp_path / "displacement.png"
-    figures.displacement_figure(synthetic_image(), path)
+    write_figure(displacement_figure(synthetic_image()), path)
     width, height = png_size(path)
     assert width == 1600
     assert 720 <= height <= 1800
@@ -115,7 +112,7 @@ def test_displacement_picture_has_its_size(tmp_path: Path) -> None:
 def test_plotted_array_is_the_displacement_in_micrometres() -> None:
     """Millimetres times 1000 where a ray is good, masked everywhere else."""
     image = synthetic_image()
-    plotted = figures._displacement_figure(image).axes[0].images[-1].get_array()
+    plotted = displacement_figure(image).axes[0].images[-1].get_array()
     assert isinstance(plotted, np.ma.MaskedArray)
     np.testing.assert_array_equal(~np.ma.getmaskarray(plotted), image.status == 0)
     np.testing.assert_allclose(plotted.compressed(), good_um(image), rtol=1e-12)
@@ -125,14 +122,14 @@ def test_included_status_is_plotted_too() -> None:
     """`include` counts as it does for the metrics, so that both describe the same rays."""
     image = synthetic_image()
     image.channels["displacement.norm"][20, 20] = 0.007
-    plotted = figures._displacement_figure(image, (0, 5)).axes[0].images[-1].get_array()
+    plotted = displacement_figure(image, (0, 5)).axes[0].images[-1].get_array()
     assert plotted[20, 20] == pytest.approx(7.0)
 
 
 def test_colours_end_at_the_percentiles_of_good_rays() -> None:
     """Colours are logarithmic from the 1st to the 99th percentile, and the bar says more exists."""
     image = synthetic_image()
-    picture = figures._displacement_figure(image).axes[0].images[-1]
+    picture = displacement_figure(image).axes[0].images[-1]
     low, high = np.percentile(good_um(image), [1, 99])
     assert isinstance(picture.norm, LogNorm)
     assert picture.get_clim() == pytest.approx((low, high), rel=1e-12)
@@ -143,9 +140,10 @@ def test_colours_end_at_the_percentiles_of_good_rays() -> None:
 @pytest.mark.parametrize("scale_mm", [1e-9, 1e-4, 0.003, 2.0])
 def test_colour_bar_has_a_few_round_numbers(scale_mm: float) -> None:
     """From 3 to 9 labels, all within the colours, each a plain number equal to its tick."""
-    picture = figures._displacement_figure(synthetic_image(scale_mm=scale_mm)).axes[0].images[-1]
+    picture = displacement_figure(synthetic_image(scale_mm=scale_mm)).axes[0].images[-1]
     ticks = picture.colorbar.get_ticks()
-    labels = [text.get_text() for text in picture.colorbar.ax.get_yticklabels()]
+    texts = [text.get_text() for text in picture.colorbar.ax.get_yticklabels()]
+    labels = [text.replace("\N{MINUS SIGN}", "-") for text in texts]
     low, high = picture.get_clim()
     assert 3 <= len(ticks) <= 9
     assert np.all((ticks >= low) & (ticks <= high))
@@ -157,8 +155,8 @@ def test_equal_displacements_can_be_drawn(value_mm: float, tmp_path: Path) -> No
     """Shells without an index step move nothing: no scale may fail or warn then."""
     image = synthetic_image()
     image.channels["displacement.norm"][image.status == 0] = value_mm
-    figures.displacement_figure(image, tmp_path / "equal.png")
-    low, high = figures._displacement_figure(image).axes[0].images[-1].get_clim()
+    write_figure(displacement_figure(image), tmp_path / "equal.png")
+    low, high = displacement_figure(image).axes[0].images[-1].get_clim()
     assert low < high
     assert low <= 1000 * value_mm <= high
 
@@ -167,7 +165,7 @@ def test_rays_without_displacement_are_drawn() -> None:
     """Zero has no logarithm, but rays that cross no shell are good: they get the lowest colour."""
     image = synthetic_image()
     image.channels["displacement.norm"][25, 40] = 0.0
-    picture = figures._displacement_figure(image).axes[0].images[-1]
+    picture = displacement_figure(image).axes[0].images[-1]
     colours = picture.to_rgba(picture.get_array())
     np.testing.assert_array_equal(colours[..., 3] > 0, image.status == 0)
     np.testing.assert_allclose(colours[25, 40], picture.cmap(0.0))
@@ -176,7 +174,7 @@ def test_rays_without_displacement_are_drawn() -> None:
 def test_titles_give_the_statistics_and_the_origin() -> None:
     """The title agrees with NumPy; the second line names file, wavelength, normals and engine."""
     image = synthetic_image()
-    figure = figures._displacement_figure(image)
+    figure = displacement_figure(image)
     median, p95 = np.percentile(good_um(image), [50, 95])
     assert figure.get_suptitle() == (
         f"Displacement by hot air: median {median:.1f} µm, 95th percentile {p95:.1f} µm"
@@ -194,29 +192,29 @@ def test_titles_of_few_rays_give_no_statistics() -> None:
     status = image.channels["status.code"]
     good = np.flatnonzero(status == 0)
     status.ravel()[good[99:]] = Status.OUT_OF_FOCUS
-    title = figures._displacement_figure(image).get_suptitle()
+    title = displacement_figure(image).get_suptitle()
     assert title == "Displacement by hot air: fewer than 100 good rays, so no numbers"
     status.ravel()[good[99]] = Status.GOOD
-    assert "median" in figures._displacement_figure(image).get_suptitle()
+    assert "median" in displacement_figure(image).get_suptitle()
 
 
 def test_second_line_of_the_continuous_engine_names_its_gradient() -> None:
     """It has no normals, so the line must not say so."""
     image = synthetic_image()
     image.header.update(normals="none, recovered gradient", engine="continuous")
-    second = figures._displacement_figure(image).axes[0].get_title()
+    second = displacement_figure(image).axes[0].get_title()
     assert second == "plume.vtu  ·  633 nm  ·  recovered gradient  ·  engine: continuous"
 
 
 def test_second_line_names_the_view() -> None:
     """A view of a sweep says which pose it is, on a line of its own."""
-    figure = figures._displacement_figure(synthetic_image(), view="Pose 7")
+    figure = displacement_figure(synthetic_image(), view="Pose 7")
     assert figure.axes[0].get_title().startswith("Pose 7\nplume.vtu  ·  ")
 
 
 def test_legend_counts_the_pixels_without_displacement() -> None:
     """40 of the 24 x 40 pixels on the part are out of focus and one has a mismatch; no other."""
-    legend = figures._displacement_figure(synthetic_image()).legends[0]
+    legend = displacement_figure(synthetic_image()).legends[0]
     assert [text.get_text() for text in legend.get_texts()] == [
         "Out of focus: 40 px (4.2 %)",
         "Index steps do not add up: 1 px (0.1 %)",
@@ -226,20 +224,20 @@ def test_legend_counts_the_pixels_without_displacement() -> None:
 def test_greys_lie_on_their_pixels_and_differ() -> None:
     """Each status has a grey of its own, and the background stays white."""
     image = synthetic_image()
-    greys = figures._displacement_figure(image).axes[0].images[0]
+    greys = displacement_figure(image).axes[0].images[0]
     colours = greys.to_rgba(greys.get_array())
     status = image.status
     shown = colours[..., 3] > 0
     np.testing.assert_array_equal(shown, np.isin(status, [2, 5]))
     assert len(np.unique(colours[shown], axis=0)) == 2
-    assert len({colour for colour, _ in figure_status.COLOURS.values()}) == len(Status) - 2
+    assert len({colour for colour, _ in STATUS_COLOURS.values()}) == len(Status) - 2
 
 
 def test_missing_refracted_rays_do_not_look_like_outlines() -> None:
     """They lie at the part's black outline: dark greys are for other reasons, so these have hue."""
     image = synthetic_image()
     image.channels["status.code"][24:28, 49] = Status.REFRACTED_MISSED
-    shown = figures._displacement_figure(image).axes[0].images[0]
+    shown = displacement_figure(image).axes[0].images[0]
     red, green, blue, _ = shown.to_rgba(shown.get_array())[25, 49]
     assert red - blue > 0.5
     assert red - green > 0.3
@@ -265,7 +263,7 @@ def test_faces_without_a_step_in_depth_leave_no_line() -> None:
 
 def test_axes_show_the_part_with_equal_scales() -> None:
     """All that was seen is inside, the margins are below a tenth, and rows count downwards."""
-    axes = figures._displacement_figure(synthetic_image()).axes[0]
+    axes = displacement_figure(synthetic_image()).axes[0]
     left, right = axes.get_xlim()
     bottom, top = axes.get_ylim()
     assert 5 < left < 10
@@ -281,16 +279,17 @@ def test_no_good_ray_is_an_error_and_leaves_no_file(tmp_path: Path) -> None:
     image = synthetic_image()
     image.channels["status.code"][image.status == 0] = Status.OUT_OF_FOCUS
     with pytest.raises(InputError, match="no good ray"):
-        figures.displacement_figure(image, tmp_path / "none.png")
+        write_figure(displacement_figure(image), tmp_path / "none.png")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_other_formats_and_missing_folders_are_refused(tmp_path: Path) -> None:
-    """A PNG under the name of a PDF would not open."""
+    """A PNG under the name of a JPEG would not open."""
+    figure = displacement_figure(synthetic_image())
     with pytest.raises(InputError, match=r"\.png"):
-        figures.displacement_figure(synthetic_image(), tmp_path / "figure.pdf")
+        write_figure(figure, tmp_path / "figure.jpg")
     with pytest.raises(InputError, match="does not exist"):
-        figures.displacement_figure(synthetic_image(), tmp_path / "nowhere" / "figure.png")
+        write_figure(figure, tmp_path / "nowhere" / "figure.png")
 
 
 def a_camera(**values: object) -> Camera:
@@ -345,11 +344,11 @@ def orange_share(picture: np.ndarray) -> float:
 def test_scene_picture_has_its_size_and_all_that_is_asked_for(cube: Part, tmp_path: Path) -> None:
     """1600 x 1200 pixels; names, units, temperatures in degC; the part's orange is to be seen."""
     path = tmp_path / "scene.png"
-    figure_scene.scene_figure(cube, spheres(5), a_camera(), path)
+    figure = scene_figure(cube, spheres(5), a_camera())
+    write_figure(figure, path)
     assert png_size(path) == (1600, 1200)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
-    figure = figure_scene._scene_figure(cube, spheres(5), a_camera())
     scene, bar = figure.axes
     texts = [text.get_text() for text in scene.texts]
     assert {"x (mm)", "y (mm)", "z (mm)", "Camera", "Near focus 50 mm", "Far focus 200 mm"} <= set(
@@ -366,16 +365,16 @@ def test_scene_picture_has_its_size_and_all_that_is_asked_for(cube: Part, tmp_pa
 def test_far_focus_behind_the_scene_is_left_out(cube: Part) -> None:
     """An unlimited focus has no outline, and a very far one would make the part tiny."""
     for far in (5000.0, np.inf):
-        figure = figure_scene._scene_figure(cube, spheres(2), a_camera(focus_mm=(0, far)))
+        figure = scene_figure(cube, spheres(2), a_camera(focus_mm=(0, far)))
         assert not any("focus" in text.get_text() for text in figure.axes[0].texts)
 
 
 def test_many_shells_are_drawn_in_part_and_the_figure_says_so(cube: Part) -> None:
     """The eye tells no more than 20 shells apart; outermost and innermost are among them."""
-    drawn = figure_scene._some(spheres(50).shells)
+    drawn = drawn_shells(spheres(50).shells)
     assert len(drawn) == len(set(drawn)) == 20
     assert (drawn[0], drawn[-1]) == (0, 49)
-    figure = figure_scene._scene_figure(cube, spheres(50), a_camera())
+    figure = scene_figure(cube, spheres(50), a_camera())
     assert any("20 of 50 shells" in text.get_text() for text in figure.texts)
 
 
@@ -387,7 +386,7 @@ def test_orthographic_and_vertical_views_can_be_drawn(cube: Part, tmp_path: Path
         sensor_mm=(60, 50),
         matrix=look_at((0, 0, 150), (0, 0, 0)),
     )
-    figure_scene.scene_figure(cube, spheres(1), camera, tmp_path / "down.png")
+    write_figure(scene_figure(cube, spheres(1), camera), tmp_path / "down.png")
     assert png_size(tmp_path / "down.png") == (1600, 1200)
 
 
@@ -446,9 +445,9 @@ def test_no_opengl_is_a_setup_error(
     cube: Part, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """VTK would end the process; the user gets one sentence with the remedy instead."""
-    monkeypatch.setattr(figure_surfaces, "opens", lambda window: False)
+    monkeypatch.setattr(space, "opens", lambda window: False)
     with pytest.raises(SetupError, match="libegl1"):
-        figure_scene.scene_figure(cube, spheres(2), a_camera(), tmp_path / "scene.png")
+        write_figure(scene_figure(cube, spheres(2), a_camera()), tmp_path / "scene.png")
     assert list(tmp_path.iterdir()) == []
 
 

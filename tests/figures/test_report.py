@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose import pose_text
 from iriftrace.core.errors import InputError
 from iriftrace.figures import report as report_module
 from iriftrace.figures.report import report_content, write_report
-from iriftrace.figures.sweep import Pictures
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.summary import front_text, ranking_table, stability_text
 from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
@@ -70,18 +70,14 @@ def sweep() -> xr.Dataset:
 def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
     """The report with one dot in place of the figures, which are tested elsewhere."""
 
-    def draw(*arguments: object, vectors: bool) -> Pictures:
-        assert not vectors
-        file = Path(str(arguments[3])) / "pareto.png"
-        file.write_bytes(DOT)
-        return Pictures((file,), ("The rest is left out & <b>missing</b>.",))
-
-    monkeypatch.setattr(report_module, "draw_sweep", draw)
+    missing = ("The rest is left out & <b>missing</b>.",)
+    monkeypatch.setattr(report_module, "sweep_charts", lambda _: {"pareto": Figure()})
+    monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: ({}, missing))
+    monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
     table = sweep()
     file = tmp_path / "sweep.nc"
     file.write_bytes(b"content")
-    missing = write_report(tmp_path / "report.html", file, table, summary_of(table), top=2)
-    assert missing == ("The rest is left out & <b>missing</b>.",)
+    assert missing == write_report(tmp_path / "report.html", file, table, summary_of(table), top=2)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "sweep.nc"]
     return read_page(tmp_path / "report.html")
 

@@ -1,4 +1,4 @@
-"""The figures of a sweep: what they plot, and that no pose gets lost on the way."""
+"""Figures of a sweep: plotted values against the sweep's own, and every pose accounted for."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.figures import sweep_space as sweep_scene_figure_module
-from iriftrace.figures.sweep import _view, sweep_figures
+from iriftrace.figures.result import Plots
+from iriftrace.figures.style import write_figure
+from iriftrace.figures.sweep import sweep_charts, view_name
 from iriftrace.figures.sweep_charts import (
     histogram_figure,
     normalised_figure,
@@ -31,7 +32,11 @@ from iriftrace.figures.sweep_charts import (
     rays_figure,
 )
 from iriftrace.figures.sweep_maps import _ticks, map_figure
-from iriftrace.figures.sweep_space import sweep_face_figure, sweep_scene_figure
+from iriftrace.figures.sweep_space import (
+    best_at_each_place,
+    sweep_face_figure,
+    sweep_scene_figure,
+)
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part, read_part
 from iriftrace.planning.candidates import Weights
@@ -216,7 +221,7 @@ def test_angles_of_many_digits_get_round_ticks() -> None:
 
 def test_a_view_says_which_pose_it_is(summary: SweepSummary) -> None:
     """Pose 6 is the second at elevation 0."""
-    assert _view(summary, 6) == "Pose 6, azimuth 30°, elevation 0°"
+    assert view_name(summary, 6) == "Pose 6, azimuth 30°, elevation 0°"
 
 
 def test_a_map_marks_poses_without_a_number(summary: SweepSummary) -> None:
@@ -336,7 +341,8 @@ def test_no_text_is_cut_off_or_overlaps(summary: SweepSummary) -> None:
 
 
 def test_all_figures_are_written_as_png_and_pdf(summary: SweepSummary, tmp_path: Path) -> None:
-    written = sweep_figures(summary, tmp_path)
+    charts = sweep_charts(summary)
+    written = Plots(charts, frozenset(charts)).save(tmp_path)
     assert sorted(written) == sorted(tmp_path.iterdir())
     assert {path.suffix for path in written} == {".png", ".pdf"}
     assert len({path.stem for path in written}) == 9
@@ -384,7 +390,7 @@ def test_of_several_at_one_place_the_best_is_shown() -> None:
     """The second series has larger displacements, so the first one is the better everywhere."""
     twice = joined([GRID, GRID])
     found = summary_of(sweep(twice, empty=()), weights=Weights(1, 0, 0, 0))
-    shown = sweep_scene_figure_module._best_at_each_place(found)
+    shown = best_at_each_place(found)
     assert shown.tolist() == [True] * 14 + [False] * 14
 
 
@@ -441,7 +447,7 @@ def test_faces_have_the_colours_of_their_numbers(tmp_path: Path) -> None:
     data = faces_sweep()
     _, times, _ = face_maps_of(data)
     path = tmp_path / "faces.png"
-    sweep_face_figure(summary_of(data), TETRAHEDRON, times, path)
+    write_figure(sweep_face_figure(summary_of(data), TETRAHEDRON, times), path)
     pixels = colours_of(path)
     assert len(pixels) == 1600 * 1200
     hue = [np.array(colormaps["viridis"](times.values[face] / 3.0)[:3]) for face in range(3)]
@@ -453,7 +459,7 @@ def test_faces_have_the_colours_of_their_numbers(tmp_path: Path) -> None:
     grey = (np.ptp(pixels, axis=1) < 3) & (abs(pixels.mean(axis=1) - 195) < 25)
     assert np.count_nonzero(grey) > 1000
     with pytest.raises(InputError, match="4 faces and the sweep 3"):
-        sweep_face_figure(summary_of(data), TETRAHEDRON, evolve(times, values=np.ones(3)), path)
+        sweep_face_figure(summary_of(data), TETRAHEDRON, evolve(times, values=np.ones(3)))
 
 
 # In space ----------------------------------------------------------------------------------------
@@ -472,7 +478,8 @@ def orange(pixels: np.ndarray) -> int:
 def test_the_part_stands_among_the_poses(summary: SweepSummary, tmp_path: Path) -> None:
     part = read_part(folder_of("cylinder") / "part.ply")
     for name, around in (("with", Surroundings(part)), ("without", Surroundings())):
-        sweep_scene_figure(summary, summary.score, around, tmp_path / f"{name}.png")
+        figure = sweep_scene_figure(summary, summary.score, around)
+        write_figure(figure, tmp_path / f"{name}.png")
     pictures = {path.stem: colours_of(path) for path in tmp_path.iterdir()}
     assert len(pictures["with"]) == 1600 * 1200
     # The edge of the red ring around the best pose is a little orange too.
@@ -482,8 +489,9 @@ def test_the_part_stands_among_the_poses(summary: SweepSummary, tmp_path: Path) 
 def test_a_single_pose_can_be_drawn(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="do not differ"):
         one = summary_of(sweep(GRID.take([5]), empty=()))
-    assert len(sweep_figures(one, tmp_path)) == 18
-    sweep_scene_figure(one, one.displacement, Surroundings(), tmp_path / "scene.png")
+    assert len(sweep_charts(one)) == 9
+    figure = sweep_scene_figure(one, one.displacement, Surroundings())
+    write_figure(figure, tmp_path / "scene.png")
 
 
 def test_files_of_the_sweep_are_found_again() -> None:

@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.figures.comparison import _comparison_figure, comparison_figure
+from iriftrace.figures.comparison import comparison_figure
+from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage
 from iriftrace.image.comparison import (
     compare_shift,
@@ -225,7 +226,7 @@ def test_figure_shows_what_it_says(image: AovImage, tmp_path: Path, as_map: bool
     shifts = measured(centres, shift_at(centres) + rng.normal(0.1, 0.02, centres.shape))
     found = compare_shift(image, shifts, positions="hot")
     resolution = image.resolution if as_map else None
-    figure = _comparison_figure(found, resolution, "second line")
+    figure = comparison_figure(found, resolution, "second line")
     panels = [axes for axes in figure.axes if axes.get_ylabel() != "" or axes.get_title() != ""]
     titles = [axes.get_title() for axes in panels if axes.get_title()]
     assert titles == ["Measured", "Simulated", "Residual", "Residual without camera motion"]
@@ -240,6 +241,6 @@ def test_figure_shows_what_it_says(image: AovImage, tmp_path: Path, as_map: bool
     (entry,) = figure.legends[0].get_patches()
     assert entry.get_facecolor() == figure.axes[0].get_facecolor()
     assert "compared" in figure.legends[0].get_texts()[0].get_text()
-    comparison_figure(found, resolution, "second line", tmp_path / "a.png")
+    write_figure(figure, tmp_path / "a.png")
     picture = matplotlib.image.imread(tmp_path / "a.png")
     assert picture.shape[1] > 1500

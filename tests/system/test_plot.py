@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from iriftrace.cli import main
-from iriftrace.figures import sweep as sweep_pictures
+from iriftrace.figures import sweep as sweep_figures
 from iriftrace.planning.summary import extreme_images
 from iriftrace.runtime import doctor
 from iriftrace.sweep.store import read_sweep
@@ -73,7 +73,7 @@ def test_a_sweep_whose_scene_is_gone_is_drawn_without_it(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     # The charts do not need the scene and take their time.
-    monkeypatch.setattr(sweep_pictures, "sweep_figures", lambda *_, **__: [])
+    monkeypatch.setattr(sweep_figures, "sweep_charts", lambda _: {})
     moved = tmp_path / "moved.nc"
     gone = {"scene": '{"path": "gone.xml"}', "scenes": "[]"}
     with xr.open_dataset(sweep, engine="h5netcdf") as data:

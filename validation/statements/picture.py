@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.image import imread, imsave
 
 from iriftrace.figures.pose import displacement_figure
+from iriftrace.figures.style import write_figure
 from iriftrace.figures.sweep_space import sweep_face_figure
 from iriftrace.planning.rank import rank_poses
 from iriftrace.planning.summary import summarise
@@ -30,7 +31,7 @@ def draw_faces(swept: Swept, path: Path) -> None:
         (float(low), float(high)),
     )
     summary = summarise(swept.dataset, rank_poses(swept.dataset))
-    sweep_face_figure(summary, swept.part, shown, path)
+    write_figure(sweep_face_figure(summary, swept.part, shown), path)
     _halve(path)
 
 
@@ -38,7 +39,8 @@ def draw_best_pose(swept: Swept, path: Path, region: str) -> None:
     """Draw what the best pose for a region sees."""
     best = rank_poses(swept.dataset, region=region).best
     matrix = swept.dataset["matrix"].values[best]
-    displacement_figure(load_swept_scene(swept.dataset, best).render(matrix).image, path)
+    image = load_swept_scene(swept.dataset, best).render(matrix).image
+    write_figure(displacement_figure(image), path)
     _halve(path)
 
 
