@@ -1,1 +1,8 @@
-"""Errors, units, array types and files written whole: needed by every room."""
+"""What every room needs: errors, units, array types and files written whole.
+
+Nothing here knows of air, cameras or rays, and nothing here imports from another room.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

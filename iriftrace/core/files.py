@@ -1,4 +1,4 @@
-"""Write a file whole or not at all."""
+"""Files written whole or not at all, known by their SHA-256, and refused in clear words."""
 
 from __future__ import annotations
 
@@ -49,9 +49,6 @@ def whole_file(path: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-# MERGE checksum: SHA-256 of files, by which results name what they were made of.
-
-
 def sha256_of(path: Path) -> str:
     """Hexadecimal SHA-256 of a file's bytes."""
     with path.open("rb") as file:
@@ -62,9 +59,6 @@ def sha256_of_list(files: Sequence[Path], folder: Path) -> str:
     """SHA-256 of the list of the checksums of files in a folder, as ``sha256sum`` prints it."""
     lines = [f"{sha256_of(file)}  {file.relative_to(folder).as_posix()}\n" for file in files]
     return hashlib.sha256("".join(lines).encode()).hexdigest()
-
-
-# MERGE unreadable: Why a file cannot be read, in words that help whoever gave it.
 
 
 def check_readable(path: Path) -> None:
@@ -84,9 +78,6 @@ def check_readable(path: Path) -> None:
 
 
 def numpy_reason(error: Exception) -> str:
-    """What NumPy says of a file, without its advice to trust it.
-
-    What does not begin like a NumPy file is taken for pickled objects, which are never loaded.
-    """
+    """What NumPy says of a file, without its advice to trust pickled objects."""
     text = " ".join(str(error).split())
     return "it holds something else than arrays of numbers" if "pickle" in text else text

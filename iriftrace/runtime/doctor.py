@@ -1,4 +1,4 @@
-"""Says what this machine has, which library will be used, what is wrong and how to mend it."""
+"""Diagnosis of this machine: libraries, which will be used, what is wrong and how to mend it."""
 
 from __future__ import annotations
 
@@ -69,18 +69,8 @@ def diagnose() -> Diagnosis:
 
     The last two happen in other processes, so that a broken library is a finding and not a crash.
     """
-    libraries = llvm_libraries()
-    cuda = cuda_state()
-    return Diagnosis(
-        findings=(
-            _python(),
-            *_packages(),
-            *_llvm(libraries),
-            _cuda(cuda),
-            _variant(),
-            _drawing(),
-        )
-    )
+    libraries, cuda = _llvm(llvm_libraries()), _cuda(cuda_state())
+    return Diagnosis((_python(), *_packages(), *libraries, cuda, _variant(), _drawing()))
 
 
 def _python() -> Finding:

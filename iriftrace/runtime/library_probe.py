@@ -1,4 +1,4 @@
-"""Opens one LLVM or CUDA library in a process of its own and writes what it found as JSON.
+"""Open one LLVM or CUDA library in a process of its own and write what is found as JSON.
 
 Run as a file (`python -I -S library_probe.py llvm PATH`), never imported by iriftrace: a library
 that aborts on loading, or two LLVMs that disagree, must not take the user's process with them.
@@ -44,9 +44,8 @@ def probe_cuda() -> dict[str, Any]:
     windows = sys.platform == "win32"
     try:
         driver = ctypes.CDLL("nvcuda.dll" if windows else "libcuda.so.1")
-        if (
-            not windows
-        ):  # on Windows OptiX lies in the driver store and is found through the registry
+        # On Windows OptiX lies in the driver store and is found through the registry.
+        if not windows:
             ctypes.CDLL("libnvoptix.so.1")
     except OSError as error:
         return {"devices": [], "error": str(error)}

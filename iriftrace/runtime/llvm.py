@@ -1,4 +1,4 @@
-"""Finds the LLVM libraries of this machine and says which of them Dr.Jit can use.
+"""LLVM libraries of this machine, and which of them Dr.Jit can use.
 
 None is loaded into this process: an old LLVM aborts it, and Dr.Jit would take what is there.
 """
@@ -62,16 +62,24 @@ _INSTALL = {
 class LlvmLibrary:
     """One LLVM library that was found.
 
-    path : file name, or the name the system's loader resolves
-    version : (major, minor, patch), or None where the library does not say
-    ok : Dr.Jit can run iriftrace's kernels with it
-    why : one clause that says why not; empty when ok
+    Attributes
+    ----------
+    path
+        File name, or the name that the system's loader resolves.
+    version
+        (major, minor, patch), or None where the library does not say.
+    why
+        One clause that says why Dr.Jit cannot run iriftrace's kernels with it; empty if it can.
     """
 
     path: str
     version: tuple[int, int, int] | None
-    ok: bool
     why: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether Dr.Jit can run iriftrace's kernels with it."""
+        return not self.why
 
     @property
     def version_text(self) -> str:
@@ -98,9 +106,12 @@ def current_platform() -> str:
 
 
 def llvm_install_command(platform: str | None = None) -> str:
-    """Return the command that installs a usable LLVM.
+    """Return the command that installs a usable LLVM; by default on this platform.
 
-    platform : "debian" or "ubuntu", "fedora", "macos", "windows" or "linux"; by default this one
+    Parameters
+    ----------
+    platform
+        "debian" or "ubuntu", "fedora", "macos", "windows" or "linux".
     """
     name = platform or current_platform()
     return _INSTALL["debian" if name == "ubuntu" else name]
@@ -145,17 +156,12 @@ def require_llvm() -> LlvmLibrary:
         if library.ok:
             return library
         rejected.append(library)
-    raise SetupError(_nothing_usable(rejected))
-
-
-def _nothing_usable(rejected: list[LlvmLibrary]) -> str:
+    trouble = "No LLVM library was found, and rays are traced by code that LLVM compiles"
+    if rejected:
+        newest = max(rejected, key=lambda library: library.version or (0, 0, 0))
+        trouble = f"No usable LLVM library was found: {newest.path} {newest.why}"
     remedy = f"Install LLVM {OLDEST_MAJOR} or newer: {llvm_install_command()}"
-    if not rejected:
-        return (
-            f"No LLVM library was found, and rays are traced by code that LLVM compiles. {remedy}"
-        )
-    newest = max(rejected, key=lambda library: library.version or (0, 0, 0))
-    return f"No usable LLVM library was found: {newest.path} {newest.why}. {remedy}"
+    raise SetupError(f"{trouble}. {remedy}")
 
 
 def inspect_llvm(path: str) -> LlvmLibrary:
@@ -163,23 +169,21 @@ def inspect_llvm(path: str) -> LlvmLibrary:
     answer = run_probe("llvm", path)
     numbers = answer.get("version")
     version = None if numbers is None else (int(numbers[0]), int(numbers[1]), int(numbers[2]))
-    why = _objection(version, answer)
-    return LlvmLibrary(path=path, version=version, ok=not why, why=why)
+    return LlvmLibrary(path, version, _objection(version, answer))
 
 
 def _objection(version: tuple[int, int, int] | None, answer: Mapping[str, Any]) -> str:
     if answer["error"]:
         return f"cannot be loaded ({answer['error']})"
-    if version is None and answer["missing"]:
+    old = version is not None and version[0] < OLDEST_MAJOR
+    if answer["missing"] and not old:
         return f"is not a complete LLVM library ({', '.join(answer['missing'])} missing)"
-    if version is None or version[0] < OLDEST_MAJOR:
+    if version is None or old:
         said = "older than 16" if version is None else ".".join(map(str, version))
         return (
             f"is LLVM {said}, and versions before {OLDEST_MAJOR} can abort the whole process at "
             "the first double-precision maximum"
         )
-    if answer["missing"]:
-        return f"is not a complete LLVM library ({', '.join(answer['missing'])} missing)"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""Chooses Mitsuba's variant and makes sure, before it can do harm, that its LLVM or CUDA works.
+"""Choice of Mitsuba's variant, with an LLVM or CUDA that works.
 
 Everything that other modules need to know of LLVM, CUDA and variants is here. Importing it imports
 neither Mitsuba nor Dr.Jit.

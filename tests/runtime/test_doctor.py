@@ -15,8 +15,8 @@ from iriftrace.runtime.doctor import Diagnosis, Finding, diagnose
 from iriftrace.runtime.llvm import LlvmLibrary
 from iriftrace.runtime.variant import CudaState
 
-GOOD = LlvmLibrary("/usr/lib/libLLVM.so.19.1", (19, 1, 7), True, "")
-OLD = LlvmLibrary("/usr/lib/libLLVM-15.so.1", (15, 0, 6), False, "is LLVM 15.0.6")
+GOOD = LlvmLibrary("/usr/lib/libLLVM.so.19.1", (19, 1, 7), "")
+OLD = LlvmLibrary("/usr/lib/libLLVM-15.so.1", (15, 0, 6), "is LLVM 15.0.6")
 NO_CUDA = CudaState(devices=(), why="libcuda.so.1 is not there")
 
 

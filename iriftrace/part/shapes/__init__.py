@@ -1,1 +1,1 @@
-"""Parametric parts with named regions: cylinder, bevel gear, wishbone."""
+"""Parametric parts: cylinders, a bevel gear and a wishbone, made by their sizes."""
