@@ -1,4 +1,4 @@
-"""What a field file says of its own making, in VTK field data."""
+"""Origin of a field as its file states it in VTK field data: program, time, symmetry."""
 
 from __future__ import annotations
 

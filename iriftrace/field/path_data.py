@@ -1,4 +1,4 @@
-"""The field file of a scene: what the continuous engine needs of a field, in one NumPy file."""
+"""Field file of a scene: the cells and indices that the continuous engine traces through."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from attrs import asdict, evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import dispersion
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, numpy_reason, whole_file
 from iriftrace.field.gradient import CORNERS
@@ -27,34 +27,36 @@ FIELD_FILE = "field.npz"
 SCHEMA = "iriftrace.field/1"
 
 ARRAYS = ("points", "refractivity", "celltypes", "cell_connectivity", "wall")
+HEADER = ("air", "ambient", "source")
 
 
 @frozen(eq=False)
 class FieldCells:
-    """Cells of a field, as much of it as light needs.
+    """Cells of a field with the index at their points, without VTK.
 
     Attributes
     ----------
     points : (n, 3) array of float32, mm, world
     refractivity : (n,) array of float64
         n - 1 at the points.
-    celltypes, cell_connectivity : arrays of int
+    celltypes : (m,) array of uint8
+    cell_connectivity : (c,) array of int32
         As of a pyvista.UnstructuredGrid: tetrahedra, hexahedra, wedges and pyramids.
     wall : (n,) array of bool
         Points of the inner boundary, where the hot part sits.
     air : dict
-        The ambient air; see `iriftrace.air.Air.as_dict`.
+        The ambient air; see `iriftrace.air.refractivity.Air.as_dict`.
     ambient : float
         Its n - 1, which holds outside the data.
     source : dict
-        Path, SHA-256, array, quantity and length unit of the field's own file.
+        The attributes of `iriftrace.field.index_field.FieldSource`.
     """
 
-    points: NDArray[np.float32]
+    points: Float32Array
     refractivity: FloatArray
     celltypes: NDArray[np.uint8]
-    cell_connectivity: NDArray[np.int32]
-    wall: NDArray[np.bool_]
+    cell_connectivity: Int32Array
+    wall: BoolArray
     air: dict[str, Any]
     ambient: float
     source: dict[str, Any]
@@ -70,7 +72,7 @@ class FieldCells:
         )
 
     @property
-    def cell_offsets(self) -> NDArray[np.int64]:
+    def cell_offsets(self) -> IntArray:
         """Where the corners of each cell start in `cell_connectivity`, as pyvista has it."""
         corners = np.zeros(256, dtype=np.int64)
         corners[list(CORNERS)] = list(CORNERS.values())
@@ -78,7 +80,7 @@ class FieldCells:
 
 
 def cells_of(field: IndexField) -> FieldCells:
-    """What light needs of a field."""
+    """The cells of a field, its points in single precision as in the file."""
     wall = np.zeros(field.grid.n_points, dtype=bool)
     if field.wall.n_points:
         wall[np.asarray(field.wall.point_data["number"])] = True
@@ -104,12 +106,7 @@ def save_field_file(field: IndexField, path: str | Path) -> Path:
     """
     cells = cells_of(field)
     arrays = {name: getattr(cells, name) for name in ARRAYS}
-    header = {
-        "schema": SCHEMA,
-        "air": cells.air,
-        "ambient": cells.ambient,
-        "source": cells.source,
-    }
+    header = {"schema": SCHEMA} | {name: getattr(cells, name) for name in HEADER}
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(
             file,
@@ -135,10 +132,11 @@ def load_field_file(path: str | Path) -> FieldCells:
         )
     check_readable(Path(path))
     try:
+        # Opened here, since NumPy leaves a damaged file open.
         with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as content:
             arrays = {name: content[name] for name in ARRAYS}
             header = json.loads(content["header"].tobytes())
-        known = {name: header[name] for name in ("air", "ambient", "source")}
+        known = {name: header[name] for name in HEADER}
         schema = header["schema"]
     except (OSError, ValueError, LookupError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(

@@ -1,4 +1,4 @@
-"""A field's cells as tetrahedra that fit together face to face, and each one's neighbours."""
+"""Cells of a field as tetrahedra that fit together face to face, and the neighbours of each."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ MOST_TETRAHEDRA = 2**28
 """More would not leave room for a face's number beside the tetrahedron's in 32 bits."""
 
 MIXED_SHARE = 1e-3
-"""So much negative volume is no cells turned inside out, but cells of both hands; flow solutions on
-snapped meshes have 4e-5 at most."""
+"""A larger share of negative volume comes from cells of both orientations, and not from cells that
+are turned inside out; flow solutions on snapped meshes have 4e-5 at most."""
 
 # Faces of each cell type by VTK's corner numbers; quadrilaterals in cyclic order.
 _FACES: dict[int, tuple[tuple[int, ...], ...]] = {
@@ -80,35 +80,31 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
         If there are too many cells, or three of them share a face.
     """
     points = np.asarray(grid.points, dtype=np.float64)
-    corners = np.concatenate(
-        [
-            _by_majority(_cones(cells, kind), points)
-            for kind, (_, cells) in cell_corners(grid).items()
-        ]
-    )
+    split = (_split(cells, kind) for kind, (_, cells) in cell_corners(grid).items())
+    corners = np.concatenate([_turned_by_majority(tetrahedra, points) for tetrahedra in split])
     if len(corners) > MOST_TETRAHEDRA:
         raise InputError(
             f"The field splits into {len(corners)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
             "be numbered; crop it to the part's surroundings."
         )
-    return _linked(_of_one_hand(_with_content(corners), points))
+    return _with_neighbours(_of_one_orientation(_without_flat_twins(corners), points))
 
 
-def _by_majority(corners: IntArray, points: FloatArray) -> IntArray:
-    """Turn all tetrahedra of one cell type if most of their volume is negative.
+def _turned_by_majority(corners: IntArray, points: FloatArray) -> IntArray:
+    """All tetrahedra of one cell type, turned if most of their volume is negative.
 
-    Solvers do not agree on the order of a wedge's corners, and a mirrored field has the other hand
+    Solvers do not agree on the order of a wedge's corners, and a mirrored field is left-handed
     throughout. What is negative besides is really turned inside out.
     """
     return corners[:, (0, 2, 1, 3)] if _volumes(corners, points).sum() < 0 else corners
 
 
-def _of_one_hand(corners: NumberArray, points: FloatArray) -> NumberArray:
-    """Turn tetrahedra of the other hand than their neighbours.
+def _of_one_orientation(corners: NumberArray, points: FloatArray) -> NumberArray:
+    """Tetrahedra turned where their orientation is not that of their neighbours.
 
     Where a field is half a mirror image, or tetrahedra are numbered at random, the sign of a volume
-    does not tell the other hand from a cell that is turned inside out; the order of the points of
-    the faces that neighbours share does.
+    does not tell left-handed cells from cells that are turned inside out; the order of the points
+    of the faces that neighbours share does.
     """
     volume = _volumes(corners, points)
     if -volume[volume < 0].sum() <= MIXED_SHARE * np.abs(volume).sum():
@@ -137,7 +133,7 @@ def _volumes(corners: NDArray[Any], points: FloatArray) -> FloatArray:
     return volume
 
 
-def _cones(cells: IntArray, kind: int) -> IntArray:
+def _split(cells: IntArray, kind: int) -> IntArray:
     """Tetrahedra (m, 4) of the cells of one type, (c, corners) point numbers."""
     lowest = cells.min(axis=1)
     found = []
@@ -153,8 +149,8 @@ def _cones(cells: IntArray, kind: int) -> IntArray:
     return np.concatenate(found)
 
 
-def _with_content(corners: IntArray) -> NumberArray:
-    """Leave out tetrahedra that enclose nothing.
+def _without_flat_twins(corners: IntArray) -> NumberArray:
+    """The tetrahedra without those that enclose nothing.
 
     Cells whose corners coincide leave some with a repeated corner. Polyhedra that a solver refined
     on one side have points in the middle of an edge, and where such an edge belongs to two of their
@@ -171,7 +167,7 @@ def _with_content(corners: IntArray) -> NumberArray:
     return solid
 
 
-def _linked(corners: NumberArray) -> Tetrahedra:
+def _with_neighbours(corners: NumberArray) -> Tetrahedra:
     first, second, boundary_place = _face_pairs(corners[:, OPPOSITE].reshape(-1, 3))
     neighbours = np.empty(corners.size, dtype=np.uint32)
     neighbours[first], neighbours[second] = second, first

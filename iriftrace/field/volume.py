@@ -136,7 +136,7 @@ def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     ]
     if scalars:
         compared.point_data[_SCALARS] = np.column_stack(scalars)
-    joined = compared.clean(
+    joined: pv.UnstructuredGrid = compared.clean(
         tolerance=0.0,
         remove_unused_points=False,
         produce_merge_map=False,

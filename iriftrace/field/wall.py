@@ -1,4 +1,4 @@
-"""The inner boundary of a field: where the air ends at the hot part."""
+"""Inner boundary of a field, where the air ends at the hot part."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 
 # Boundary patches smaller than this share of the largest one are gaps between cells of different
 # refinement, not walls.
@@ -65,7 +64,7 @@ def _outward_areas(corners: FloatArray, inside: FloatArray) -> FloatArray:
     return outward
 
 
-def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> NDArray[np.bool_]:
+def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> BoolArray:
     """Mask (m,) of the faces in patches that enclose what is not data."""
     if not len(faces):
         return np.zeros(0, dtype=bool)
@@ -85,11 +84,11 @@ def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> NDArr
     volume = np.bincount(patch, np.einsum("ij,ij->i", areas, arm))
     area = np.bincount(patch, np.linalg.norm(areas, axis=1))
     is_wall = (volume < 0.0) & (area > _SMALLEST_SHARE * area.max())
-    mask: NDArray[np.bool_] = is_wall[patch]
+    mask: BoolArray = is_wall[patch]
     return mask
 
 
-def _on_box(points: FloatArray, faces: IntArray) -> NDArray[np.bool_]:
+def _on_box(points: FloatArray, faces: IntArray) -> BoolArray:
     """Mask (m,) of the faces whose corners all lie in one side of the data's bounding box."""
     tolerance = 1e-5 * np.ptp(points, axis=0).max()
     mask = np.zeros(len(faces), dtype=bool)

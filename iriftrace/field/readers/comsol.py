@@ -13,7 +13,7 @@ import numpy as np
 import pyvista as pv
 from attrs import evolve, frozen
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.core.number_table import numbers, separator_of
@@ -174,7 +174,8 @@ def _boxes(nx: int, ny: int, nz: int) -> IntArray:
     k, j, i = np.meshgrid(np.arange(nz - 1), np.arange(ny - 1), np.arange(nx - 1), indexing="ij")
     first = (i + nx * (j + ny * k)).ravel()
     corner = np.array((0, 1, 1 + nx, nx))
-    return first[:, None] + np.concatenate((corner, corner + nx * ny))
+    cells: IntArray = first[:, None] + np.concatenate((corner, corner + nx * ny))
+    return cells
 
 
 def _results(file: TextFile, count: int) -> FloatArray:
@@ -209,7 +210,7 @@ def _of_state(table: _Table, state: str, path: Path) -> tuple[dict[str, Column],
 def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table:
     """The table without points at which nothing was computed, and without cells at such points."""
     telling = [k for k, name in enumerate(names) if quantity_of(name) is not None]
-    missing = np.isnan(table.values[:, telling or slice(None)]).any(axis=1)
+    missing: BoolArray = np.isnan(table.values[:, telling or slice(None)]).any(axis=1)
     if not missing.any():
         return table
     if missing.all():

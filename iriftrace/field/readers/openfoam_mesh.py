@@ -217,11 +217,10 @@ def _point_means(
         for name in names:
             value = np.asarray(piece.grid.cell_data[name], dtype=np.float64)
             sums[name][_CELLS, centroids] = value[piece.mesh.polyhedra]
-    source = _WALLS - (weight[::-1] > 0.0).argmax(axis=0)
-    at = (source, np.arange(count))
+    best = (_WALLS - (weight[::-1] > 0.0).argmax(axis=0), np.arange(count))
     # Points that no cell uses have no weight and no value.
-    total = np.where(weight[at] > 0.0, weight[at], np.nan)
-    return {name: (rows[at].T / total).T for name, rows in sums.items()}
+    total = np.where(weight[best] > 0.0, weight[best], np.nan)
+    return {name: (rows[best].T / total).T for name, rows in sums.items()}
 
 
 def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray, Any]]:
@@ -241,8 +240,8 @@ def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray
         corner = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
         face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         points = np.asarray(patch.points, dtype=np.float64)
-        centres = np.stack([np.bincount(face, c) for c in points[corner].T], axis=1)
-        centres /= np.diff(starts)[:, None]
+        sums = np.stack([np.bincount(face, c) for c in points[corner].T], axis=1)
+        centres = sums / np.diff(starts)[:, None]
         weight = _inverse_length(points[corner] - centres[face])
         source = _WALLS if name in piece.walls else _PATCHES
         yield source, tree.query(points)[1][corner], face, weight, patch.cell_data

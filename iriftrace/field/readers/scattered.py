@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.gradient import TETRAHEDRON_EDGES
 from iriftrace.geometry.query import Surface
@@ -95,7 +94,7 @@ def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
     return kept
 
 
-def _bridges(points: FloatArray, tetrahedra: IntArray) -> NDArray[np.bool_]:
+def _bridges(points: FloatArray, tetrahedra: IntArray) -> BoolArray:
     """Mask of the tetrahedra that are much longer than what is usual at all of their corners."""
     ends = np.sort(tetrahedra[:, TETRAHEDRON_EDGES], axis=2)
     edge, number = np.unique(ends[..., 0] * len(points) + ends[..., 1], return_inverse=True)
@@ -108,11 +107,11 @@ def _bridges(points: FloatArray, tetrahedra: IntArray) -> NDArray[np.bool_]:
     start = np.concatenate(([0], np.cumsum(count)[:-1]))
     usual = each[order[np.minimum(start + count // 2, len(order) - 1)]]
     longest = length[number.reshape(-1, len(TETRAHEDRON_EDGES))].max(axis=1)
-    mask: NDArray[np.bool_] = longest > _BRIDGE * usual[tetrahedra].max(axis=1)
+    mask: BoolArray = longest > _BRIDGE * usual[tetrahedra].max(axis=1)
     return mask
 
 
-def _open_to_outside(mask: NDArray[np.bool_], neighbours: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _open_to_outside(mask: BoolArray, neighbours: Int32Array) -> BoolArray:
     """Those of the masked tetrahedra that can be reached from the hull through masked ones."""
     chosen = np.flatnonzero(mask)
     local = np.full(len(mask), -1)

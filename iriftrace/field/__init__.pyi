@@ -1,0 +1,10 @@
+from .index_field import FieldSource as FieldSource
+from .index_field import IndexField as IndexField
+from .part_fit import Fit as Fit
+from .part_fit import fit_part_to_field as fit_part_to_field
+from .read import read_field as read_field
+from .read import read_volume as read_volume
+from .readers.members import Member as Member
+from .readers.members import chosen_members as chosen_members
+from .readers.members import member_at as member_at
+from .readers.members import members as members
