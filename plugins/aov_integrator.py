@@ -19,6 +19,7 @@ from iriftrace.plugins.kernels.bundle import Bundle, Trace, trace_bundle
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART, StraightHits
 from iriftrace.plugins.stock_sensor import StockSensor
+from iriftrace.runtime.variant import full_precision
 
 # MERGE plugins.picture_memory: Refuses pictures that cannot fit into memory, before anything of t
 
@@ -123,7 +124,8 @@ def integrator_class(variant: str) -> type:
         def prepare(self, scene: Any) -> PreparedScene:
             """Tables and sub-scene of a scene; kept until another scene is given."""
             if self._prepared is None or self._prepared.scene is not scene:
-                self._prepared = PreparedScene(scene)
+                with full_precision():
+                    self._prepared = PreparedScene(scene)
             return self._prepared
 
         def forget(self) -> None:
@@ -294,7 +296,8 @@ def integrator_class(variant: str) -> type:
             """Picture of all channels, for ``mi.render``; the film keeps the channels' names."""
             sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
             film = sensor.film()
-            channels, _ = self.image(scene, sensor)
+            with full_precision():
+                channels, _ = self.image(scene, sensor)
             count, height, width = channels.shape
             base = film.prepare(self.aov_names()) - count
             block = film.create_block()

@@ -103,6 +103,11 @@ def plugin_class(variant: str) -> type:
             """What the field's file holds."""
             return self.air.cells
 
+        def forget(self) -> None:
+            """Let go of the scene, which the field's boundary knows too."""
+            super().forget()
+            self._air = None
+
         def prepare(self, scene: Any) -> PreparedScene:
             """Tables and sub-scene of a scene, and the field; kept until another scene is given."""
             assert self.air is not None
@@ -110,9 +115,10 @@ def plugin_class(variant: str) -> type:
 
         def surroundings_of(self, scene: Any, point: NDArray[np.float64]) -> str | None:
             """What a point lies in; which air it is, the field says, and not the shells."""
-            if self.prepare(scene).surroundings(point) == "part":
+            prepared = self.prepare(scene)
+            if prepared.surroundings(point) == "part":
                 return "part"
-            return "hot air" if self.air.is_hot(point) else None
+            return "hot air" if self.air.is_hot(point, prepared.opaque) else None
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
             """The ray equation."""

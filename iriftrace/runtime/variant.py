@@ -110,6 +110,15 @@ def ensure(variant: str | None = None) -> str:
 
 
 @contextmanager
+def full_precision() -> Iterator[None]:
+    """Switch off Dr.Jit's fast arithmetic, which on CUDA leaves 20 bits of a double reciprocal."""
+    drjit = importlib.import_module("drjit")
+    fast = drjit.flag(drjit.JitFlag.FastMath) and not (current_variant() or "").startswith("cuda")
+    with drjit.scoped_set_flag(drjit.JitFlag.FastMath, fast):
+        yield
+
+
+@contextmanager
 def using(variant: str) -> Iterator[str]:
     """Work with `variant` inside the `with` block and set the former variant again afterwards.
 
@@ -124,7 +133,8 @@ def using(variant: str) -> Iterator[str]:
     former = current_variant()
     name = ensure(variant)
     try:
-        yield name
+        with full_precision():
+            yield name
     finally:
         if former is not None and former != current_variant():
             _mitsuba().set_variant(former)

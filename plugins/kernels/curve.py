@@ -104,7 +104,7 @@ def curved_hits(
         The part and other opaque shapes.
     tables : SceneTables
     medium : TetrahedralAir
-        Or anything else with its methods ``cell`` and ``entrance``.
+        Or anything else with its methods.
     origin, direction : Point3d, Vector3d
         Rays, mm, world; directions of length one.
     coherent : bool
@@ -119,6 +119,7 @@ def curved_hits(
 
     smallest_step = dr.opaque(mi.Float64, step)
     limit = dr.opaque(mi.UInt32, max_steps)
+    boundary = medium.boundary_beside(opaque)
     ambient = dr.opaque(mi.Float64, medium.ambient)
     open_step = dr.opaque(mi.Float64, medium.open_step)
 
@@ -153,7 +154,7 @@ def curved_hits(
 
         ahead_point = s.point + heading * s.ahead
         entrance = medium.entrance(
-            lambda scene, active: ray_query(scene, ahead_point, heading, coherent, active), outside
+            ray_query(boundary, ahead_point, heading, coherent, outside), outside
         )
         place = dr.select(outside, entrance.place, s.place)
         cell = medium.cell(place, (outside & entrance.found) | inside | seeking)

@@ -113,14 +113,24 @@ TILT = np.radians(50.0)
 """Angle between a wall's normal and the other lines by which its layer is counted."""
 
 
-def scene_of(shapes: list[Any]) -> Any:
-    """A scene of some shapes of another one."""
+def scene_beside(scene: Any, shapes: list[Any]) -> Any:
+    """A scene of other shapes that rays may be traced into in the kernels that query `scene`.
+
+    OptiX allows one shader binding table in a kernel, and drops queries of other scenes silently;
+    a scene that has another one as a child shares its table.
+    """
     import mitsuba as mi
 
     # A shape takes its key as id, so the keys are the ids it has.
     content = {shape.id() or f"shape_{i}": shape for i, shape in enumerate(shapes)}
     return mi.load_dict(
-        {"type": "scene", "embree_use_robust_intersections": True, **content}, optimize=False
+        {
+            "type": "scene",
+            "embree_use_robust_intersections": True,
+            **content,
+            "shader_binding_table_of": scene,
+        },
+        optimize=False,
     )
 
 
@@ -147,7 +157,7 @@ class PreparedScene:
         opaque = [s for s in scene.shapes() if shell_indices(s.bsdf()) is None]
         if self.tables.shell_shapes:
             # Straight rays never look at shells; most of the query's cost is theirs.
-            self.opaque = scene_of(opaque)
+            self.opaque = scene_beside(scene, opaque)
         else:
             self.opaque = scene
         self.usual_wall_index = mi.Float64(aligned(self._wall_layers()))
@@ -319,7 +329,8 @@ def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
 
     fewer = copy(prepared)
     fewer.tables = prepared.tables.with_sides([sides.get(pair, (1.0, 1.0)) for pair in pairs])
-    fewer.scene = scene_of(
-        [s for s, pair in zip(shapes, pairs, strict=True) if pair is None or pair in sides]
+    fewer.scene = scene_beside(
+        prepared.scene,
+        [s for s, pair in zip(shapes, pairs, strict=True) if pair is None or pair in sides],
     )
     return fewer

@@ -19,6 +19,7 @@ from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.path_data import FieldCells
 from iriftrace.field.tetrahedra import BOUNDARY, tetrahedra_of
 from iriftrace.plugins.kernels.layers import telescoping
+from iriftrace.plugins.kernels.prepared import scene_beside
 from iriftrace.plugins.kernels.tables import aligned
 
 NO_FACE = 4
@@ -243,9 +244,16 @@ class TetrahedralAir:
         wall = cells.wall[tetrahedra.boundary].all(axis=1)
         self.wall = mi.UInt32(aligned(wall.astype(np.uint32)))
         self.boundary_place = mi.UInt32(aligned(tetrahedra.boundary_place))
-        self.boundary = _surface(cells.points, tetrahedra.boundary)
+        self._boundary_mesh = _mesh(cells.points, tetrahedra.boundary)
+        self._boundary: tuple[Any, Any] | None = None
 
-    def is_hot(self, point: NDArray[np.float64]) -> bool:
+    def boundary_beside(self, scene: Any) -> Any:
+        """The data's boundary, as a scene that kernels may query together with another one."""
+        if self._boundary is None or self._boundary[0] is not scene:
+            self._boundary = scene, scene_beside(scene, [self._boundary_mesh])
+        return self._boundary[1]
+
+    def is_hot(self, point: NDArray[np.float64], scene: Any) -> bool:
         """Whether a point (3,), mm, world, lies in the data, where the air is not ambient."""
         import drjit as dr
         import mitsuba as mi
@@ -256,7 +264,8 @@ class TetrahedralAir:
         # Seen from inside, the first face of the boundary shows its back in every direction.
         places = mi.Point3f(*(aligned(np.full(len(WAYS), x, dtype=np.float32)) for x in point))
         ways = mi.Vector3f(*(aligned(axis.astype(np.float32)) for axis in WAYS.T))
-        hit = self.boundary.ray_intersect(mi.Ray3f(places, dr.normalize(ways)))
+        boundary = self.boundary_beside(scene)
+        hit = boundary.ray_intersect(mi.Ray3f(places, dr.normalize(ways)))
         leaving = hit.is_valid() & (dr.dot(hit.n, ways) > 0)
         return bool(np.mean(np.array(leaving)) > 0.5)
 
@@ -273,12 +282,11 @@ class TetrahedralAir:
         """The same tetrahedra, not entered through one of their faces."""
         return (place >> 3) * 8 + NO_FACE
 
-    def entrance(self, query: Any, active: Any) -> Entrance:
-        """The next boundary face; `query` runs a ray query in a given scene."""
+    def entrance(self, preliminary: Any, active: Any) -> Entrance:
+        """The next boundary face, from a ray query of `boundary_beside`."""
         import drjit as dr
         import mitsuba as mi
 
-        preliminary = query(self.boundary, active)
         found = active & preliminary.is_valid()
         face = preliminary.prim_index
         place = dr.gather(mi.UInt32, self.boundary_place, face, found)
@@ -290,8 +298,8 @@ class TetrahedralAir:
         )
 
 
-def _surface(points: Any, faces: Any) -> Any:
-    """A Mitsuba scene that has nothing but one surface."""
+def _mesh(points: Any, faces: Any) -> Any:
+    """Triangles as Mitsuba's mesh."""
     import mitsuba as mi
 
     used, corners = np.unique(faces, return_inverse=True)
@@ -300,7 +308,4 @@ def _surface(points: Any, faces: Any) -> Any:
     parameters["vertex_positions"] = mi.Float(aligned(points[used].ravel()))
     parameters["faces"] = mi.UInt32(aligned(corners.astype(np.uint32).ravel()))
     parameters.update()
-    return mi.load_dict(
-        {"type": "scene", "embree_use_robust_intersections": True, "boundary": mesh},
-        optimize=False,
-    )
+    return mesh

@@ -37,7 +37,10 @@ class SmoothMedium:
     def unentered(place: Any) -> Any:
         return place
 
-    def entrance(self, query: Any, active: Any) -> Entrance:
+    def boundary_beside(self, scene: Any) -> Any:
+        return scene
+
+    def entrance(self, preliminary: Any, active: Any) -> Entrance:
         """Everything is inside."""
         import mitsuba as mi
 
