@@ -6,12 +6,13 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test lint bench accuracy statements clean llvm openfoam
+.PHONY: help demo test test-all lint bench accuracy statements clean llvm openfoam
 .DEFAULT_GOAL := help
 
 help:
 	@echo 'make demo    trace the bundled scene into out/'
-	@echo 'make test    run the tests'
+	@echo 'make test    run the quick tests'
+	@echo 'make test-all  run all tests: OpenFOAM, the accuracy page, killed sweeps, fine fields'
 	@echo 'make lint    check format, style, the direction of imports and types'
 	@echo 'make bench   print the speed ratios'
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
@@ -27,6 +28,9 @@ TWO_AT_A_TIME = --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 test: $(VENV)/installed-dev $(VENV)/drawing llvm
 	$(BIN)/python -m pytest $(TWO_AT_A_TIME)
+
+test-all: $(VENV)/installed-dev $(VENV)/drawing llvm
+	$(BIN)/python -m pytest $(TWO_AT_A_TIME) -m 'slow or not slow'
 
 # The linter of imports follows one folder, so it gets the package as it is once installed.
 define rooms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from attrs import frozen
@@ -35,10 +35,30 @@ class Line:
 
     @property
     def holds(self) -> bool:
-        """Whether the error is within its bound; a figure without bound always is."""
-        if self.bound is None:
-            return True
-        return self.error is not None and abs(self.error) <= self.bound
+        """Whether the error is within its bound.
+
+        Raises
+        ------
+        ValueError
+            If there is no error or no bound: such a figure is reported, not checked.
+        """
+        if self.bound is None or self.error is None:
+            raise ValueError(f"{self.case}: there is no error or no bound")
+        return abs(self.error) <= self.bound
+
+
+def beyond(lines: Sequence[Line]) -> list[Line]:
+    """Lines whose error is beyond its bound, of those that have one.
+
+    Raises
+    ------
+    ValueError
+        If none has: then nothing was checked.
+    """
+    checked = [line for line in lines if line.bound is not None]
+    if not checked:
+        raise ValueError("none of the figures has a bound")
+    return [line for line in checked if not line.holds]
 
 
 @frozen

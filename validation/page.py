@@ -95,7 +95,7 @@ def _error(line: Line) -> str:
     if line.error is None:
         return ""
     text = f"{line.error:.2g} {line.unit}".rstrip()
-    return text if line.holds else f"**{text}**"
+    return text if line.bound is None or line.holds else f"**{text}**"
 
 
 def _bound(line: Line) -> str:

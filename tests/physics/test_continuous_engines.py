@@ -19,6 +19,8 @@ from iriftrace.trace.render import render_scene
 from validation.engines import in_tetrahedra
 from validation.inputs.solved_fields import DATA
 
+pytestmark = pytest.mark.slow
+
 FIELD = DATA / "cylinder_A.vtu"
 CAMERA = Camera(
     focal_length_mm=10.0,

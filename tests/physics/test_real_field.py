@@ -63,6 +63,7 @@ def good_um(image: AovImage) -> np.ndarray:
     return image.channels["displacement.norm"][image.status == Status.GOOD] * 1e3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layers", [13, 40, 80])
 def test_no_ray_is_lost_with_gradient_normals(
     images: dict[tuple[int, str], AovImage], layers: int
@@ -106,6 +107,7 @@ VIEWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("origin", VIEWS.values(), ids=VIEWS)
 def test_displacement_does_not_depend_on_the_number_of_shells(
     scenes: dict[tuple[int, str], LoadedScene], origin: tuple[float, float, float]
@@ -125,6 +127,7 @@ def test_displacement_does_not_depend_on_the_number_of_shells(
         assert np.ptp(values) < 0.01 * values.min()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layers", [13, 40, 80])
 @pytest.mark.parametrize("statistic", [np.mean, np.median], ids=["mean", "median"])
 def test_facet_normals_give_about_the_same(
@@ -135,6 +138,7 @@ def test_facet_normals_give_about_the_same(
     assert gradient == pytest.approx(facet, rel=0.1)
 
 
+@pytest.mark.slow
 def test_more_shells_converge(images: dict[tuple[int, str], AovImage]) -> None:
     """Pixel by pixel, 40 shells are much nearer to 80 than 13 are."""
     good = np.all([images[n, "gradient"].status == Status.GOOD for n in (13, 40, 80)], axis=0)
@@ -144,6 +148,7 @@ def test_more_shells_converge(images: dict[tuple[int, str], AovImage]) -> None:
     assert far < 0.02 * np.median(good_um(images[80, "gradient"])) * 1e-3
 
 
+@pytest.mark.slow
 def test_displacement_picture_has_no_speckles(
     images: dict[tuple[int, str], AovImage],
 ) -> None:

@@ -13,10 +13,13 @@ import time
 from pathlib import Path
 
 import psutil
+import pytest
 
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.store import read_sweep
 from validation.inputs.journals import pieces_done
+
+pytestmark = pytest.mark.slow
 
 KILLS = 20
 

@@ -64,18 +64,21 @@ def test_every_shell_block_is_among_the_commands() -> None:
     assert {page: names for page, names in found.items() if names} == COMMANDS
 
 
+@pytest.mark.slow
 def test_commands_of_the_readme_run_as_they_stand(folder: Path) -> None:
     assert (folder / "out.exr").is_file()
     assert (folder / "out.json").is_file()
     assert (folder / "out" / "cylinder.png").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", sorted(COMMANDS.keys() - {"README.md"}))
 def test_commands_of_the_pages_run_as_they_stand(page: str, folder: Path) -> None:
     for command in commands(page):
         run(["-m", "iriftrace", *command[1:]], folder)
 
 
+@pytest.mark.slow
 def test_python_examples_run_as_they_stand(folder: Path) -> None:
     found = {page: len(blocks(page, "python")) for page in PAGES}
     assert {page: count for page, count in found.items() if count} == PYTHON_EXAMPLES

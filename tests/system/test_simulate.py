@@ -25,6 +25,8 @@ from iriftrace.core.errors import SetupError
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
 
+pytestmark = pytest.mark.slow
+
 WALL, AMBIENT = 1373.15, 293.15
 DIAMETER, LENGTH = 27.0, 80.0
 TIMES = ("--end-time=0.25s", "--average-time=0.05s")

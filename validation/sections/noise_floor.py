@@ -56,14 +56,14 @@ def matched(folder: Path) -> list[Line]:
     ]
 
 
-def oracle() -> list[Line]:
+def oracle(rays: int = ORACLE_RAYS) -> list[Line]:
     """Random rays from all around, aimed at the part."""
     xml = folder_of("cylinder") / "scene.xml"
     scene = load_scene(xml, {"normals": "facet"})
     random = np.random.default_rng(20251121)
-    start = random.normal(size=(ORACLE_RAYS, 3))
+    start = random.normal(size=(rays, 3))
     start *= 260 / np.linalg.norm(start, axis=1, keepdims=True)
-    aim = random.uniform(-1, 1, size=(ORACLE_RAYS, 3)) * (80, 10, 10)
+    aim = random.uniform(-1, 1, size=(rays, 3)) * (80, 10, 10)
     direction = (aim - start) / np.linalg.norm(aim - start, axis=1, keepdims=True)
     found = trace_rays(scene, start, direction)
     tracer = NumpyTracer(xml)
@@ -75,7 +75,7 @@ def oracle() -> list[Line]:
     differing = int((crossings != found.crossings).sum())
     return [
         Line(
-            f"independent NumPy tracer, {clear.sum()} hits of {ORACLE_RAYS} random rays: largest "
+            f"independent NumPy tracer, {clear.sum()} hits of {rays} random rays: largest "
             "difference",
             "0",
             f"{error.max():.1e} mm",
