@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from attrs import asdict, evolve, field, frozen
+from attrs import asdict, astuple, evolve, field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
@@ -177,26 +177,12 @@ class Air:
             raise InputError(
                 f"There is no model of air named {self.model!r}; use one of {', '.join(MODELS)}."
             )
-        _check_ranges(
-            self.wavelength_nm,
-            self.temperature_k,
-            self.pressure_pa,
-            self.relative_humidity,
-            self.co2_ppm,
-        )
+        _check_ranges(*astuple(self)[:5])
 
     @cached_property
     def ambient_refractivity(self) -> float:
         """Refractivity n - 1 of the ambient air."""
-        return float(
-            MODELS[self.model](
-                self.wavelength_nm,
-                self.temperature_k,
-                self.pressure_pa,
-                self.relative_humidity,
-                self.co2_ppm,
-            )
-        )
+        return float(MODELS[self.model](*astuple(self)[:5]))
 
     @cached_property
     def ambient_density(self) -> float:

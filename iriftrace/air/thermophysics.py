@@ -1,14 +1,16 @@
-"""What hot air does to heat and flow: density, heat capacity, viscosity, conductivity.
+"""Thermophysical properties of hot air: density, heat capacity, viscosity, conductivity.
 
 A perfect gas at ambient pressure. Heat capacities are the polynomials of nitrogen and oxygen of
 Gordon and McBride (NASA SP-273, 1971, "JANAF" in OpenFOAM), mixed 0.79 to 0.21, for 200 to 5000 K;
 the viscosity is Sutherland's (1893) with the constants of the U.S. Standard Atmosphere (1976); the
 conductivity is Eucken's as modified for gases whose molecules rotate (Poling, Prausnitz and
 O'Connell, The Properties of Gases and Liquids, 2001, section 10-3), which OpenFOAM uses with it.
-What air does to light is in `iriftrace.air`.
+The refractive index is in `iriftrace.air.refractivity`.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +21,8 @@ MOLAR_MASS = 28.85
 """g/mol."""
 GAS_CONSTANT = 8.314462618
 """J/(mol K), CODATA 2018; `iriftrace.air` has the one that its equations were made with."""
+SPECIFIC_GAS_CONSTANT = GAS_CONSTANT / (MOLAR_MASS * 1e-3)
+"""J/(kg K)."""
 SUTHERLAND_AS = 1.458e-06
 """Pa s / K^(1/2)."""
 SUTHERLAND_TS = 110.4
@@ -49,8 +53,9 @@ HEAT_CAPACITY_ABOVE, HEAT_CAPACITY_BELOW = (
 
 def density(temperature_k: ArrayLike, pressure_pa: float) -> FloatArray:
     """Density, kg/m3, of air at a temperature and a pressure."""
-    specific = GAS_CONSTANT / (MOLAR_MASS * 1e-3)
-    result: FloatArray = pressure_pa / (specific * np.asarray(temperature_k, dtype=np.float64))
+    result: FloatArray = pressure_pa / (
+        SPECIFIC_GAS_CONSTANT * np.asarray(temperature_k, dtype=np.float64)
+    )
     return result
 
 
@@ -62,22 +67,23 @@ def temperature_of_density(density_kg_m3: ArrayLike, pressure_pa: float) -> Floa
 
 def heat_capacity(temperature_k: ArrayLike) -> FloatArray:
     """Heat capacity at constant pressure, J/(kg K); 200 to 5000 K."""
-    kelvin = np.asarray(temperature_k, dtype=np.float64)
-    low, high = (np.polyval(c[4::-1], kelvin) for c in (HEAT_CAPACITY_BELOW, HEAT_CAPACITY_ABOVE))
-    molar = np.where(kelvin < COMMON_K, low, high)
-    result: FloatArray = molar * GAS_CONSTANT / (MOLAR_MASS * 1e-3)
-    return result
+    return _of_polynomials(temperature_k, lambda c: c[4::-1])
 
 
 def enthalpy(temperature_k: ArrayLike) -> FloatArray:
     """Enthalpy, J/kg, up to a constant: the integral of `heat_capacity`; 200 to 5000 K."""
-    kelvin = np.asarray(temperature_k, dtype=np.float64)
-    low, high = (
-        np.polyval([*(c[k] / (k + 1) for k in range(4, -1, -1)), c[5]], kelvin)
-        for c in (HEAT_CAPACITY_BELOW, HEAT_CAPACITY_ABOVE)
+    return _of_polynomials(
+        temperature_k, lambda c: (*(c[k] / (k + 1) for k in range(4, -1, -1)), c[5])
     )
-    molar = np.where(kelvin < COMMON_K, low, high)
-    result: FloatArray = molar * GAS_CONSTANT / (MOLAR_MASS * 1e-3)
+
+
+def _of_polynomials(
+    temperature_k: ArrayLike, terms: Callable[[tuple[float, ...]], tuple[float, ...]]
+) -> FloatArray:
+    """Polynomials with terms of the coefficients, highest power first, times the gas constant."""
+    kelvin = np.asarray(temperature_k, dtype=np.float64)
+    low, high = (np.polyval(terms(c), kelvin) for c in (HEAT_CAPACITY_BELOW, HEAT_CAPACITY_ABOVE))
+    result: FloatArray = np.where(kelvin < COMMON_K, low, high) * SPECIFIC_GAS_CONSTANT
     return result
 
 
@@ -89,7 +95,7 @@ def heat_content(temperature_k: ArrayLike, ambient_k: float, pressure_pa: float)
 
 
 def heat_content_slope(temperature_k: ArrayLike, ambient_k: float) -> FloatArray:
-    """What `heat_content` changes by with the density at constant pressure, J/kg.
+    """Derivative of `heat_content` with respect to the density at constant pressure, J/kg.
 
     For a perfect gas d(rho (h - h_a))/d rho = h - h_a - c_p T, which is the constant -c_p T_a where
     the heat capacity is constant: then the heat content is linear in the density.
@@ -108,7 +114,6 @@ def viscosity(temperature_k: ArrayLike) -> FloatArray:
 
 def conductivity(temperature_k: ArrayLike) -> FloatArray:
     """Thermal conductivity, W/(m K), by the modified Eucken relation."""
-    specific = GAS_CONSTANT / (MOLAR_MASS * 1e-3)
-    at_constant_volume = heat_capacity(temperature_k) - specific
-    result: FloatArray = viscosity(temperature_k) * (1.32 * at_constant_volume + 1.77 * specific)
-    return result
+    at_constant_volume = heat_capacity(temperature_k) - SPECIFIC_GAS_CONSTANT
+    eucken = 1.32 * at_constant_volume + 1.77 * SPECIFIC_GAS_CONSTANT
+    return viscosity(temperature_k) * eucken

@@ -158,20 +158,9 @@ def cells_to_flip(
 
 
 def faces_to_flip(neighbours: Neighbours, areas: FloatArray) -> BoolArray:
-    """Faces whose vertex order must be reversed so that neighbours agree.
+    """(m,) bool array: faces whose vertex order must be reversed so that neighbours agree.
 
-    In each connected piece the orientation that covers the smaller area gives way.
-
-    Parameters
-    ----------
-    neighbours
-        From `find_neighbours`.
-    areas
-        (m,) face areas, mm^2.
-
-    Returns
-    -------
-    (m,) bool array
+    In each connected component the orientation that covers the smaller of the (m,) areas gives way.
 
     Raises
     ------
@@ -181,8 +170,8 @@ def faces_to_flip(neighbours: Neighbours, areas: FloatArray) -> BoolArray:
     flipped, one_sided = cells_to_flip(neighbours.pairs, neighbours.opposed, areas)
     if one_sided.any():
         raise InputError(
-            "the part's surface is one-sided (like a Moebius strip), so no side of it is outside; "
-            "repair the mesh."
+            "the surface is one-sided (like a Moebius strip), so no side of it is outside; repair "
+            "the mesh."
         )
     return flipped
 

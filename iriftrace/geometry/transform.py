@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,8 @@ def parse_transform(text: str) -> FloatArray:
     """
     path = Path(text.strip())
     numbers = _numbers(text)
-    if numbers is None and _is_file(path):
+    # Other than the path's own method, this takes any text.
+    if numbers is None and os.path.isfile(path):
         numbers = _numbers(path.read_text(encoding="utf-8", errors="replace"))
         if numbers is None:
             raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")
@@ -86,13 +88,6 @@ def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
             "factor of 0."
         )
     return affine
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # text that no file system takes as a name
-        return False
 
 
 def _numbers(text: str) -> list[float] | None:

@@ -23,16 +23,10 @@ from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 
 # Parts outside these sizes are rarely real; a metre read as a millimetre is common.
 _PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
+# As files name them, without the s of the plural.
 _SHORT_UNITS = {
-    "meters": "m",
-    "meter": "m",
-    "millimeters": "mm",
-    "millimeter": "mm",
-    "centimeters": "cm",
-    "centimeter": "cm",
-    "inches": "inch",
-    "inch": "inch",
-    "microns": "um",
+    **{"meter": "m", "millimeter": "mm", "centimeter": "cm"},
+    **{"inche": "inch", "micron": "um"},
 }
 
 MOST_FACES = 2**24 - 2
@@ -340,7 +334,7 @@ def _growth(expansion: float | None, reference_k: float, hot_k: float | None) ->
 
 def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: str) -> None:
     """Warn when the unit is not the one that the file declares, or makes an unlikely size."""
-    short = _SHORT_UNITS.get(declared, declared) if declared else chosen
+    short = _SHORT_UNITS.get(declared.removesuffix("s"), declared) if declared else chosen
     if short != chosen:
         warnings.warn(
             f"{path} declares its unit as {short} but is read as {chosen}; "

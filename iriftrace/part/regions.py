@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from attrs import frozen
 
@@ -77,13 +79,8 @@ def name_regions(groups: IntArray, normals: FloatArray, areas: FloatArray) -> Re
     """
     count = int(groups.max()) + 1
     area = np.bincount(groups, areas, minlength=count)
-    mean = (
-        np.stack(
-            [np.bincount(groups, areas * component, minlength=count) for component in normals.T],
-            axis=1,
-        )
-        / np.maximum(area, np.finfo(float).tiny)[:, None]
-    )
+    sums = [np.bincount(groups, areas * component, minlength=count) for component in normals.T]
+    mean = np.column_stack(sums) / np.maximum(area, np.finfo(float).tiny)[:, None]
     by_size = np.argsort(-area, kind="stable")
     # A surface in small components (a noisy scan) still has one region: all of it.
     large = by_size[area[by_size] >= SMALLEST_SHARE * area.sum()]
@@ -110,7 +107,13 @@ def _names(mean: FloatArray) -> list[str]:
         f"{plane}{_axis(vector)}" if flat else curved
         for flat, vector in zip(planar, direction, strict=True)
     ]
-    return _numbered(stems, always={"surface", "plane", "head"})
+    # Numbered are those that occur more than once, and those that say nothing else.
+    names, seen = [], Counter[str]()
+    for stem in stems:
+        seen[stem] += 1
+        several = stems.count(stem) > 1 or stem in ("surface", "plane", "head")
+        names.append(f"{stem} {seen[stem]}" if several else stem)
+    return names
 
 
 def _axis(direction: FloatArray) -> str:
@@ -118,14 +121,3 @@ def _axis(direction: FloatArray) -> str:
     if abs(direction[axis]) < _SAME:
         return ""
     return f" {'+' if direction[axis] > 0 else '-'}{'xyz'[axis]}"
-
-
-def _numbered(stems: list[str], always: set[str]) -> list[str]:
-    """Number the names that occur more than once, and those in `always`."""
-    seen: dict[str, int] = {}
-    names = []
-    for stem in stems:
-        seen[stem] = seen.get(stem, 0) + 1
-        several = stems.count(stem) > 1 or stem in always
-        names.append(f"{stem} {seen[stem]}" if several else stem)
-    return names
