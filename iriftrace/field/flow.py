@@ -259,7 +259,8 @@ def velocity_arrays(
     usual = [by_name[name] for name in by_name if name in _USUAL]
     means = [name for plain, name in by_name.items() if _MEAN.fullmatch(plain)]
     loose = [name for plain, name in by_name.items() if _LOOSE.fullmatch(plain)]
-    components = _components(numbers)
+    families = _families(numbers)
+    components = [tuple(f[axis] for axis in range(3)) for f in families.values() if len(f) == 3]
     for single in (means, usual) if averaged else (usual, means):
         if len(single) == 1:
             components.insert(0, (single[0],))
@@ -272,7 +273,7 @@ def velocity_arrays(
             unit = _stated_unit(names[0], units) or SI
             return VelocityArrays(names, factors.pop() or 1.0, unit), ""
         refused = f"the unit of {', '.join(names)} is no velocity"
-    return None, refused or _what_lacks(grid, numbers, units) or NO_VELOCITIES
+    return None, refused or _what_lacks(grid, families, units) or NO_VELOCITIES
 
 
 def is_motion(name: str) -> bool:
@@ -303,12 +304,6 @@ def _names(grid: Any, dimension: int) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _components(names: Iterable[str]) -> list[tuple[str, ...]]:
-    """Sets of three arrays that differ in the axis only."""
-    families = _families(names).values()
-    return [tuple(f[axis] for axis in range(3)) for f in families if len(f) == 3]
-
-
 def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]]:
     """Arrays by axis, of each plain name without its axis: what is before, axes, what is after."""
     families: dict[tuple[str, str, str], dict[int, str]] = {}
@@ -324,25 +319,24 @@ def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]
     return families
 
 
-def _what_lacks(grid: Any, numbers: Iterable[str], units: Mapping[str, str] | None) -> str:
+def _what_lacks(
+    grid: Any,
+    families: Mapping[tuple[str, str, str], Mapping[int, str]],
+    units: Mapping[str, str] | None,
+) -> str:
     """Why arrays with the names of velocities are none; "" where no array has such a name."""
-    incomplete = [
-        (family, [names[axis] for axis in sorted(names)])
-        for family, names in _families(numbers).items()
-        if len(names) < 3 and all(_factor(name, units) is not None for name in names.values())
-    ]
-    lacks = "{} without the other component{}, 3 are needed"
-    for _, names in incomplete:
-        if len(names) == 2:
-            return lacks.format(" and ".join(names), "")
+    for family, names in families.items():
+        # A single v or w may be anything.
+        telling = len(names) == 2 or (len(names) == 1 and family != ("", "uvw", ""))
+        if telling and all(_factor(name, units) is not None for name in names.values()):
+            there = " and ".join(names[axis] for axis in sorted(names))
+            return f"no other components beside {there}, 3 are needed"
     for data in (grid.point_data, grid.cell_data):
         for name in data:
             width = 1 if data[name].ndim == 1 else data[name].shape[1]
             if width != 3 and _is_velocity(name) and _factor(name, units) is not None:
                 return f"{name} has {width} component{'s' * (width > 1)}, 3 are needed"
-    # A single v or w may be anything.
-    single = [names[0] for family, names in incomplete if family != ("", "uvw", "")]
-    return lacks.format(single[0], "s") if single else ""
+    return ""
 
 
 def _factor(name: str, units: Mapping[str, str] | None) -> float | None:

@@ -13,7 +13,7 @@ import numpy as np
 import pyvista as pv
 from attrs import evolve, frozen
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.core.number_table import numbers, separator_of
@@ -210,7 +210,7 @@ def _of_state(table: _Table, state: str, path: Path) -> tuple[dict[str, Column],
 def _without_gaps(table: _Table, names: dict[str, Column], path: Path) -> _Table:
     """The table without points at which nothing was computed, and without cells at such points."""
     telling = [k for k, name in enumerate(names) if quantity_of(name) is not None]
-    missing: BoolArray = np.isnan(table.values[:, telling or slice(None)]).any(axis=1)
+    missing = np.asarray(np.isnan(table.values[:, telling or slice(None)]).any(axis=1))
     if not missing.any():
         return table
     if missing.all():
