@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import pyvista as pv
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
-from vtkmodules.vtkCommonCore import vtkObject
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
@@ -23,6 +21,7 @@ from iriftrace.field import arrays
 from iriftrace.field.arrays import unit_of
 from iriftrace.field.index_field import FieldSource
 from iriftrace.field.origin import origin_of
+from iriftrace.field.readers.vtk_files import blocks_of, read_vtk
 from iriftrace.geometry import transform as motion
 from iriftrace.geometry.topology import drop_degenerate, face_along, weld
 from iriftrace.geometry.triangles import area_vectors, normals_along, unit_vectors, used_vertices
@@ -123,31 +122,13 @@ def _read(path: Path) -> tuple[list[pv.PolyData], str]:
         raise InputError(f"The file of surfaces {path} does not exist; check the path.")
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path} cannot be read as surfaces; export it as {', '.join(SUFFIXES)}.")
-    shown = vtkObject.GetGlobalWarningDisplay()
-    # VTK writes its complaints about damaged files to stderr; ours follows from the result.
-    vtkObject.SetGlobalWarningDisplay(0)
-    try:
-        data = pv.read(path)
-    except (OSError, ValueError, RuntimeError, TypeError, IndexError, KeyError) as error:
-        raise InputError(
-            f"{path} cannot be read ({error}); is it a complete file of its type?"
-        ) from error
-    finally:
-        vtkObject.SetGlobalWarningDisplay(shown)
-    found = [mesh for mesh in map(_triangles, _leaves(data)) if mesh is not None]
+    data = read_vtk(path)
+    found = [mesh for mesh in map(_triangles, blocks_of(data)) if mesh is not None]
     if not found:
         raise InputError(
             f"{path} has no triangles; volume data are contoured by `iriftrace shells` instead."
         )
     return found, origin_of(data)
-
-
-def _leaves(data: Any) -> Iterator[Any]:
-    if isinstance(data, pv.MultiBlock):
-        for block in data:
-            yield from _leaves(block)
-    elif data is not None:
-        yield data
 
 
 def _triangles(block: Any) -> pv.PolyData | None:

@@ -91,7 +91,6 @@ def read(path: Path, member: int | None) -> Contents:
         data=grid,
         sha256=sha256_of(path),
         states=listed,
-        member=number,
         length_unit=file.length_unit or _unit_of_coordinates(file),
         units={name: column.unit or "" for name, column in names.items()},
         origin=file.origin(listed[number][0]),

@@ -20,7 +20,7 @@ from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_polyhedra
 from iriftrace.field.readers.states import Contents, State, chosen
-from iriftrace.field.readers.vtk_files import quietly
+from iriftrace.field.readers.vtk_files import vtk_errors
 
 _PROCESSOR = re.compile(r"processor(\d+)")
 # Their faces state no value of their own: neighbours, mirrors, or nothing.
@@ -74,7 +74,6 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
         data=joined(pieces, names),
         sha256=sha256_of_list(sorted(files), case.folder),
         states=case.states,
-        member=number,
         length_unit="m",
         origin=f"OpenFOAM{_solver(case.folder)}, t = {time} s",
     )
@@ -178,7 +177,8 @@ def _names(piece: Piece, flow: bool) -> list[str]:
 
 def _piece(folder: Path, time: str, flow: bool) -> Piece:
     """Cells and patches of one folder with a polyMesh."""
-    data, named = quietly(lambda: _read_with_vtk(folder, time), folder)
+    with vtk_errors(folder):
+        data, named = _read_with_vtk(folder, time)
     grid = data["internalMesh"] if "internalMesh" in data.keys() else None
     if grid is None or not grid.n_cells:
         raise InputError(

@@ -36,8 +36,6 @@ class Contents:
         ``sha256sum`` prints it.
     states : sequence of State
         All states of the file.
-    member : int
-        Which of them `data` is.
     length_unit : str or None
         Unit of the coordinates, where the file states it.
     units : mapping or None
@@ -54,7 +52,6 @@ class Contents:
     data: Any
     sha256: str
     states: Sequence[State] = (("", None),)
-    member: int = 0
     length_unit: str | None = None
     units: Mapping[str, str] | None = None
     origin: str = ""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkObject
@@ -16,17 +17,16 @@ from iriftrace.field.readers.states import Contents, State, chosen, column_of, s
 # What pyvista and the XML parser behind its .pvd reader raise for damaged files.
 _READ_ERRORS = (OSError, ValueError, RuntimeError, TypeError, LookupError, SyntaxError)
 
-Result = TypeVar("Result")
-
 
 def states(path: Path) -> list[State]:
     """Label and time of every state in a file, at least one."""
     if path.suffix.lower() == ".pvd":
-        times = quietly(lambda: list(pv.PVDReader(str(path)).time_values), path)
+        with vtk_errors(path):
+            times = list(pv.PVDReader(str(path)).time_values)
         if not times:
             raise InputError(f"{path} names no data sets; export the series again.")
         return [(f"t = {time:g}", float(time)) for time in times]
-    return _states_in(quietly(lambda: pv.read(path), path))
+    return _states_in(read_vtk(path))
 
 
 def read(path: Path, member: int | None) -> Contents:
@@ -34,15 +34,13 @@ def read(path: Path, member: int | None) -> Contents:
     if path.suffix.lower() == ".pvd":
         found = states(path)
         number = chosen(found, member, path)
-
-        def step() -> Any:
+        with vtk_errors(path):
             reader = pv.PVDReader(str(path))
             reader.set_active_time_point(number)
-            return reader.read()
-
+            data = reader.read()
         origin = found[number][0] if len(found) > 1 else ""
-        return Contents(quietly(step, path), sha256_of(path), found, number, origin=origin)
-    data = quietly(lambda: pv.read(path), path)
+        return Contents(data, sha256_of(path), found, origin=origin)
+    data = read_vtk(path)
     found = _states_in(data)
     number = chosen(found, member, path)
     label = found[number][0]
@@ -50,21 +48,27 @@ def read(path: Path, member: int | None) -> Contents:
         for block in blocks_of(data):
             for arrays in (block.point_data, block.cell_data):
                 _keep_state(arrays, label)
-    return Contents(data, sha256_of(path), found, number, origin=label)
+    return Contents(data, sha256_of(path), found, origin=label)
 
 
-def quietly(work: Callable[[], Result], path: Path) -> Result:
-    """Result of reading with VTK, which writes its complaints about damaged files to stderr.
+def read_vtk(path: Path) -> Any:
+    """Data set or blocks of a VTK file; InputError where it is damaged."""
+    with vtk_errors(path):
+        return pv.read(path)
+
+
+@contextmanager
+def vtk_errors(path: Path) -> Iterator[None]:
+    """Report what fails in reading with VTK, which writes its own complaints to stderr.
 
     Raises
     ------
     InputError
-        The work failed.
     """
     warnings_before = vtkObject.GetGlobalWarningDisplay()
     vtkObject.SetGlobalWarningDisplay(0)
     try:
-        return work()
+        yield
     except _READ_ERRORS as error:
         raise InputError(
             f"{path} cannot be read ({error}); is it a complete file of its type?"
