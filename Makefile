@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-all lint bench accuracy statements clean llvm openfoam
+.PHONY: help demo test test-all lint docs bench accuracy statements clean llvm openfoam
 .DEFAULT_GOAL := help
 
 help:
@@ -14,6 +14,7 @@ help:
 	@echo 'make test    run the quick tests'
 	@echo 'make test-all  run all tests: OpenFOAM, the accuracy page, killed sweeps, fine fields'
 	@echo 'make lint    check format, style, the direction of imports and types'
+	@echo 'make docs    build the site into docs/_build/html; executes the gallery'
 	@echo 'make bench   print the speed ratios'
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
 	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and mend it where needed'
@@ -45,6 +46,9 @@ lint: $(VENV)/installed-dev
 	$(call rooms)
 	$(BIN)/mypy
 
+docs: $(VENV)/installed-dev $(VENV)/drawing llvm
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs docs/_build/html
+
 bench: $(VENV)/installed llvm
 	$(BIN)/python -m bench
 
@@ -55,7 +59,7 @@ statements: $(VENV)/installed $(VENV)/drawing llvm
 	$(BIN)/python -m validation.statements
 
 clean:
-	rm -rf build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf build dist docs/_build docs/api docs/gallery docs/sg_execution_times.rst *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +
 
 $(VENV)/installed: pyproject.toml
