@@ -14,6 +14,8 @@ from .image.displacement import shift_map as shift_map
 from .image.metrics import pose_metrics as pose_metrics
 from .part.part import Part as Part
 from .part.part import read_part as read_part
+from .planning.criteria import Criteria as Criteria
+from .planning.pose_plan import plan as plan
 from .scene.build import build_ensemble as build_ensemble
 from .scene.build import build_scene as build_scene
 from .scene.load import load_scene as load_scene
@@ -21,6 +23,8 @@ from .scene.write import write_scene as write_scene
 from .shells.contour import contour_shells as contour_shells
 from .shells.files import load_shells as load_shells
 from .shells.imported import import_shells as import_shells
+from .sweep.store import read_sweep as read_sweep
+from .sweep.sweep import run_sweep as run_sweep
 from .trace.render import render_scene as render_scene
 from .trace.render import trace_rays as trace_rays
 

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from attrs import frozen
 from cyclopts import Group, Parameter
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
 from iriftrace.camera.pose import pose_text
-from iriftrace.cli.console import notes, out
+from iriftrace.cli.console import notes, out, raise_if_noticed
 from iriftrace.cli.options import Whole, check_input, check_output, quantity, quantity_with_unit
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
+from iriftrace.planning.criteria import THE_PAPERS, Criteria
 from iriftrace.planning.summary import RankingTable, alternative_text, front_text, stability_text
 from iriftrace.sweep.diagnostics import setting_of
 
@@ -25,83 +27,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from iriftrace.planning.cover import ViewLimits, ViewSet
-    from iriftrace.planning.rank import Plan
     from iriftrace.planning.refine import Refinement
     from iriftrace.planning.summary import SweepSummary
-    from iriftrace.sweep.reload import SweptScene
 
-
-# MERGE cli.plan_options: Options about how the poses of a sweep are ranked: the same for plan, pl
 
 RANKING = Group("Ranking", sort_key=1)
-
-
-@Parameter(name="*", group=RANKING)
-@frozen
-class RankingOptions:
-    """How poses are ranked.
-
-    Parameters
-    ----------
-    displacement
-        Weight in the score = displacement d + coverage (1 - c) + axial a + lateral l of the
-        normalised metrics, the smaller the better.
-    coverage
-        Weight of the part's area that is not seen.
-    axial
-        Weight of the resolution along the line of sight.
-    lateral
-        Weight of the resolution across the line of sight.
-    statistic
-        Which displacement: the paper's mean, or one that silhouettes cannot spoil.
-    resolution
-        Reading of the resolution.
-    region
-        Region of the part.
-    percentile
-        Upper end of the normalisation.
-    outside
-        What becomes of poses beyond the percentile.
-    min_hits
-        Poses with fewer good rays stay unranked.
-    min_coverage
-        Poses that see a smaller share of the area, from 0 to 1, stay unranked.
-    """
-
-    displacement: float = 0.5
-    coverage: float = 0.2
-    axial: float = 0.15
-    lateral: float = 0.15
-    statistic: Literal["mean", "median", "p95"] = "mean"
-    resolution: Literal["step", "nn3d", "nnxy"] = "step"
-    region: str = "part"
-    percentile: float = 95.0
-    outside: Literal["clip", "discard"] = "clip"
-    min_hits: int = 100
-    min_coverage: float = 0.0
-
-    def summary_of(self, dataset: xr.Dataset) -> SweepSummary:
-        """The sweep's poses ranked by these options."""
-        from iriftrace.planning.candidates import Weights
-        from iriftrace.planning.rank import rank_poses
-        from iriftrace.planning.summary import summarise
-
-        plan = rank_poses(
-            dataset,
-            weights=Weights(self.displacement, self.coverage, self.axial, self.lateral),
-            statistic=self.statistic,
-            resolution=self.resolution,
-            region=self.region,
-            percentile=self.percentile,
-            outside=self.outside,
-            min_hits=self.min_hits,
-            min_coverage=self.min_coverage,
-        )
-        return summarise(dataset, plan)
-
-
-THE_PAPERS = RankingOptions()
-"""Weights and normalisation of Kern et al. (2025)."""
+Ranking = Annotated[Criteria, Parameter(name="*", group=RANKING)]
+"""Options about how poses are ranked: the same for plan, plot and report."""
 
 VIEWS = Group("Several views", sort_key=2)
 REFINE = Group("Refinement", sort_key=3)
@@ -113,7 +45,7 @@ EVALUATIONS = 80
 def plan(
     sweep: Path,
     *,
-    ranking: RankingOptions = THE_PAPERS,
+    ranking: Ranking = THE_PAPERS,
     top: Whole = 10,
     wavelength: str | None = None,
     views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
@@ -159,7 +91,8 @@ def plan(
     convention
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """
-    from iriftrace.planning.cover import ViewLimits, plan_views
+    from iriftrace.planning.cover import ViewLimits
+    from iriftrace.planning.pose_plan import plan as plan_poses
     from iriftrace.planning.refine import check_evaluations, write_refined
     from iriftrace.planning.summary import ranking_table
     from iriftrace.sweep.store import read_sweep
@@ -184,30 +117,56 @@ def plan(
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
-    summary = ranking.summary_of(dataset)
-    table = ranking_table(summary, top)
-    if views is not None:
-        together = plan_views(
-            dataset, views, limits, region=ranking.region, min_hits=ranking.min_hits
-        )
     count = EVALUATIONS if evaluations is None else evaluations
     if refine:
         check_evaluations(count)
-        swept = _scene_of(dataset, summary.plan.best)
+    with _search_progress(count) as progress:
+        found = plan_poses(
+            dataset,
+            ranking,
+            views=views,
+            limits=limits,
+            evaluations=count if refine else None,
+            progress=progress,
+        )
+    summary = found.summary
+    table = ranking_table(summary, top)
     if save_poses is not None:
         _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
     # All that can be wrong has been found by now, so that nothing is printed in vain.
     print_plan(out, summary, table)
-    if views is not None:
-        print_views(out, summary, together, limits)
-    if refine:
-        refined = _refined(dataset, summary.plan, swept, count)
-        print_refined(out, summary, refined)
+    if found.views is not None:
+        print_views(out, summary, found.views, limits)
+    if found.refined is not None:
+        print_refined(out, summary, found.refined)
         if output is not None:
-            write_refined(output, refined, summary.plan, dataset)
+            write_refined(output, found.refined, summary.plan, dataset)
             out.print(f"Refined pose in {output}", markup=False, soft_wrap=True)
     if save_poses is not None:
         out.print(f"Ranked poses in {save_poses}", markup=False, soft_wrap=True)
+
+
+@contextmanager
+def _search_progress(evaluations: int) -> Iterator[Callable[[int, float], None]]:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (
+        TextColumn("Refining, best score {task.fields[score]:.4f}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+    )
+    bar = Progress(*columns, console=notes, transient=True)
+    task = bar.add_task("", total=evaluations, score=math.nan)
+
+    def report(done: int, score: float) -> None:
+        raise_if_noticed()
+        bar.start()
+        bar.update(task, completed=done, score=score)
+
+    try:
+        yield report
+    finally:
+        bar.stop()
 
 
 def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None:
@@ -227,48 +186,11 @@ def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
             raise InputError(f"{name} is given without {needed}, so it changes nothing; add it.")
 
 
-def _scene_of(dataset: xr.Dataset, pose: int) -> SweptScene:
-    from iriftrace.sweep.reload import load_swept_scene
-
-    with notes.status("Loading the scene ..."):
-        try:
-            return load_swept_scene(dataset, pose)
-        except InputError as error:
-            raise InputError(
-                f"The best pose cannot be refined, because its scene cannot be rendered again: "
-                f"{error}."
-            ) from error
-
-
-def _refined(dataset: xr.Dataset, plan: Plan, swept: SweptScene, evaluations: int) -> Refinement:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    from iriftrace.planning.refine import refine_pose
-
-    columns = (
-        TextColumn("Refining, best score {task.fields[score]:.4f}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-    )
-    with Progress(*columns, console=notes, transient=True) as bar:
-        task = bar.add_task("", total=evaluations, score=plan.score[plan.best])
-        return refine_pose(
-            dataset,
-            plan,
-            swept,
-            evaluations=evaluations,
-            progress=lambda done, score: bar.update(task, completed=done, score=score),
-        )
-
-
-# MERGE cli.plan_output: What ``iriftrace plan`` prints: ranking, best pose, sets of views, a refi
-
-
 def print_plan(console: Console, summary: SweepSummary, ranking: RankingTable) -> None:
     """The ranking, how sure it is, and the best pose."""
     plan = summary.plan
     table = _table(
-        f"Best poses for region {plan.region}: displacement, coverage, resolution",
+        f"Best poses for region {plan.criteria.region}: displacement, coverage, resolution",
         ranking.short_headings,
     )
     for row in ranking.rows:
@@ -311,7 +233,7 @@ def print_views(
     console: Console, summary: SweepSummary, views: ViewSet, limits: ViewLimits
 ) -> None:
     """Poses that together see the most, what each adds, and how good the choice is."""
-    region = summary.plan.region
+    region = summary.plan.criteria.region
     what = "the part" if region == "part" else f"region {region}"
     _say(
         console,

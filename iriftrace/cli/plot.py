@@ -9,16 +9,18 @@ from cyclopts import Parameter
 
 from iriftrace.cli.console import notes, out, working
 from iriftrace.cli.options import Whole, check_folder, check_input, check_output, removed_on_failure
-from iriftrace.cli.plan import THE_PAPERS, RankingOptions
+from iriftrace.cli.plan import Ranking
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
+from iriftrace.planning.criteria import THE_PAPERS
+from iriftrace.planning.summary import summarise
 
 
 def plot(
     file: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
-    ranking: RankingOptions = THE_PAPERS,
+    ranking: Ranking = THE_PAPERS,
     wavelength: str | None = None,
 ) -> None:
     """Draw a sweep, a study or one pose.
@@ -50,12 +52,10 @@ def plot(
     result = read_result(file)
     image = file.suffix.lower() == ".exr"
     check_light(wavelength, result.header if image else result.attrs, file)
-    ranked = not image and "study" not in result.attrs
-    plan = ranking.summary_of(result).plan if ranked else None
     with removed_on_failure(output):
         output.mkdir(exist_ok=True)
         with working("Drawing"):
-            plots = draw(result, plan=plan, name=file.stem)
+            plots = draw(result, criteria=ranking, name=file.stem)
             pictures = plots.save(output)
     _print_missing(plots.missing)
     out.print(
@@ -69,7 +69,7 @@ def report(
     sweep: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
-    ranking: RankingOptions = THE_PAPERS,
+    ranking: Ranking = THE_PAPERS,
     top: Whole = 10,
     wavelength: str | None = None,
 ) -> None:
@@ -95,7 +95,7 @@ def report(
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
-    summary = ranking.summary_of(dataset)
+    summary = summarise(dataset, ranking)
     with working("Writing the report"):
         missing = write_report(output, sweep, dataset, summary, top=top)
     _print_missing(missing)

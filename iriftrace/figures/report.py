@@ -19,7 +19,7 @@ from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.figures.sweep_charts import RAY_OUTCOMES
 from iriftrace.image.aov_image import Status
 from iriftrace.image.resolution import FRONTAL
-from iriftrace.planning.rank import stability
+from iriftrace.planning.stability import stability
 from iriftrace.planning.summary import (
     RankingTable,
     alternative_text,
@@ -126,8 +126,10 @@ def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> Repo
     plan = summary.plan
     ranking = ranking_table(summary, top)
     part = _name(attribute(dataset, "part"))
-    region = "" if plan.region == "part" else f", and of it the region {plan.region},"
-    weights = plan.weights.as_dict()
+    region = (
+        "" if plan.criteria.region == "part" else f", and of it the region {plan.criteria.region},"
+    )
+    weights = plan.criteria.weights
     best = plan.best
     setting = setting_of(summary.varied, best)
     return ReportContent(
@@ -141,7 +143,8 @@ def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> Repo
                 f"{weight:g} {'(1 - coverage)' if name == 'coverage' else name}"
                 for name, weight in weights.items()
             )
-            + f" of the normalised metrics, the smaller the better ({plan.statistic} displacement)."
+            + " of the normalised metrics, the smaller the better "
+            f"({plan.criteria.statistic} displacement)."
         ),
         answer=(
             f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} "
@@ -199,14 +202,19 @@ def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
         ("Camera", _camera(camera, varied=len(focal) > 1)),
         ("Poses", _orbit(summary)),
         *((f"Varied: {one.name}", ", ".join(_distinct(one.values))) for one in summary.varied),
-        ("Region ranked", "whole part" if summary.plan.region == "part" else summary.plan.region),
+        (
+            "Region ranked",
+            "whole part"
+            if summary.plan.criteria.region == "part"
+            else summary.plan.criteria.region,
+        ),
         (
             "Normalisation",
-            f"minimum to {summary.plan.percentile:g}th percentile; beyond it: "
-            f"{summary.plan.outside}; at least {summary.plan.min_hits} good rays"
+            f"minimum to {summary.plan.criteria.percentile:g}th percentile; beyond it: "
+            f"{summary.plan.criteria.outside}; at least {summary.plan.criteria.min_hits} good rays"
             + (
-                f" and a coverage of {summary.plan.min_coverage:g}"
-                if summary.plan.min_coverage
+                f" and a coverage of {summary.plan.criteria.min_coverage:g}"
+                if summary.plan.criteria.min_coverage
                 else ""
             ),
         ),
@@ -316,10 +324,10 @@ def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     good = np.asarray(whole["rays_good"].values)
     total = len(good)
     failed = sum(bool(str(text)) for text in dataset["failure"].values)
-    empty = int(np.count_nonzero((good >= 0) & (good < plan.min_hits)))
+    empty = int(np.count_nonzero((good >= 0) & (good < plan.criteria.min_hits)))
     sentences = [
         f"{len(plan.unranked)} of {total} poses are not ranked; {failed} failed and {empty} see "
-        f"fewer than {plan.min_hits} good rays of the part.",
+        f"fewer than {plan.criteria.min_hits} good rays of the part.",
     ]
     if "rays_open_boundary" in dataset:
         passed = int(np.maximum(dataset["rays_open_boundary"].values, 0).sum())

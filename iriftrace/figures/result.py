@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from iriftrace.core.errors import InputError
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage, read_exr
+from iriftrace.planning.criteria import THE_PAPERS, Criteria
 from iriftrace.studies.cases import is_study, read_study
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.planning.rank import Plan
     from iriftrace.trace.render import Rendering
 
 
@@ -58,7 +58,7 @@ class Plots:
 def plot(
     result: str | Path | AovImage | Rendering | xr.Dataset,
     *,
-    plan: Plan | None = None,
+    criteria: Criteria = THE_PAPERS,
     name: str | None = None,
 ) -> Plots:
     """Draw a result.
@@ -68,8 +68,8 @@ def plot(
     result
         A pose (an AOV image, a rendering, or an ``.exr``), a sweep or a study (a dataset or an
         ``.nc``).
-    plan
-        Ranking of a sweep's poses; by default that of Kern et al. (2025).
+    criteria
+        By which a sweep's poses are ranked.
     name
         Name of the figure of a pose or study; by default that of the file, else "displacement" or
         the study's.
@@ -92,10 +92,9 @@ def plot(
 
         return Plots({name or str(result.attrs["study"]): study_figure(result)})
     from iriftrace.figures.sweep import sweep_charts, sweep_pictures
-    from iriftrace.planning.rank import rank_poses
     from iriftrace.planning.summary import summarise
 
-    summary = summarise(result, rank_poses(result) if plan is None else plan)
+    summary = summarise(result, criteria)
     charts = sweep_charts(summary)
     pictures, missing = sweep_pictures(result, summary)
     return Plots({**charts, **pictures}, frozenset(charts), missing)

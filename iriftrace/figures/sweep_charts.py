@@ -62,7 +62,7 @@ def histogram_figure(summary: SweepSummary) -> Figure:
         Line2D([], [], color=BEST_COLOUR, linestyle=style, linewidth=1.2) for style in ("--", "-")
     )
     low.set_label("Minimum: normalised to 0")
-    high.set_label(f"{summary.plan.percentile:g}th percentile: normalised to 1")
+    high.set_label(f"{summary.plan.criteria.percentile:g}th percentile: normalised to 1")
     legend_below(body, [low, high, *_unknown(summary.metrics)], 3)
     return figure
 
@@ -72,7 +72,7 @@ def normalised_figure(summary: SweepSummary) -> Figure:
     figure, body = new_figure(10.0, 6.4, "Normalised metrics and combined score", summary.subtitle)
     *panels, spare = body.subplots(2, 3, sharey=True).flat
     edges = np.linspace(0.0, 1.0, _BINS + 1)
-    weights = summary.plan.weights.as_dict()
+    weights = summary.plan.criteria.weights
     ranked = (*summary.metrics, summary.score)
     for axes, quantity in zip(panels, ranked, strict=True):
         values = quantity.normalised[np.isfinite(quantity.normalised)]
@@ -96,7 +96,7 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         "Combined score =\n   "
         + "\n + ".join(terms)
         + "\n\nAll terms normalised:\n0 at the smallest value,\n1 at the "
-        f"{summary.plan.percentile:g}th percentile\nand above.",
+        f"{summary.plan.criteria.percentile:g}th percentile\nand above.",
         transform=spare.transAxes,
         va="top",
         fontsize=10,

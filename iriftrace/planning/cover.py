@@ -14,7 +14,7 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.image.sightings import seen_by_pose
-from iriftrace.planning.candidates import ranked_region
+from iriftrace.planning.rank import ranked_region
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -234,9 +234,6 @@ def _view_set(groups: BoolArray, shares: FloatArray, poses: IntArray, bound: flo
         exact=exact,
         gap=0.0 if exact else gap,
     )
-
-
-# MERGE view_plan: The poses of a sweep that together see the most of the part within limits.
 
 
 @frozen

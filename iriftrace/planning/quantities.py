@@ -8,7 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.planning.candidates import Statistic
+from iriftrace.planning.criteria import Statistic
 from iriftrace.planning.rank import Plan
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     plan
         The ranking.
     key
-        One of `iriftrace.planning.METRICS`.
+        One of `iriftrace.planning.criteria.METRICS`.
     enough
         (n,) mask of the poses whose values rest on enough rays.
     """
@@ -108,10 +108,10 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
 def _name(plan: Plan, key: str) -> str:
     match key:
         case "displacement":
-            return f"{_STATISTICS[plan.statistic]} displacement"
+            return f"{_STATISTICS[plan.criteria.statistic]} displacement"
         case "coverage":
             return "Coverage"
-    return f"{key.capitalize()} resolution, {_READINGS[plan.resolution]}"
+    return f"{key.capitalize()} resolution, {_READINGS[plan.criteria.resolution]}"
 
 
 def scatter_quantity(view: xr.Dataset, statistic: Statistic, enough: BoolArray) -> Quantity | None:

@@ -1,4 +1,4 @@
-"""Which pose of a sweep is the best: one score of four metrics, and what it depends on.
+"""Ranking of the poses of a sweep by one score of four metrics, and their Pareto front.
 
 Every metric is brought to 0..1 between its minimum and a high percentile over the ranked poses, so
 that metrics of different units can be weighted against each other. The score is a sum of costs; the
@@ -10,171 +10,27 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.planning.candidates import (
-    METRICS,
-    Resolution,
-    Statistic,
-    Weights,
-    check_choice,
-    find_candidates,
-)
+from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
 
 if TYPE_CHECKING:
     import xarray as xr
 
-
-# MERGE plan_stability: How sure the best pose of a plan is: other weights, and poses that score n
-
-# Scores that differ by less than this share of the sum of the weights differ by rounding.
-_EQUAL_SCORES = 1e-12
-
-CLOSE_SCORES = 0.03
-"""Scores that differ by less than this share of the sum of the weights do not settle anything."""
-
-# Coverages of another kind: one view sees twice as much, and not just of next to nothing.
-_OTHER_RATIO = 2.0
-_OTHER_DIFFERENCE = 0.05
-
-
-@frozen(eq=False)
-class Stability:
-    """What becomes of a plan's best pose when the weights vary.
-
-    Attributes
-    ----------
-    share : float
-        By how much a weight varies, 0.5 for +-50 %.
-    ranks : dict of (2,) tuples of int
-        Rank of the best pose (1: still the best) when this one weight is smaller and larger.
-    winners : dict of (2,) tuples of int
-        Number of the best pose then.
-    rivals : (k,) array of int
-        All poses that are better than the best one for some weights within the share, when all
-        weights vary at once; its rank is never worse than k + 1.
-    """
-
-    share: float
-    ranks: dict[str, tuple[int, int]]
-    winners: dict[str, tuple[int, int]]
-    rivals: IntArray
-
-    @property
-    def worst_rank(self) -> int:
-        """Worst rank of the best pose when one weight varies."""
-        return max(rank for pair in self.ranks.values() for rank in pair)
-
-
-@frozen(eq=False)
-class Alternative:
-    """A pose that scores nearly as well as the best one and shows something else.
-
-    Attributes
-    ----------
-    pose : int
-        Its number.
-    behind : float
-        By how much its score is worse.
-    coverage, best_coverage : float
-        0..1, its own and that of the best pose.
-    """
-
-    pose: int
-    behind: float
-    coverage: float
-    best_coverage: float
-
-
-def stability(plan: Plan, share: float = 0.5) -> Stability:
-    """Tell how a plan's best pose fares when the weights vary.
-
-    The score is linear in the weights, so a pose beats another somewhere in the box of weights if
-    it does where each weight is at the end that favours it.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    share
-        By how much each weight varies, above 0 and below 1.
-
-    Raises
-    ------
-    InputError
-        If the share is out of range.
-    """
-    if not 0 < share < 1:
-        raise InputError(
-            f"The weights are to vary by {share}, which leaves none of them or changes nothing; "
-            "give a share between 0 and 1."
-        )
-    weights = {name: weight for name, weight in plan.weights.as_dict().items() if weight > 0}
-    equal = _EQUAL_SCORES * sum(weights.values())
-    costs = {name: plan.costs[name][plan.order] for name in weights}
-    ranks, winners = {}, {}
-    for name, weight in weights.items():
-        scores = [
-            _stability_score(costs, {**weights, name: weight * factor})
-            for factor in (1 - share, 1 + share)
-        ]
-        smaller, larger = (1 + int(np.count_nonzero(s < s[0] - equal)) for s in scores)
-        ranks[name] = smaller, larger
-        smaller, larger = (int(plan.order[np.argmin(s)]) for s in scores)
-        winners[name] = smaller, larger
-    lead = np.zeros(len(plan.order))
-    for name, weight in weights.items():
-        behind = weight * (costs[name][0] - costs[name])
-        lead += behind + share * np.abs(behind)
-    return Stability(share, ranks, winners, plan.order[lead > equal])
-
-
-def close_alternative(plan: Plan) -> Alternative | None:
-    """The best of the poses that score nearly as well as the winner and cover far more or less.
-
-    Nearly means within `CLOSE_SCORES`; far means at least twice or at most half the coverage, and
-    5 % of the area.
-
-    Returns
-    -------
-    Alternative or None
-        None if the winner is clear, or the coverage is unknown.
-    """
-    behind = plan.score[plan.order] - plan.score[plan.best]
-    coverage = plan.metrics["coverage"][plan.order]
-    margin = CLOSE_SCORES * sum(plan.weights.as_dict().values())
-    low, high = np.minimum(coverage, coverage[0]), np.maximum(coverage, coverage[0])
-    other = (high >= _OTHER_RATIO * low) & (high - low >= _OTHER_DIFFERENCE)
-    found = np.flatnonzero(other & (behind <= margin * (1 + _EQUAL_SCORES)))
-    if len(found) == 0:
-        return None
-    first = int(found[0])
-    return Alternative(
-        pose=int(plan.order[first]),
-        behind=float(behind[first]),
-        coverage=float(coverage[first]),
-        best_coverage=float(coverage[0]),
-    )
-
-
-def _stability_score(costs: dict[str, FloatArray], weights: dict[str, float]) -> FloatArray:
-    total: FloatArray = np.sum([weight * costs[name] for name, weight in weights.items()], axis=0)
-    return total
-
-
-Outside = Literal["clip", "discard"]
-"""What becomes of a pose with a metric above the percentile: counts as 1, or is not ranked."""
 
 # Metrics that differ by less than this share of their size differ by rounding.
 _ROUNDING = 1e-9
 
 # Metrics that differ by less than this share of their size hardly tell poses apart.
 _LITTLE = 0.01
+
+
+_DIMENSIONS = {"pose", "region"}
 
 
 @frozen(eq=False)
@@ -201,12 +57,7 @@ class Plan:
         Number of each unranked pose and why it is not ranked.
     constant : tuple of str
         Metrics that are the same in all ranked poses; they count 0.
-    weights : Weights
-    percentile : float
-    statistic, resolution, region, outside : str
-        What was compared, as given to `rank_poses`.
-    min_hits : int
-    min_coverage : float
+    criteria : Criteria
     warnings : tuple of str
         What was also issued as `IriftraceWarning`.
     """
@@ -219,14 +70,7 @@ class Plan:
     limits: dict[str, tuple[float, float]]
     unranked: dict[int, str]
     constant: tuple[str, ...]
-    weights: Weights
-    percentile: float
-    statistic: Statistic
-    resolution: Resolution
-    region: str
-    outside: Outside
-    min_hits: int
-    min_coverage: float
+    criteria: Criteria
     warnings: tuple[str, ...]
 
     @property
@@ -235,79 +79,48 @@ class Plan:
         return int(self.order[0])
 
 
-def rank_poses(
-    dataset: xr.Dataset,
-    *,
-    weights: Weights | None = None,
-    statistic: Statistic = "mean",
-    resolution: Resolution = "step",
-    region: str = "part",
-    percentile: float = 95.0,
-    outside: Outside = "clip",
-    min_hits: int = 100,
-    min_coverage: float = 0.0,
-) -> Plan:
+def rank_poses(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> Plan:
     """Rank the poses of a sweep.
 
     The score of a pose is the weighted sum of its normalised displacement, axial and lateral
     resolution, and of 1 - its normalised coverage. Every metric is normalised between its minimum
-    and its percentile over all poses that can be compared (NumPy's linear percentile).
+    and its percentile over all poses that can be compared (NumPy's linear percentile). With
+    ``outside="discard"`` a pose above the percentile in any metric of positive weight, also in
+    coverage, is unranked; the normalisation stays that of all poses.
 
     Parameters
     ----------
     dataset
         A sweep.
-    weights
-        The paper's by default. A metric of weight 0 is not needed for a pose to be ranked.
-    statistic
-        Of the displacements in one view; median and p95 forgive a few wild rays.
-    resolution
-        Definition of the resolution.
-    region
-        ``part`` (all of it), or the region that matters.
-    percentile
-        Where a normalised metric reaches 1.
-    outside
-        ``discard``: a pose above the percentile in any metric of positive weight, also in coverage,
-        is unranked; the normalisation stays that of all poses.
-    min_hits
-        Poses with fewer good rays on the region are unranked and stay out of the normalisation.
-    min_coverage
-        Likewise poses that see a smaller share of the region's area, 0..1. A small displacement
-        or a fine resolution can outweigh that hardly anything is seen.
+    criteria
+        Weights, normalisation and what a pose must show.
 
     Raises
     ------
     InputError
-        An option is wrong, the dataset is not a sweep, or no pose can be ranked.
+        The dataset is not a sweep, or no pose can be ranked.
 
     Warns
     -----
     IriftraceWarning
         A metric is the same, or nearly the same, in all ranked poses.
     """
-    weights = Weights() if weights is None else weights
-    check_choice("outside", outside, get_args(Outside))
-    if not 0 < percentile <= 100:
-        raise InputError(
-            f"The percentile is {percentile}, so no metric can be normalised; give a number above "
-            "0 and up to 100."
-        )
-    needed = [name for name, weight in weights.as_dict().items() if weight > 0]
-    found = find_candidates(dataset, statistic, resolution, region, min_hits, min_coverage, needed)
+    needed = criteria.needed
+    found = _candidates(dataset, criteria, needed)
     limits = {
-        name: _limits(values[found.eligible], percentile) for name, values in found.metrics.items()
+        name: _limits(values[found.eligible], criteria.percentile)
+        for name, values in found.metrics.items()
     }
     unranked = dict(found.reasons)
-    if outside == "discard":
+    if criteria.outside == "discard":
         for name in needed:
             upper = limits[name][1]
             above = found.eligible & (found.metrics[name] > upper + _ROUNDING * abs(upper))
             for pose in np.flatnonzero(above).tolist():
                 unranked.setdefault(
                     pose,
-                    f"{name} {found.metrics[name][pose]:.4g} is above the {percentile:g}th "
-                    f"percentile, {upper:.4g}",
+                    f"{name} {found.metrics[name][pose]:.4g} is above the "
+                    f"{criteria.percentile:g}th percentile, {upper:.4g}",
                 )
     ranked = np.ones(len(found.eligible), dtype=np.bool_)
     ranked[list(unranked)] = False
@@ -323,7 +136,7 @@ def rank_poses(
         scaled = 0 * values if name in constant else _normalise(values, *limits[name])
         normalised[name] = np.where(ranked, scaled, np.nan)
         costs[name] = _cost(name, normalised[name], constant)
-    score = _score(costs, {name: weights.as_dict()[name] for name in needed})
+    score = weighted(costs, {name: criteria.weights[name] for name in needed})
     order = np.argsort(score, kind="stable")[: np.count_nonzero(ranked)]
 
     messages = []
@@ -351,14 +164,7 @@ def rank_poses(
         limits=limits,
         unranked=dict(sorted(unranked.items())),
         constant=constant,
-        weights=weights,
-        percentile=percentile,
-        statistic=statistic,
-        resolution=resolution,
-        region=region,
-        outside=outside,
-        min_hits=min_hits,
-        min_coverage=min_coverage,
+        criteria=criteria,
         warnings=tuple(messages),
     )
 
@@ -381,15 +187,166 @@ def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
         percentile and this one is.
     """
     total = 0.0
-    for name, weight in plan.weights.as_dict().items():
+    for name, weight in plan.criteria.weights.items():
         if weight == 0 or name in plan.constant:
             continue
         value = np.array([metrics[name]], dtype=np.float64)
         lower, upper = plan.limits[name]
-        if plan.outside == "discard" and value[0] > upper + _ROUNDING * abs(upper):
+        if plan.criteria.outside == "discard" and value[0] > upper + _ROUNDING * abs(upper):
             return math.nan
         total += weight * float(_cost(name, _normalise(value, lower, upper), plan.constant)[0])
     return total
+
+
+def pareto_front(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> IntArray:
+    """Poses that no other pose surpasses in every respect, whatever the weights.
+
+    A pose is left out if another one is at least as good in displacement, coverage, axial and
+    lateral resolution and better in one of them.
+
+    Returns
+    -------
+    (k,) array of int
+        Numbers of the poses, ascending.
+
+    Raises
+    ------
+    InputError
+        The dataset is not a sweep, or no pose can be compared.
+    """
+    found = _candidates(dataset, criteria, METRICS)
+    poses = np.flatnonzero(found.eligible)
+    costs = np.stack(
+        [
+            -found.metrics[name][poses] if name == "coverage" else found.metrics[name][poses]
+            for name in METRICS
+        ],
+        axis=1,
+    )
+    # In this order, a pose can only be dominated by an earlier one.
+    order = np.lexsort(costs.T[::-1])
+    poses, costs = poses[order], costs[order]
+    front: list[int] = []
+    for i, cost in enumerate(costs):
+        others = costs[front]
+        dominated = np.all(others <= cost, axis=1) & np.any(others < cost, axis=1)
+        if not dominated.any():
+            front.append(i)
+    return np.sort(poses[front]).astype(np.int64)
+
+
+def metric_variables(criteria: Criteria) -> dict[str, str]:
+    """Names of the variables of a sweep that hold each of `METRICS`."""
+    reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
+    return {
+        "displacement": f"displacement_{criteria.statistic}",
+        "coverage": "coverage",
+        "axial": f"axial_resolution{reading}",
+        "lateral": f"lateral_resolution{reading}",
+    }
+
+
+@frozen(eq=False)
+class _Candidates:
+    """Which of n poses can be compared.
+
+    Attributes
+    ----------
+    metrics : dict of (n,) arrays
+        Values of each of `METRICS` in all poses; mm, and 0..1 for the coverage.
+    eligible : (n,) array of bool
+        The poses that can be compared.
+    reasons : dict
+        Number of each other pose and why it cannot be compared.
+    """
+
+    metrics: dict[str, FloatArray]
+    eligible: BoolArray
+    reasons: dict[int, str]
+
+
+def _candidates(dataset: xr.Dataset, criteria: Criteria, needed: Collection[str]) -> _Candidates:
+    """The metrics of all poses, and why some of them cannot be compared.
+
+    Without a value of each of `needed`, of `METRICS`, a pose cannot be compared.
+    """
+    region, min_hits, min_coverage = criteria.region, criteria.min_hits, criteria.min_coverage
+    variables = metric_variables(criteria)
+    column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
+    metrics = {name: _column(dataset, v, column) for name, v in variables.items()}
+    good_rays = _column(dataset, "rays_good", column)
+    failures = _failures(dataset)
+    reasons = {}
+    seen = metrics["coverage"].tolist()
+    for pose, (failure, rays) in enumerate(zip(failures, good_rays.tolist(), strict=True)):
+        if failure:
+            reasons[pose] = f"failed: {failure}"
+        elif not rays >= 0:
+            reasons[pose] = "not traced"
+        elif rays < min_hits:
+            reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
+        elif seen[pose] < min_coverage:
+            reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
+    rich = np.ones(len(good_rays), dtype=np.bool_)
+    rich[list(reasons)] = False
+    if not rich.any():
+        pose, reason = next(iter(reasons.items()))
+        raise InputError(
+            f"None of the {len(rich)} poses can be ranked for {region} (pose {pose}: {reason}); "
+            "check where the cameras stand and look, or rank another region."
+        )
+    eligible = rich.copy()
+    for name in needed:
+        known = np.isfinite(metrics[name])
+        if not np.any(known & rich):
+            raise InputError(
+                f"The sweep has no value of {variables[name]} for {region}, so poses cannot be "
+                "compared by it; choose another reading or sweep again with this one."
+            )
+        for pose in np.flatnonzero(rich & ~known).tolist():
+            reasons[pose] = f"{reasons[pose]}, {name}" if pose in reasons else f"no value of {name}"
+        eligible &= known
+    if not eligible.any():
+        raise InputError(
+            f"None of the {len(rich)} poses has all of {', '.join(needed)} for {region}, so none "
+            "can be ranked; give the weight 0 to what is not known."
+        )
+    return _Candidates(metrics, eligible, reasons)
+
+
+def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int:
+    """Number of a region in a sweep that has some variables of poses and regions.
+
+    Raises
+    ------
+    InputError
+        If the dataset is no sweep, has no pose or no such region.
+    """
+    missing = [v for v in variables if v not in dataset or set(dataset[v].dims) != _DIMENSIONS]
+    if missing or "region" not in dataset.coords:
+        raise InputError(
+            f"This is not a sweep of iriftrace: {missing[0] if missing else 'region'} is missing; "
+            "give the file that `iriftrace sweep` wrote."
+        )
+    if dataset.sizes["pose"] == 0:
+        raise InputError("The sweep has no poses, so there is nothing to rank; run it again.")
+    names = [str(name) for name in dataset["region"].to_numpy()]
+    if region not in names:
+        raise InputError(f"The sweep has no region '{region}'; it has {', '.join(names)}.")
+    return names.index(region)
+
+
+def _column(dataset: xr.Dataset, variable: str, region: int) -> FloatArray:
+    values = np.asarray(dataset[variable].isel(region=region).to_numpy(), dtype=np.float64)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _failures(dataset: xr.Dataset) -> list[str]:
+    if "failure" not in dataset:
+        return [""] * dataset.sizes["pose"]
+    texts = dataset["failure"].to_numpy().tolist()
+    # Text that was never written comes back from some writers as NaN or None.
+    return [text if isinstance(text, str) else "" for text in texts]
 
 
 def _limits(values: FloatArray, percentile: float) -> tuple[float, float]:
@@ -422,7 +379,7 @@ def _spread(values: FloatArray) -> float:
     return float(np.ptp(known) / largest) if largest > 0 else 0.0
 
 
-def _score(costs: dict[str, FloatArray], weights: dict[str, float]) -> FloatArray:
-    terms: FloatArray = np.stack([weight * costs[name] for name, weight in weights.items()])
-    total: FloatArray = terms.sum(axis=0)
+def weighted(costs: dict[str, FloatArray], weights: dict[str, float]) -> FloatArray:
+    """Weighted sum of costs."""
+    total: FloatArray = np.sum([weight * costs[name] for name, weight in weights.items()], axis=0)
     return total

@@ -23,7 +23,7 @@ from iriftrace.camera.pose import look_at_of
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
-from iriftrace.planning.candidates import METRICS
+from iriftrace.planning.criteria import METRICS
 from iriftrace.planning.rank import Plan, score_of
 from iriftrace.sweep.store import attribute
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
     from iriftrace.sweep.reload import SweptScene
 
+
+SCHEMA = "iriftrace.refined/1"
 
 FEWEST_EVALUATIONS = 10
 
@@ -160,7 +162,7 @@ def refine_pose(
     around = _around(dataset, plan.best)
     trials: list[_Trial] = []
     # What counts for a pose that cannot be scored: more than any score.
-    nothing = 1.0 + sum(plan.weights.as_dict().values())
+    nothing = 1.0 + sum(plan.criteria.weights.values())
 
     def evaluate(place: FloatArray) -> float:
         metrics = _metrics(swept, around.matrix(place), plan)
@@ -261,17 +263,21 @@ def _around(dataset: xr.Dataset, pose: int) -> _Around:
 
 def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, float] | None:
     """The four metrics of a pose; None where the camera cannot stand or sees too little."""
+    criteria = plan.criteria
     try:
-        rendering = swept.render(matrix, nearest=plan.resolution != "step")
+        rendering = swept.render(matrix, nearest=criteria.resolution != "step")
     except InputError:
         return None
     whole = rendering.metrics
-    view: dict[str, Any] = whole if plan.region == "part" else whole["regions"][plan.region]
-    if view["rays"]["good"] < plan.min_hits or (view["coverage"] or 0.0) < plan.min_coverage:
+    view: dict[str, Any] = whole if criteria.region == "part" else whole["regions"][criteria.region]
+    if (
+        view["rays"]["good"] < criteria.min_hits
+        or (view["coverage"] or 0.0) < criteria.min_coverage
+    ):
         return None
-    reading = "" if plan.resolution == "step" else f"_{plan.resolution}"
+    reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
     values = (
-        view["displacement_mm"][plan.statistic],
+        view["displacement_mm"][criteria.statistic],
         view["coverage"],
         view[f"axial_resolution_mm{reading}"],
         view[f"lateral_resolution_mm{reading}"],
@@ -280,11 +286,6 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
         name: math.nan if value is None else float(value)
         for name, value in zip(METRICS, values, strict=True)
     }
-
-
-# MERGE refined_file: A refined pose as JSON.
-
-SCHEMA = "iriftrace.refined/1"
 
 
 def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Dataset) -> None:
@@ -326,15 +327,8 @@ def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Datas
         "evaluations": refined.evaluations,
         "converged": refined.converged,
         "ranking": {
-            "weights": plan.weights.as_dict(),
+            **plan.criteria.as_dict(),
             "limits": {name: list(limits) for name, limits in plan.limits.items()},
-            "percentile": plan.percentile,
-            "statistic": plan.statistic,
-            "resolution": plan.resolution,
-            "region": plan.region,
-            "outside": plan.outside,
-            "min_hits": plan.min_hits,
-            "min_coverage": plan.min_coverage,
         },
         "scene": attribute(dataset, "scene"),
     }

@@ -16,14 +16,15 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.resolution import FRONTAL, seen_frontally
-from iriftrace.planning.candidates import pareto_front
+from iriftrace.planning.criteria import THE_PAPERS, Criteria
 from iriftrace.planning.quantities import (
     Quantity,
     metric_quantity,
     scatter_quantity,
     score_quantity,
 )
-from iriftrace.planning.rank import Plan
+from iriftrace.planning.rank import Plan, pareto_front, rank_poses
+from iriftrace.planning.stability import close_alternative, stability
 from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
 from iriftrace.sweep.faces import faces_seen
 from iriftrace.sweep.store import attribute, scene_of
@@ -100,7 +101,7 @@ class SweepSummary:
     def sees_frontally(self, pose: int) -> bool:
         """Whether all that a pose sees is a plane across its axis; only steps can tell that."""
         lateral, axial = (float(self.plan.metrics[key][pose]) for key in ("lateral", "axial"))
-        known = bool(self.axial.known[pose]) and self.plan.resolution == "step"
+        known = bool(self.axial.known[pose]) and self.plan.criteria.resolution == "step"
         return known and seen_frontally(lateral, axial)
 
     @property
@@ -143,31 +144,18 @@ class SweepSummary:
         return poses if (poses >= 0).all() and used == poses.size else None
 
 
-def summarise(dataset: xr.Dataset, plan: Plan) -> SweepSummary:
-    """Collect what plans, figures and reports of a sweep show.
-
-    Parameters
-    ----------
-    dataset
-        A sweep.
-    plan
-        Its ranking, by `iriftrace.planning.rank.rank_poses`.
+def summarise(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> SweepSummary:
+    """Rank the poses of a sweep and collect what plans, figures and reports show of them.
 
     Raises
     ------
     InputError
-        The dataset is not a sweep.
+        As `iriftrace.planning.rank.rank_poses`.
     """
-    front = pareto_front(
-        dataset,
-        statistic=plan.statistic,
-        resolution=plan.resolution,
-        region=plan.region,
-        min_hits=plan.min_hits,
-        min_coverage=plan.min_coverage,
-    )
-    view = dataset.sel(region=plan.region)
-    enough = np.asarray(view["rays_good"].values) >= plan.min_hits
+    plan = rank_poses(dataset, criteria)
+    front = pareto_front(dataset, criteria)
+    view = dataset.sel(region=criteria.region)
+    enough = np.asarray(view["rays_good"].values) >= criteria.min_hits
     azimuth, elevation, angles_of = _angles(dataset)
     return SweepSummary(
         displacement=metric_quantity(plan, "displacement", enough),
@@ -182,12 +170,12 @@ def summarise(dataset: xr.Dataset, plan: Plan) -> SweepSummary:
         angles_of=angles_of,
         rays=_rays(view),
         polygons=np.asarray(_variable(dataset, "shell_triangles_in_view"), dtype=np.int64),
-        faces=faces_seen(dataset, plan.region),
+        faces=faces_seen(dataset, criteria.region),
         varied=varied_of(dataset),
         front=front,
         plan=plan,
-        subtitle=_subtitle(dataset, plan.region, len(enough), len(plan.unranked)),
-        scatter=scatter_quantity(view, plan.statistic, enough),
+        subtitle=_subtitle(dataset, criteria.region, len(enough), len(plan.unranked)),
+        scatter=scatter_quantity(view, criteria.statistic, enough),
     )
 
 
@@ -231,9 +219,6 @@ def _subtitle(dataset: xr.Dataset, region: str, poses: int, unranked: int) -> st
     return "  ·  ".join(part for part in parts if part)
 
 
-# MERGE sweep_extremes: What the poses of smallest and largest displacement of a sweep see.
-
-
 def extreme_poses(summary: SweepSummary) -> dict[str, int]:
     """Numbers of the poses of ``smallest`` and ``largest`` displacement."""
     values = summary.displacement.values
@@ -269,9 +254,6 @@ def extreme_images(
             yield name, read_exr(beside / file)
         else:
             yield name, load_swept_scene(dataset, pose).render(summary.matrices[pose]).image
-
-
-# MERGE plan_table: The ranking of a sweep's poses as rows of text: the same in the terminal and i
 
 
 @frozen
@@ -335,7 +317,7 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
         )
         for pose in poses
     ]
-    short = (summary.plan.statistic, "cover", "axial", "lat.")
+    short = (summary.plan.criteria.statistic, "cover", "axial", "lat.")
     return RankingTable(
         (
             *("rank", "pose", "azimuth (°)", "elevation (°)"),
@@ -356,8 +338,6 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
 
 def stability_text(summary: SweepSummary) -> str:
     """How the best pose fares with other weights, one sentence."""
-    from iriftrace.planning.rank import stability
-
     varied = stability(summary.plan)
     rivals = len(varied.rivals)
     return (
@@ -368,14 +348,12 @@ def stability_text(summary: SweepSummary) -> str:
 
 def alternative_text(summary: SweepSummary) -> str | None:
     """That the winner is not clear, one sentence; None if it is."""
-    from iriftrace.planning.rank import close_alternative
-
     found = close_alternative(summary.plan)
     if found is None:
         return None
     return (
         f"The winner is not clear: pose {found.pose} scores only {found.behind:.3f} more and sees "
-        f"{100 * found.coverage:.1f} % of the {_what(summary.plan.region)} instead of "
+        f"{100 * found.coverage:.1f} % of the {_what(summary.plan.criteria.region)} instead of "
         f"{100 * found.best_coverage:.1f} %; choose by what has to be measured, change the "
         "weights or ask for a --min-coverage."
     )

@@ -17,6 +17,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.figures import report as report_module
 from iriftrace.figures.report import report_content, write_report
 from iriftrace.image.aov_image import Status
+from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import front_text, ranking_table, stability_text
 from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
 from validation.oracles.html_page import Page, read_page
@@ -156,14 +157,13 @@ def test_every_field_of_an_ensemble_is_named() -> None:
 def test_a_winner_that_is_not_clear_is_said(tmp_path: Path) -> None:
     """Pose 0 sees a tenth of pose 1; with these weights both score the same."""
     from iriftrace.figures.report import report_content
-    from iriftrace.planning.candidates import Weights
 
     table = sweep()
-    summary = summary_of(table, weights=Weights(1, 0.5, 0, 0), percentile=100)
+    summary = summary_of(table, Criteria(1, 0.5, 0, 0, percentile=100))
     content = report_content(table, summary, 3)
     assert content.unclear is not None
     assert "pose 0 scores" in content.unclear or "pose 1 scores" in content.unclear
-    assert report_content(table, summary_of(table, weights=Weights(1, 0, 0, 0)), 1).unclear is None
+    assert report_content(table, summary_of(table, Criteria(1, 0, 0, 0)), 1).unclear is None
     with pytest.raises(InputError, match="0 rows"):
         report_content(table, summary, 0)
 
@@ -181,7 +181,7 @@ def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool)
         axial, lateral = f"{axial}_nn3d", f"{lateral}_nn3d"
     table[axial][:, 0] = [3e-6, 2e-2, 1e-2, 3e-2]
     table[lateral][:, 0] = [3e-2, 2e-2, 1e-2, 3e-2]
-    summary = summary_of(table, resolution=resolution)
+    summary = summary_of(table, Criteria(resolution=resolution))
     assert summary.plan.best == 0
     content = report_content(table, summary, 2)
     assert ("axial resolution 0 (plane seen frontally)" in content.answer) == frontal

@@ -39,7 +39,7 @@ from iriftrace.figures.sweep_space import (
 )
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part, read_part
-from iriftrace.planning.candidates import Weights
+from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import SweepSummary
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.faces import face_maps_of, faces_seen
@@ -128,7 +128,7 @@ def test_only_rays_that_occur_are_counted(summary: SweepSummary) -> None:
 
 
 def test_poses_with_few_hits_have_no_number() -> None:
-    few = summary_of(sweep(), min_hits=1005)
+    few = summary_of(sweep(), Criteria(min_hits=1005))
     assert np.flatnonzero(~few.displacement.known).tolist() == [0, 1, 2, 3, 4, 6]
     assert "6 without a rank" in few.subtitle
 
@@ -389,7 +389,7 @@ def test_scenes_are_told_apart() -> None:
 def test_of_several_at_one_place_the_best_is_shown() -> None:
     """The second series has larger displacements, so the first one is the better everywhere."""
     twice = joined([GRID, GRID])
-    found = summary_of(sweep(twice, empty=()), weights=Weights(1, 0, 0, 0))
+    found = summary_of(sweep(twice, empty=()), Criteria(1, 0, 0, 0))
     shown = best_at_each_place(found)
     assert shown.tolist() == [True] * 14 + [False] * 14
 

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.planning.candidates import METRICS, Weights, pareto_front
-from iriftrace.planning.rank import close_alternative, rank_poses, score_of, stability
+from iriftrace.planning.criteria import METRICS, Criteria
+from iriftrace.planning.rank import pareto_front, rank_poses, score_of
+from iriftrace.planning.stability import close_alternative, stability
 from validation.inputs.sweep_tables import sweep_table, two_regions
 
 # Five poses A to E. NumPy's linear percentile of five values lies at position 0.95 * 4 = 3.8, that
@@ -74,7 +75,7 @@ def test_five_poses_are_scored_as_by_hand() -> None:
 
 def test_discarding_drops_what_lies_above_the_percentile() -> None:
     """B's axial resolution and D's three metrics lie above it; the others' scores stay."""
-    plan = rank_poses(five(), outside="discard")
+    plan = rank_poses(five(), Criteria(outside="discard"))
     assert plan.order.tolist() == [C, A, E]
     assert_allclose(plan.score[[C, A, E]], [0.29375, 0.375, 0.6375], atol=1e-12)
     assert plan.unranked == {
@@ -88,32 +89,32 @@ def test_discarding_cannot_leave_nothing() -> None:
     """Of two poses, each one is the worse in something, hence above the percentile."""
     table = sweep_table([1, 2], [0.1, 0.1], [2, 1], [1, 1])
     with pytest.raises(InputError, match="none is left to rank"):
-        rank_poses(table, outside="discard")
+        rank_poses(table, Criteria(outside="discard"))
     # A region where only rounding differs has no outliers.
     same = sweep_table([1, 1 + 1e-15], [0.1, 0.1], [1, 1], [1, 1])
     with pytest.warns(IriftraceWarning, match="do not differ"):
-        assert rank_poses(same, outside="discard").order.tolist() == [0, 1]
+        assert rank_poses(same, Criteria(outside="discard")).order.tolist() == [0, 1]
 
 
 def test_percentile_100_is_the_maximum() -> None:
-    plan = rank_poses(five(), percentile=100)
+    plan = rank_poses(five(), Criteria(percentile=100))
     assert_allclose(plan.normalised["displacement"], [5 / 11, 0, 2 / 11, 1, 6 / 11])
-    assert rank_poses(five(), percentile=100, outside="discard").unranked == {}
+    assert rank_poses(five(), Criteria(percentile=100, outside="discard")).unranked == {}
 
 
 def test_percentile_50_is_the_median() -> None:
     """Displacements 1, 3, 6, 7, 12: all from 6 on count 1, and 3 lies 2/5 of the way to 6."""
-    plan = rank_poses(five(), percentile=50)
+    plan = rank_poses(five(), Criteria(percentile=50))
     assert_allclose(plan.normalised["displacement"], [1, 0, 0.4, 1, 1])
 
 
 def test_weights_count_as_given() -> None:
     """Displacement alone orders by displacement; twice the weight is twice the score."""
-    alone = Weights(displacement=2, coverage=0, axial=0, lateral=0)
-    plan = rank_poses(five(), weights=alone)
+    alone = Criteria(displacement=2, coverage=0, axial=0, lateral=0)
+    plan = rank_poses(five(), alone)
     assert plan.order.tolist() == [B, C, A, E, D]
     assert_allclose(plan.score, 2 * np.array(NORMALISED["displacement"]), atol=1e-12)
-    coverage = rank_poses(five(), weights=Weights(0, 1, 0, 0))
+    coverage = rank_poses(five(), Criteria(0, 1, 0, 0))
     assert coverage.order.tolist() == [D, A, C, E, B]
 
 
@@ -126,7 +127,7 @@ def test_equal_poses_keep_their_order() -> None:
 def test_robust_statistics_take_their_own_values(statistic: str) -> None:
     """With all displacements mirrored (13 - d), B has the largest one instead of the smallest."""
     table = changed(five(), f"displacement_{statistic}", [7, 12, 10, 1, 6])
-    plan = rank_poses(table, statistic=statistic, weights=Weights(1, 0, 0, 0))
+    plan = rank_poses(table, Criteria(1, 0, 0, 0, statistic=statistic))
     assert plan.order.tolist() == [D, E, A, C, B]
 
 
@@ -134,16 +135,16 @@ def test_robust_statistics_take_their_own_values(statistic: str) -> None:
 def test_readings_of_the_resolution_take_their_own_values(resolution: str) -> None:
     table = changed(five(), f"axial_resolution_{resolution}", [5, 4, 3, 2, 1])
     table = changed(table, f"lateral_resolution_{resolution}", [1, 1, 2, 1, 1])
-    axial = rank_poses(table, resolution=resolution, weights=Weights(0, 0, 1, 0))
+    axial = rank_poses(table, Criteria(0, 0, 1, 0, resolution=resolution))
     assert axial.order.tolist() == [E, D, C, B, A]
-    lateral = rank_poses(table, resolution=resolution, weights=Weights(0, 0, 0, 1))
+    lateral = rank_poses(table, Criteria(0, 0, 0, 1, resolution=resolution))
     assert lateral.order[-1] == C
 
 
 def test_a_region_is_ranked_by_its_own_numbers() -> None:
     reverse = sweep_table(*(values[::-1] for values in FIVE.values()), rays_good=100)
     table = two_regions(five(), reverse, "head -x")
-    plan = rank_poses(table, region="head -x")
+    plan = rank_poses(table, Criteria(region="head -x"))
     assert_allclose(plan.score, SCORES[::-1], atol=1e-12)
     assert_array_equal(rank_poses(table).score, rank_poses(five()).score)
 
@@ -169,7 +170,7 @@ def test_poses_that_see_nothing_never_win_and_change_nothing() -> None:
         8: "no value of axial, lateral",
         9: "no value of axial",
     }
-    assert 0 in rank_poses(table, min_hits=99).order
+    assert 0 in rank_poses(table, Criteria(min_hits=99)).order
 
 
 def test_poses_that_see_too_little_never_win_and_change_nothing() -> None:
@@ -178,15 +179,15 @@ def test_poses_that_see_too_little_never_win_and_change_nothing() -> None:
     table = sweep_table(*columns.values(), [1000] * 6)
     assert rank_poses(table).best == 0
     assert 0 in pareto_front(table)
-    plan = rank_poses(table, min_coverage=0.05)
+    plan = rank_poses(table, Criteria(min_coverage=0.05))
     assert plan.unranked == {0: "coverage 0.04, less than 0.05"}
     assert_allclose(plan.score[1:], SCORES, atol=1e-12)
-    assert 0 not in pareto_front(table, min_coverage=0.05)
+    assert 0 not in pareto_front(table, Criteria(min_coverage=0.05))
 
 
 def test_a_metric_without_weight_may_be_unknown() -> None:
     table = five(axial=[np.nan] * 5)
-    plan = rank_poses(table, weights=Weights(axial=0))
+    plan = rank_poses(table, Criteria(axial=0))
     assert_allclose(plan.score, np.array(SCORES) - 0.15 * np.array(NORMALISED["axial"]))
     assert np.isnan(plan.normalised["axial"]).all()
     with pytest.raises(InputError, match="no value of axial_resolution for part"):
@@ -201,7 +202,7 @@ def test_a_constant_metric_counts_zero(name: str) -> None:
         plan = rank_poses(five(**{name: 0.3 * noise}))
     expected = sum(
         weight * (1 - np.array(NORMALISED[n]) if n == "coverage" else np.array(NORMALISED[n]))
-        for n, weight in Weights().as_dict().items()
+        for n, weight in Criteria().weights.items()
         if n != name
     )
     assert_allclose(plan.score, expected, atol=1e-12)
@@ -231,7 +232,7 @@ def test_nearly_all_poses_at_the_minimum() -> None:
     count = 40
     coverage = [0.2] * (count - 1) + [0.4]
     table = sweep_table(np.arange(count), coverage, np.arange(count), np.arange(count))
-    plan = rank_poses(table, weights=Weights(0, 1, 0, 0))
+    plan = rank_poses(table, Criteria(0, 1, 0, 0))
     assert plan.order[0] == count - 1
     assert_array_equal(plan.normalised["coverage"], [0] * (count - 1) + [1])
 
@@ -254,7 +255,7 @@ def test_a_sweep_from_a_file_ranks_alike(tmp_path: Path) -> None:
 )
 def test_impossible_weights_are_refused(given_weights: dict[str, float], words: str) -> None:
     with pytest.raises(InputError, match=words):
-        Weights(**given_weights)
+        Criteria(**given_weights)
 
 
 @pytest.mark.parametrize(
@@ -275,7 +276,7 @@ def test_impossible_weights_are_refused(given_weights: dict[str, float], words: 
 )
 def test_wrong_options_are_refused(options: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
-        rank_poses(five(), **options)
+        rank_poses(five(), Criteria(**options))
 
 
 def test_other_files_are_refused() -> None:
@@ -306,7 +307,7 @@ def tables(draw: st.DrawFn, smallest: int = 2) -> dict[str, list[float]]:
 def rank(table: dict[str, list[float]], **options: Any) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IriftraceWarning)
-        return rank_poses(sweep_table(**table), **options)
+        return rank_poses(sweep_table(**table), Criteria(**options))
 
 
 @given(tables())
@@ -361,16 +362,16 @@ def test_stability_is_what_ranking_anew_gives(table: dict[str, list[float]], sha
     found = stability(plan, share)
     for name in METRICS:
         for side, factor in enumerate((1 - share, 1 + share)):
-            weights = Weights().as_dict()
+            weights = Criteria().weights
             weights[name] *= factor
-            score = rank(table, weights=Weights(**weights)).score
+            score = rank(table, **weights).score
             assert found.ranks[name][side] == 1 + np.count_nonzero(score < score[plan.best] - 1e-12)
             assert score[found.winners[name][side]] == pytest.approx(score.min(), abs=1e-12)
     corners = np.stack(np.meshgrid(*[(1 - share, 1 + share)] * 4), axis=-1).reshape(-1, 4)
     rivals = set()
     for corner in corners:
-        weights = dict(zip(METRICS, corner * list(Weights().as_dict().values()), strict=True))
-        score = rank(table, weights=Weights(**weights)).score
+        weights = dict(zip(METRICS, corner * list(Criteria().weights.values()), strict=True))
+        score = rank(table, **weights).score
         rivals |= set(np.flatnonzero(score < score[plan.best] - 1e-12).tolist())
     assert set(found.rivals.tolist()) == rivals
 
@@ -378,7 +379,7 @@ def test_stability_is_what_ranking_anew_gives(table: dict[str, list[float]], sha
 def test_a_winner_by_a_hair_is_not_stable() -> None:
     """Pose 0 has the better displacement, pose 1 all else: 0.5 against 0.2 + 0.15 + 0.15."""
     table = sweep_table([1, 2], [0.1, 0.2], [2, 1], [2, 1])
-    plan = rank_poses(table, weights=Weights(displacement=0.51))
+    plan = rank_poses(table, Criteria(displacement=0.51))
     found = stability(plan)
     assert plan.best == 0
     assert found.ranks["displacement"] == (2, 1)
@@ -388,7 +389,7 @@ def test_a_winner_by_a_hair_is_not_stable() -> None:
     with pytest.raises(InputError, match="vary by 1"):
         stability(plan, 1)
     # A weight of zero stays zero.
-    alone = stability(rank_poses(table, weights=Weights(1, 0, 0, 0)))
+    alone = stability(rank_poses(table, Criteria(1, 0, 0, 0)))
     assert alone.ranks == {"displacement": (1, 1)}
 
 
@@ -424,7 +425,7 @@ def test_pareto_front_leaves_out_what_cannot_be_compared() -> None:
     # Without B and C, E is dominated by A.
     assert pareto_front(table).tolist() == [A, D]
     with pytest.raises(InputError, match="no region"):
-        pareto_front(table, region="lateral")
+        pareto_front(table, Criteria(region="lateral"))
 
 
 @given(tables())
@@ -444,7 +445,7 @@ def test_scores_of_other_poses_by_hand() -> None:
     worst = {"displacement": 20, "coverage": 0.0, "axial": 1.0, "lateral": 4.0}
     assert score_of(plan, worst) == pytest.approx(0.5 + 0.2 + 0.15 + 0.15 * 0.5)
     assert np.isnan(score_of(plan, {**worst, "axial": np.nan}))
-    discarding = rank_poses(five(), outside="discard")
+    discarding = rank_poses(five(), Criteria(outside="discard"))
     assert np.isnan(score_of(discarding, worst))
     assert score_of(discarding, dict(zip(METRICS, (6, 0.4, 0.1, 4), strict=True))) == (
         pytest.approx(SCORES[A])
@@ -461,7 +462,7 @@ def test_a_winner_that_sees_far_less_is_not_clear() -> None:
     coverage = [0.04, 0.4, 0.058, 0.4]
     table = sweep_table(displacement, coverage, [1, 1, 1, 1], [1, 1, 1, 1])
     with pytest.warns(IriftraceWarning, match="axial, lateral"):
-        plan = rank_poses(table, weights=Weights(0.5, 0.1, 0.2, 0.2), percentile=100)
+        plan = rank_poses(table, Criteria(0.5, 0.1, 0.2, 0.2, percentile=100))
     assert plan.score == pytest.approx([0.1, 0.1025, 0.2, 0.5])
     found = close_alternative(plan)
     assert found is not None
@@ -483,5 +484,5 @@ def test_a_clear_winner_has_no_alternative(
 ) -> None:
     table = sweep_table(displacement, coverage, [1, 1, 1], [1, 1, 1])
     with pytest.warns(IriftraceWarning, match="axial, lateral"):
-        plan = rank_poses(table, weights=Weights(0.5, 0.1, 0.2, 0.2), percentile=100)
+        plan = rank_poses(table, Criteria(0.5, 0.1, 0.2, 0.2, percentile=100))
     assert close_alternative(plan) is None

@@ -14,7 +14,7 @@ from attrs import evolve
 
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.planning.candidates import Weights
+from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import Plan, rank_poses, score_of
 from iriftrace.planning.refine import SCHEMA, refine_pose, write_refined
 from validation.inputs.sweep_tables import sweep_table
@@ -60,7 +60,7 @@ def hill_sweep() -> tuple[xr.Dataset, Plan]:
     table["matrix"] = (("pose", "row", "column"), matrices)
     table["distance"] = ("pose", np.linalg.norm(matrices[:, :3, 3], axis=1))
     with pytest.warns(IriftraceWarning, match="do not differ"):
-        return table, rank_poses(table, weights=Weights(1, 0.1, 0.1, 0.1), percentile=100)
+        return table, rank_poses(table, Criteria(1, 0.1, 0.1, 0.1, percentile=100))
 
 
 def hill_with_room() -> tuple[xr.Dataset, Plan]:
@@ -100,7 +100,9 @@ class Fog(Hill):
 def test_poses_that_see_too_little_are_passed_over() -> None:
     table, free = hill_with_room()
     assert refine_pose(table, free, Fog()).matrix[2, 3] > 5.0
-    found = refine_pose(table, evolve(free, min_coverage=0.2), Fog())
+    found = refine_pose(
+        table, evolve(free, criteria=evolve(free.criteria, min_coverage=0.2)), Fog()
+    )
     assert 0.0 < found.matrix[2, 3] <= 5.0
     assert found.gain > 0
 

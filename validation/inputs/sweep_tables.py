@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from iriftrace.planning.rank import rank_poses
-from iriftrace.planning.summary import SweepSummary, summarise
+from iriftrace.planning.summary import summarise
 
 METRIC_VARIABLES = [
     *(f"displacement_{statistic}" for statistic in ("mean", "median", "p95")),
@@ -46,9 +44,7 @@ def sweep_table(
     )
 
 
-def summary_of(dataset: xr.Dataset, **ranking: Any) -> SweepSummary:
-    """What is shown of a sweep that is ranked with some options of `rank_poses`."""
-    return summarise(dataset, rank_poses(dataset, **ranking))
+summary_of = summarise
 
 
 def two_regions(part: xr.Dataset, other: xr.Dataset, name: str) -> xr.Dataset:

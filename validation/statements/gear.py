@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iriftrace.part.shapes.bevel_gear import TOOTH, bevel_gear
+from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import rank_poses
 from iriftrace.scenes.components import TOOTH_NUMBER, tooth_centre
 from validation.statements.finding import Finding, verdict
@@ -79,7 +80,7 @@ def tooth_findings(swept: Swept) -> list[Finding]:
     angle = swept.angle_to(front)
     holds, figures = [], []
     for statistic in ("mean", "median"):
-        plan = rank_poses(swept.dataset, region=TOOTH, statistic=statistic)
+        plan = rank_poses(swept.dataset, Criteria(region=TOOTH, statistic=statistic))
         best = plan.best
         holds.append(bool(angle[best] < FRONTAL_DEG))
         near = np.argsort(angle)[:1]

@@ -10,6 +10,7 @@ from matplotlib.image import imread, imsave
 from iriftrace.figures.pose import displacement_figure
 from iriftrace.figures.style import write_figure
 from iriftrace.figures.sweep_space import sweep_face_figure
+from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import rank_poses
 from iriftrace.planning.summary import summarise
 from iriftrace.sweep.faces import FaceMap
@@ -37,7 +38,7 @@ def draw_faces(swept: Swept, path: Path) -> None:
 
 def draw_best_pose(swept: Swept, path: Path, region: str) -> None:
     """Draw what the best pose for a region sees."""
-    best = rank_poses(swept.dataset, region=region).best
+    best = rank_poses(swept.dataset, Criteria(region=region)).best
     matrix = swept.dataset["matrix"].values[best]
     image = load_swept_scene(swept.dataset, best).render(matrix).image
     write_figure(displacement_figure(image), path)

@@ -1,0 +1,14 @@
+from .cover import ViewLimits as ViewLimits
+from .cover import ViewSet as ViewSet
+from .cover import choose_views as choose_views
+from .criteria import Criteria as Criteria
+from .pose_plan import PosePlan as PosePlan
+from .pose_plan import plan as plan
+from .rank import Plan as Plan
+from .rank import pareto_front as pareto_front
+from .rank import rank_poses as rank_poses
+from .refine import Refinement as Refinement
+from .refine import refine_pose as refine_pose
+from .stability import stability as stability
+from .summary import SweepSummary as SweepSummary
+from .summary import summarise as summarise

@@ -1,0 +1,125 @@
+"""Criteria by which the poses of a sweep are compared."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal, get_args
+
+from attrs import Attribute, asdict, field, frozen
+
+from iriftrace.core.errors import InputError
+
+METRICS = ("displacement", "coverage", "axial", "lateral")
+"""Names of the metrics; the coverage is better the larger it is, the others the smaller."""
+
+Statistic = Literal["mean", "median", "p95"]
+Resolution = Literal["step", "nn3d", "nnxy"]
+Outside = Literal["clip", "discard"]
+
+
+def _is_weight(_: Any, attribute: Attribute[float], value: float) -> None:
+    if not (math.isfinite(value) and value >= 0):
+        raise InputError(
+            f"The weight of {attribute.name} is {value}, which would make its bad values good; "
+            "give zero or a positive number."
+        )
+
+
+def _one_of(choices: Any) -> Any:
+    def check(_: Any, attribute: Attribute[str], value: str) -> None:
+        if value not in get_args(choices):
+            raise InputError(
+                f"Unknown {attribute.name} '{value}'; use one of {', '.join(get_args(choices))}."
+            )
+
+    return check
+
+
+@frozen
+class Criteria:
+    """How poses are ranked; by default with weights and normalisation of Kern et al. (2025).
+
+    Parameters
+    ----------
+    displacement
+        Weight in the score = displacement d + coverage (1 - c) + axial a + lateral l of the
+        normalised metrics, the smaller the better.
+    coverage
+        Weight of the part's area that is not seen.
+    axial
+        Weight of the resolution along the line of sight.
+    lateral
+        Weight of the resolution across the line of sight.
+    statistic
+        Which displacement: the paper's mean, or one that silhouettes cannot spoil.
+    resolution
+        Reading of the resolution: step to the next pixel, or nearest neighbour in space or in the
+        picture's plane.
+    region
+        Region of the part; "part" is all of it.
+    percentile
+        Upper end of the normalisation.
+    outside
+        What becomes of poses beyond the percentile: clipped to it, or not ranked.
+    min_hits
+        Poses with fewer good rays stay unranked.
+    min_coverage
+        Poses that see a smaller share of the area, from 0 to 1, stay unranked.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or all weights are zero.
+    """
+
+    displacement: float = field(default=0.5, validator=_is_weight)
+    coverage: float = field(default=0.2, validator=_is_weight)
+    axial: float = field(default=0.15, validator=_is_weight)
+    lateral: float = field(default=0.15, validator=_is_weight)
+    statistic: Statistic = field(default="mean", validator=_one_of(Statistic))
+    resolution: Resolution = field(default="step", validator=_one_of(Resolution))
+    region: str = "part"
+    percentile: float = 95.0
+    outside: Outside = field(default="clip", validator=_one_of(Outside))
+    min_hits: int = 100
+    min_coverage: float = 0.0
+
+    def __attrs_post_init__(self) -> None:
+        if not any(self.weights.values()):
+            raise InputError(
+                "All weights are zero, so every pose would be equally good; make at least one "
+                "positive."
+            )
+        if not 0 < self.percentile <= 100:
+            raise InputError(
+                f"The percentile is {self.percentile}, so no metric can be normalised; give a "
+                "number above 0 and up to 100."
+            )
+        if self.min_hits < 1:
+            raise InputError(
+                f"The smallest number of good rays is {self.min_hits}, so views of nothing would "
+                "be ranked; give at least 1."
+            )
+        if not 0 <= self.min_coverage <= 1:
+            raise InputError(
+                f"The smallest coverage is {self.min_coverage:g}, but it is a share of the area; "
+                "give a number from 0 to 1, such as 0.3."
+            )
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Weight of each of `METRICS`, as given and not scaled to a sum of 1."""
+        return {name: float(getattr(self, name)) for name in METRICS}
+
+    @property
+    def needed(self) -> list[str]:
+        """Metrics with a positive weight, without which a pose cannot be ranked."""
+        return [name for name, weight in self.weights.items() if weight > 0]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        others = {name: value for name, value in asdict(self).items() if name not in METRICS}
+        return {"weights": self.weights, **others}
+
+
+THE_PAPERS = Criteria()

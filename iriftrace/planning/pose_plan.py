@@ -1,0 +1,94 @@
+"""A plan: ranked poses, sets of views, and a search around the best pose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from attrs import frozen
+
+from iriftrace.core.errors import InputError
+from iriftrace.planning.cover import NO_LIMITS, ViewLimits, ViewSet, plan_views
+from iriftrace.planning.criteria import THE_PAPERS, Criteria
+from iriftrace.planning.refine import Refinement, check_evaluations, refine_pose
+from iriftrace.planning.summary import SweepSummary, summarise
+from iriftrace.sweep.reload import load_swept_scene
+from iriftrace.sweep.store import read_sweep
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@frozen(eq=False)
+class PosePlan:
+    """Where to put the camera, by a sweep.
+
+    Attributes
+    ----------
+    summary : SweepSummary
+        Its ``plan`` is the ranking.
+    views : ViewSet or None
+        Poses that together see the most.
+    refined : Refinement or None
+        The best pose near the best one of the sweep.
+    """
+
+    summary: SweepSummary
+    views: ViewSet | None = None
+    refined: Refinement | None = None
+
+
+def plan(
+    sweep: str | Path | xr.Dataset,
+    criteria: Criteria = THE_PAPERS,
+    *,
+    views: int | None = None,
+    limits: ViewLimits = NO_LIMITS,
+    evaluations: int | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> PosePlan:
+    """Rank the poses of a sweep; choose views and refine the best pose where that is asked for.
+
+    Parameters
+    ----------
+    sweep : path or Dataset
+        What `iriftrace.run_sweep` wrote or gave.
+    criteria : Criteria
+        Weights, normalisation and what a pose must show.
+    views : int, optional
+        Number of poses that together are to see as much area as possible.
+    limits : ViewLimits
+        How badly one of these may see a face.
+    evaluations : int, optional
+        Most poses to render in a search around the best pose, at least 10; needs the scene's files.
+    progress : callable, optional
+        Called after each of these with their number and the best score so far.
+
+    Raises
+    ------
+    InputError
+        The sweep cannot be read, no pose can be ranked, nothing is seen within the limits, or the
+        scene has changed since the sweep.
+    SetupError
+        Poses are to be rendered and no usable LLVM or CUDA is there.
+    """
+    dataset = read_sweep(sweep) if isinstance(sweep, str | Path) else sweep
+    summary = summarise(dataset, criteria)
+    together = refined = None
+    if views is not None:
+        region, hits = criteria.region, criteria.min_hits
+        together = plan_views(dataset, views, limits, region=region, min_hits=hits)
+    if evaluations is not None:
+        check_evaluations(evaluations)
+        try:
+            swept = load_swept_scene(dataset, summary.plan.best)
+        except InputError as error:
+            raise InputError(
+                "The best pose cannot be refined, because its scene cannot be rendered again: "
+                f"{error}."
+            ) from error
+        refined = refine_pose(
+            dataset, summary.plan, swept, evaluations=evaluations, progress=progress
+        )
+    return PosePlan(summary, together, refined)

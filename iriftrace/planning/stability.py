@@ -1,0 +1,138 @@
+"""Stability of a plan's best pose: other weights, and poses that score nearly as well."""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.planning.rank import Plan, weighted
+
+# Scores that differ by less than this share of the sum of the weights differ by rounding.
+_EQUAL_SCORES = 1e-12
+
+CLOSE_SCORES = 0.03
+"""Scores that differ by less than this share of the sum of the weights do not settle anything."""
+
+# Coverages of another kind: one view sees twice as much, and not just of next to nothing.
+_OTHER_RATIO = 2.0
+_OTHER_DIFFERENCE = 0.05
+
+
+@frozen(eq=False)
+class Stability:
+    """What becomes of a plan's best pose when the weights vary.
+
+    Attributes
+    ----------
+    share : float
+        By how much a weight varies, 0.5 for +-50 %.
+    ranks : dict of (2,) tuples of int
+        Rank of the best pose (1: still the best) when this one weight is smaller and larger.
+    winners : dict of (2,) tuples of int
+        Number of the best pose then.
+    rivals : (k,) array of int
+        All poses that are better than the best one for some weights within the share, when all
+        weights vary at once; its rank is never worse than k + 1.
+    """
+
+    share: float
+    ranks: dict[str, tuple[int, int]]
+    winners: dict[str, tuple[int, int]]
+    rivals: IntArray
+
+    @property
+    def worst_rank(self) -> int:
+        """Worst rank of the best pose when one weight varies."""
+        return max(rank for pair in self.ranks.values() for rank in pair)
+
+
+@frozen(eq=False)
+class Alternative:
+    """A pose that scores nearly as well as the best one and shows something else.
+
+    Attributes
+    ----------
+    pose : int
+        Its number.
+    behind : float
+        By how much its score is worse.
+    coverage, best_coverage : float
+        0..1, its own and that of the best pose.
+    """
+
+    pose: int
+    behind: float
+    coverage: float
+    best_coverage: float
+
+
+def stability(plan: Plan, share: float = 0.5) -> Stability:
+    """Tell how a plan's best pose fares when the weights vary.
+
+    The score is linear in the weights, so a pose beats another somewhere in the box of weights if
+    it does where each weight is at the end that favours it.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    share
+        By how much each weight varies, above 0 and below 1.
+
+    Raises
+    ------
+    InputError
+        If the share is out of range.
+    """
+    if not 0 < share < 1:
+        raise InputError(
+            f"The weights are to vary by {share}, which leaves none of them or changes nothing; "
+            "give a share between 0 and 1."
+        )
+    weights = {name: weight for name, weight in plan.criteria.weights.items() if weight > 0}
+    equal = _EQUAL_SCORES * sum(weights.values())
+    costs = {name: plan.costs[name][plan.order] for name in weights}
+    ranks, winners = {}, {}
+    for name, weight in weights.items():
+        scores = [
+            weighted(costs, {**weights, name: weight * factor}) for factor in (1 - share, 1 + share)
+        ]
+        smaller, larger = (1 + int(np.count_nonzero(s < s[0] - equal)) for s in scores)
+        ranks[name] = smaller, larger
+        smaller, larger = (int(plan.order[np.argmin(s)]) for s in scores)
+        winners[name] = smaller, larger
+    lead = np.zeros(len(plan.order))
+    for name, weight in weights.items():
+        behind = weight * (costs[name][0] - costs[name])
+        lead += behind + share * np.abs(behind)
+    return Stability(share, ranks, winners, plan.order[lead > equal])
+
+
+def close_alternative(plan: Plan) -> Alternative | None:
+    """The best of the poses that score nearly as well as the winner and cover far more or less.
+
+    Nearly means within `CLOSE_SCORES`; far means at least twice or at most half the coverage, and
+    5 % of the area.
+
+    Returns
+    -------
+    Alternative or None
+        None if the winner is clear, or the coverage is unknown.
+    """
+    behind = plan.score[plan.order] - plan.score[plan.best]
+    coverage = plan.metrics["coverage"][plan.order]
+    margin = CLOSE_SCORES * sum(plan.criteria.weights.values())
+    low, high = np.minimum(coverage, coverage[0]), np.maximum(coverage, coverage[0])
+    other = (high >= _OTHER_RATIO * low) & (high - low >= _OTHER_DIFFERENCE)
+    found = np.flatnonzero(other & (behind <= margin * (1 + _EQUAL_SCORES)))
+    if len(found) == 0:
+        return None
+    first = int(found[0])
+    return Alternative(
+        pose=int(plan.order[first]),
+        behind=float(behind[first]),
+        coverage=float(coverage[first]),
+        best_coverage=float(coverage[0]),
+    )
