@@ -1,4 +1,8 @@
-"""Do part and field belong together: same place, same unit, same axes, same wall temperature?"""
+"""Fit of part and field: place, length unit, axes and wall temperature.
+
+The boundary of the cavity in a field's data should be the part's surface. Where it is not, boxes
+around the two tell which unit or rotation was mistaken.
+"""
 
 from __future__ import annotations
 
@@ -92,41 +96,37 @@ def fit_part_to_field(
     InputError
         The field does not reach the part; the message names the unit or axes that would mend it.
     """
-    data = np.asarray(field.grid.points, dtype=np.float64)
-    data_box = np.stack((data.min(axis=0), data.max(axis=0)))
-    wall = field.wall
-    has_wall = wall.n_points > 0
-    target = _box(np.asarray(wall.points)) if has_wall else data_box
-    if np.any(part.bounds[0] > data_box[1]) or np.any(part.bounds[1] < data_box[0]):
-        raise InputError(_unreached("they lie side by side", field, part, target, has_wall))
-    if not has_wall:
+    data, wall = _box(np.asarray(field.grid.points)), field.wall
+    unreached = f"The field {field.source.path} does not reach the part {part.path}: "
+    apart = bool(np.any(part.bounds[0] > data[1]) or np.any(part.bounds[1] < data[0]))
+    if not wall.n_points:
+        if apart:
+            raise InputError(f"{unreached}they lie side by side; check units and axes.")
         return _fit_without_wall(field, part, wall_temperature_k)
-
+    cavity = _box(np.asarray(wall.points))
+    advice = _advice(part.bounds, cavity)
+    if apart:
+        raise InputError(f"{unreached}they lie side by side; {advice}")
     gaps = part.surface.distance(wall.points)
     # A wall that is nowhere closer than half its own size surrounds something else.
-    if gaps.min() > 0.5 * min(_diagonal(target), _diagonal(part.bounds)):
+    if gaps.min() > 0.5 * min(_diagonal(cavity), _diagonal(part.bounds)):
         raise InputError(
-            _unreached(
-                f"the field's inner wall stays {gaps.min():.3g} mm away from the part",
-                field,
-                part,
-                target,
-                has_wall,
-            )
+            f"{unreached}the field's inner wall stays {gaps.min():.3g} mm away from the part; "
+            f"{advice}"
         )
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     refractivity = np.asarray(wall.point_data["refractivity"], dtype=np.float64)
     temperature = float(np.median(field.air.temperature(refractivity)))
+    bare = _bare_share(wall, part)
     messages = []
     if p95 > LARGEST_GAP_MM:
+        # A part beside its cavity is bare too, but that need not be said.
         messages.append(
             f"The part does not fill the cavity in the field: the gap is {median:.3g} mm (median) "
             f"and {p95:.3g} mm (95th percentile), so rays cross air that the field does not know; "
-            + _advice(part.bounds, target)
+            f"{advice}"
         )
-    # A part beside its cavity is bare too, but that has been said.
-    bare = _bare_share(wall, part)
-    if not messages and bare > LARGEST_BARE_SHARE:
+    elif bare > LARGEST_BARE_SHARE:
         messages.append(
             f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
             "wall, so no hot air is known there and rays through it stay straight; mirror a field "
@@ -146,18 +146,14 @@ def _bare_share(wall: pv.PolyData, part: Part) -> float:
 def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -> Fit:
     found = field.sample(part.vertices)
     known = found[np.isfinite(found)]
-    temperature = float(np.median(field.air.temperature(known))) if len(known) else float("nan")
+    unknown = float("nan")
+    temperature = float(np.median(field.air.temperature(known))) if len(known) else unknown
     message = (
         "The field has no cavity, so it cannot be checked whether the part lies where it belongs; "
         "look at part and field together."
     )
-    return Fit(
-        float("nan"),
-        float("nan"),
-        temperature,
-        float("nan"),
-        (message, *_temperature_message(temperature, expected_k)),
-    )
+    messages = (message, *_temperature_message(temperature, expected_k))
+    return Fit(unknown, unknown, temperature, unknown, messages)
 
 
 def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
@@ -177,11 +173,6 @@ def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
     ]
 
 
-def _unreached(what: str, field: IndexField, part: Part, target: FloatArray, has_wall: bool) -> str:
-    advice = _advice(part.bounds, target) if has_wall else "check units and axes."
-    return f"The field {field.source.path} does not reach the part {part.path}: {what}; {advice}"
-
-
 def _advice(part: FloatArray, target: FloatArray) -> str:
     """The change of the part's box that makes it the target's, in words of the command line."""
     corners = np.array(list(product(*part.T)))
@@ -193,25 +184,22 @@ def _advice(part: FloatArray, target: FloatArray) -> str:
         if np.abs(np.ptp(box, axis=0) - np.ptp(target, axis=0)).max() > limit:
             continue
         shift = target.mean(axis=0) - box.mean(axis=0)
-        moved = bool(np.abs(shift).max() > limit)
+        off = float(np.abs(shift).max())
+        translate = "translate " + " ".join(f"{component:.4g}" for component in shift)
+        steps = ", ".join(filter(None, (turn, translate if off > limit else "")))
+        options = [_SCALES[scale], f'--part-transform "{steps}"' if steps else ""]
         # The fewer things were mistaken, the likelier.
-        mistakes = (scale != 1.0) + bool(turn) + moved
-        candidates.append((mistakes, float(np.abs(shift).max()), scale, turn, shift, moved))
+        mistakes = (scale != 1.0) + bool(turn) + (off > limit)
+        candidates.append((mistakes, off, " and ".join(filter(None, options))))
     if not candidates:
         return (
             f"the part's box measures {_size(part)} and the cavity's {_size(target)}; "
             "check units, axes and thermal expansion."
         )
-    mistakes, _, scale, turn, shift, moved = min(candidates, key=lambda c: c[:2])
-    if mistakes == 0:
+    remedy = min(candidates)[2]
+    if not remedy:
         return "their boxes agree, so check thermal expansion and the part's shape."
-    steps = [turn] if turn else []
-    if moved:
-        steps.append("translate " + " ".join(f"{component:.4g}" for component in shift))
-    parts = [f'--part-transform "{", ".join(steps)}"'] if steps else []
-    if scale != 1.0:
-        parts.insert(0, _SCALES[scale])
-    return f"their boxes agree with {' and '.join(parts)}."
+    return f"their boxes agree with {remedy}."
 
 
 def _box(points: FloatArray) -> FloatArray:
