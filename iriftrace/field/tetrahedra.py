@@ -34,7 +34,7 @@ _FACES: dict[int, tuple[tuple[int, ...], ...]] = {
     PYRAMID: ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
 }
 
-OPPOSITE = np.array(((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1)))
+OPPOSITE = np.array(_FACES[TETRAHEDRON])
 """Corners of the face opposite to each corner of a tetrahedron."""
 
 

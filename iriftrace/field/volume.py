@@ -101,7 +101,7 @@ def _linear(grid: Any, types: IntArray) -> pv.UnstructuredGrid:
         {kind: number[np.concatenate(parts)] for kind, parts in corners.items()},
         np.asarray(grid.points)[used],
     )
-    order = np.concatenate([number for parts in cells.values() for number in parts])
+    order = np.concatenate([part for parts in cells.values() for part in parts])
     for name in grid.point_data:
         result.point_data[name] = np.asarray(grid.point_data[name])[used]
     for name in grid.cell_data:

@@ -1,4 +1,4 @@
-"""Text exports that are damaged, ambiguous or of another kind: one sentence says what is wrong."""
+"""Damaged and ambiguous COMSOL exports: each is refused in a sentence that names the fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""COMSOL's text exports: every documented variant gives the field that was written."""
+"""COMSOL text exports of every layout: the field read is the one that was written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields: where they come from, what they hold, and which files are refused."""
+"""Fields: values, units and origin against what was written, and files that are refused."""
 
 from __future__ import annotations
 

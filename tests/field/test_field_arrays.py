@@ -1,4 +1,4 @@
-"""Which array of a file is used, what it holds and in which unit."""
+"""Arrays by name, quantity and unit: temperatures against those that were written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Halves that were mirrored: joined at their seam, but not where a value jumps."""
+"""Mirrored halves: joined at their seam, against the whole, but not where a value jumps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The inner boundary of a field: the part's surface, and never the outer boundary."""
+"""Inner boundary of a field: area and place of the part's surface, never the outer boundary."""
 
 from __future__ import annotations
 

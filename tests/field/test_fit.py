@@ -1,4 +1,4 @@
-"""Part and field must be recognised as belonging together, and typical mistakes be named."""
+"""Fit of part and field: gaps that are known, and mistakes of unit and axes named."""
 
 from __future__ import annotations
 

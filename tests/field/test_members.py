@@ -1,4 +1,4 @@
-"""Series of VTK files: which states they have, and how one of them is named."""
+"""States of series of files: times against those written, and how a user names one."""
 
 from __future__ import annotations
 

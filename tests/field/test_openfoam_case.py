@@ -1,4 +1,4 @@
-"""OpenFOAM cases: whole and decomposed, chosen times, exact walls, and damaged files."""
+"""OpenFOAM cases, whole and decomposed: temperatures at walls to the last digit, linear fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fields of every kind on the command line."""
+"""Commands with fields of every kind: what they say and write, and their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The same field through every reader gives the same displacement, up to its interpolation."""
+"""One field through every reader: displacements differ by the foreseen interpolation alone."""
 
 from __future__ import annotations
 

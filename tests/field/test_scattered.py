@@ -1,4 +1,4 @@
-"""Scattered points: what is cut out of their hull, and what stays."""
+"""Scattered points: volume of the air around cut-out parts, to the last cubic millimetre."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Velocities in files of several programs: which arrays, in what unit, turned with the field."""
+"""Velocities in files of several programs: values in m/s against those written, turned along."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""File types and cell types: all become one grid of linear volume cells."""
+"""File types and cell types: volume and values of one linear grid against a box of known size."""
 
 from __future__ import annotations
 

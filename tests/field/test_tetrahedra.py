@@ -1,4 +1,4 @@
-"""Cells split into tetrahedra: the same space, whole shared faces, nothing flat left over."""
+"""Cells split into tetrahedra: volumes add up, faces are shared whole, counts made by hand."""
 
 from __future__ import annotations
 
