@@ -1,4 +1,4 @@
-"""What every room needs: errors, units, array types and files written whole.
+"""Errors, units, array types and files written whole, which every room needs.
 
 Nothing here knows of air, cameras or rays, and nothing here imports from another room.
 """

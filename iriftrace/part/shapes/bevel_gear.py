@@ -264,19 +264,14 @@ def _regions(teeth: int, tooth: int | None) -> Regions:
     """Regions of the faces, in the order of the strips between `_rings`."""
     strips = ("bore", "front", "teeth", "back", "hub", "back")
     rows = (_BORE_ROWS, _FACE_ROWS, _TOOTH_ROWS, 2, _HUB_ROWS, _FACE_ROWS)
-    of_row = np.repeat(strips, rows)
     per_row = 2 * teeth * PER_TOOTH
-    named = np.repeat(of_row, per_row).astype(object)
-    names: tuple[str, ...] = REGIONS
-    if tooth is not None:
-        row, place = np.divmod(np.arange(len(named)), per_row)
-        # From the middle of the gap before the tooth to the middle of the gap after it.
-        before = (place // 2 + ROOT_STEPS // 2) // PER_TOOTH % teeth
-        end_face = _BORE_ROWS + _FACE_ROWS - 1
-        flank = 2 * FLANK_POINTS + TIP_STEPS - 2
-        on_tooth = (place // 2) % PER_TOOTH < flank - 1
-        own = (before == tooth) & ((of_row[row] == "teeth") | ((row == end_face) & on_tooth))
-        named[own] = TOOTH
-        names = (TOOTH, *REGIONS)
-    number = {name: i for i, name in enumerate(names)}
-    return Regions(np.array([number[name] for name in named], dtype=np.int64), names)
+    number = np.repeat([REGIONS.index(strip) for strip in strips], np.multiply(rows, per_row))
+    if tooth is None:
+        return Regions(number, REGIONS)
+    row, place = np.divmod(np.arange(len(number)), per_row)
+    # From the middle of the gap before the tooth to the middle of the gap after it.
+    before = (place // 2 + ROOT_STEPS // 2) // PER_TOOTH % teeth
+    flank = 2 * FLANK_POINTS + TIP_STEPS - 2
+    on_end_face = (row == _BORE_ROWS + _FACE_ROWS - 1) & ((place // 2) % PER_TOOTH < flank - 1)
+    own = (before == tooth) & ((number == REGIONS.index("teeth")) | on_end_face)
+    return Regions(np.where(own, 0, number + 1), (TOOTH, *REGIONS))
