@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.geometry.topology import connected
 
 # Boundary patches smaller than this share of the largest one are gaps between cells of different
 # refinement, not walls.
@@ -68,11 +67,8 @@ def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> BoolA
     """Mask (m,) of the faces in patches that enclose what is not data."""
     if not len(faces):
         return np.zeros(0, dtype=bool)
-    links = coo_array(
-        (np.ones(2 * len(faces), dtype=bool), (faces[:, :2].ravel(), faces[:, 1:].ravel())),
-        shape=(len(points), len(points)),
-    )
-    patch = connected_components(links, directed=False)[1][faces[:, 0]]
+    links = np.concatenate((faces[:, :2], faces[:, 1:]))
+    patch = connected(links, len(points))[faces[:, 0]]
     patch = np.unique(patch, return_inverse=True)[1]
     corners = points[faces]
     count = patch.max() + 1

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError
 
 from iriftrace.core.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.gradient import TETRAHEDRON_EDGES
 from iriftrace.geometry.query import Surface
+from iriftrace.geometry.topology import connected
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -119,10 +118,7 @@ def _open_to_outside(mask: BoolArray, neighbours: Int32Array) -> BoolArray:
     around = neighbours[chosen]
     there = np.where(around >= 0, local[around], -1)
     row, column = np.nonzero(there >= 0)
-    links = coo_array(
-        (np.ones(len(row), dtype=bool), (row, there[row, column])), shape=(len(chosen),) * 2
-    )
-    group = connected_components(links, directed=False)[1]
+    group = connected(np.column_stack((row, there[row, column])), len(chosen))
     outside = np.zeros(group.max() + 1, dtype=bool)
     outside[group[(around < 0).any(axis=1)]] = True
     result = np.zeros(len(mask), dtype=bool)

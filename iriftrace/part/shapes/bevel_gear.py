@@ -12,7 +12,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
-from iriftrace.part.shapes.solid import (
+from iriftrace.part.shapes.rings import (
     between_rings,
     check_count,
     check_less,

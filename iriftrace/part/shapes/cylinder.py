@@ -8,7 +8,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
-from iriftrace.part.shapes.solid import between_rings, check_count, check_positive, circle, fan
+from iriftrace.part.shapes.rings import between_rings, check_count, check_positive, circle, fan
 
 _HEAD_RINGS = 3
 """Rings of triangles on a head."""
