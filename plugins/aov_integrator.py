@@ -1,4 +1,7 @@
-"""What the integrators have in common: a picture of channels, one ray through each pixel."""
+"""The base of both integrators: a picture of channels, one ray through each pixel's centre.
+
+Pictures that cannot fit into memory, and films that would smear the channels, are refused first.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +23,6 @@ from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART, StraightHits
 from iriftrace.plugins.stock_sensor import StockSensor
 from iriftrace.runtime.variant import full_precision
-
-# MERGE plugins.picture_memory: Refuses pictures that cannot fit into memory, before anything of t
 
 BYTES_PER_PIXEL = 170
 """What a picture needs at the least: channels, straight rays, their state and the metrics.

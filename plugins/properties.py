@@ -1,4 +1,4 @@
-"""Reading plugin properties: types and ranges are checked, with one sentence when they are wrong.
+"""Plugin properties, read with their types and ranges checked: single values, and cameras.
 
 Mitsuba's loader accepts a ``<string>`` where a number belongs, so every plugin reads through here.
 """
@@ -84,8 +84,6 @@ def choice(props: Any, name: str, allowed: tuple[str, ...]) -> str:
         )
     return str(value)
 
-
-# MERGE plugins.camera_properties: What the properties of a ``calibrated_camera`` say: numbers one
 
 _UNPLACED = flip_axes(np.eye(4))
 """Mitsuba's pose of what has no ``to_world``."""

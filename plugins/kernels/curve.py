@@ -1,4 +1,7 @@
-"""The way of a light ray through air whose index varies, from the camera to the part.
+"""The ray equation d/ds (n dr/ds) = grad n, integrated from the camera to the part.
+
+With time dt = ds / n it is r'' = n grad n (Sharma, Kumar and Ghatak, Applied Optics 21 (1982) 984),
+which a step of Nystrom's method of order 4 advances (:func:`nystrom_step`).
 
 A ray is in one of three modes. Outside the data it runs straight to the data's boundary. Inside, it
 passes one piece of the medium after the other, with one step of order 4 in each. Where it is inside
@@ -28,19 +31,17 @@ from iriftrace.plugins.kernels.queries import (
 from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import BLOCKER, PART, SceneTables
 
-# MERGE plugins.nystrom: One step of order 4 along a ray in a medium whose index varies.
-
 
 class Step(NamedTuple):
     """End of a step."""
 
     point: Any  # Point3d, mm
     velocity: Any  # Vector3d: index times direction
-    doubt: Any  # Float64: difference of the velocity to a rule of order 2
+    velocity_error: Any  # Float64: difference of the velocity to a rule of order 2
 
 
 def nystrom_step(point: Any, velocity: Any, acceleration: Callable[[Any], Any], time: Any) -> Step:
-    """Advance a ray.
+    """Advance a ray by one step of Nystrom's method of order 4 (Hairer, Norsett and Wanner, II.14).
 
     Parameters
     ----------
@@ -131,10 +132,10 @@ def curved_hits(
         face: Any
         crossings: Any
         entry_index: Any
-        stray: Any  # estimated error of the point and of the velocity
-        sway: Any
-        blur: Any  # the same by the integrator, without a direction
-        haze: Any
+        position_error: Any  # Vector3d, mm: estimate of what the gradient's error does to the point
+        velocity_error: Any  # Vector3d: and to the velocity
+        step_position_error: Any  # Float64, mm: the same of the steps, without a direction
+        step_velocity_error: Any
         opened: Any
         relocations: Any
         place: Any
@@ -207,7 +208,9 @@ def curved_hits(
             return cell.gradient(point, heading) * (1 + cell.refractivity(point))
 
         stepped = nystrom_step(s.point, s.velocity, acceleration, time)
-        doubt = dr.select(passes, cell.doubt(s.point + heading * (length / 2), heading) * time, 0)
+        middle = s.point + heading * (length / 2)
+        gained = dr.select(passes, cell.gradient_error(middle, heading) * time, 0)
+        of_step = dr.select(passes, stepped.velocity_error, 0)
         enters, came_in = enters & ~ended, came_in & ~ended
         straight = dr.select(enters, gap, dr.select(came_in, back, 0))
         point = mi.Point3d(dr.select(passes, stepped.point, s.point + heading * straight))
@@ -250,10 +253,10 @@ def curved_hits(
             dr.select(on_part, face, s.face),
             s.crossings + dr.select(passes, mi.UInt32(1), 0),
             dr.select(starts, 1 + refractivity, s.entry_index),
-            s.stray + (s.sway + doubt / 2) * moved,
-            s.sway + doubt,
-            s.blur + dr.abs(moved) * (s.haze + dr.select(passes, stepped.doubt / 2, 0)),
-            s.haze + dr.select(passes, stepped.doubt, 0),
+            s.position_error + (s.velocity_error + gained / 2) * moved,
+            s.velocity_error + gained,
+            s.step_position_error + dr.abs(moved) * (s.step_velocity_error + of_step / 2),
+            s.step_velocity_error + of_step,
             s.opened | opened,
             s.relocations + dr.select(sought, mi.UInt32(1), 0),
             place,
@@ -322,14 +325,17 @@ def _ended(tables: SceneTables, medium: Any, end: Any) -> CurvedHits:
     time = time + dr.clip(correction, -1e-3, 1e-3)
     stepped = nystrom_step(end.point, end.velocity, acceleration, time)
 
-    doubt = dr.select(inside, cell.doubt(end.point + end.velocity * (time / 2), ahead) * time, 0)
-    stray = end.stray + (end.sway + doubt / 2) * time
+    middle = end.point + end.velocity * (time / 2)
+    gained = dr.select(inside, cell.gradient_error(middle, ahead) * time, 0)
+    position_error = end.position_error + (end.velocity_error + gained / 2) * time
     heading = dr.normalize(stepped.velocity)
     cosine = dr.dot(normal, heading)
     # Along the part's surface, which the estimated ray meets elsewhere.
-    stray = stray - heading * dr.select(on_part, dr.dot(normal, stray) / cosine, 0)
-    blur = end.blur + dr.abs(time) * (end.haze + stepped.doubt / 2)
-    error = dr.norm(stray) + blur / dr.maximum(dr.abs(cosine), 1e-6)
+    along = dr.select(on_part, dr.dot(normal, position_error) / cosine, 0)
+    position_error = position_error - heading * along
+    of_steps = end.step_velocity_error + stepped.velocity_error / 2
+    of_steps = end.step_position_error + dr.abs(time) * of_steps
+    error = dr.norm(position_error) + of_steps / dr.maximum(dr.abs(cosine), 1e-6)
     final_speed = dr.norm(stepped.velocity)
     entered = end.entry_index != 0
     hits = CurvedHits(

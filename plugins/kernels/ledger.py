@@ -1,4 +1,9 @@
-"""Whether a ray's index steps at the shells add up to the layer in which it hit the part."""
+"""The ledger of a ray's index steps, which add up to the layer in which it hit the part.
+
+On shells that are closed, or end on the part or at the data's edge, the sum of the steps is
+conserved: index at the hit less index of the air in which the ray started. A ray that slipped
+between two triangles breaks the sum.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +16,7 @@ from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART
 from iriftrace.plugins.kernels.tables import aligned
 
-WITNESSES = 9
+LINES = 9
 """Lines by which the layer at a hit is counted where one along the normal speaks against it."""
 
 
@@ -42,21 +47,21 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any,
     # A ray without a crossing does not tell in which air it runs, unless that at the wall is cold.
     silent = hit & (refracted.entry_index == 0) & (dr.abs(usual - ambient) > slack)
     dr.eval(layer, missing, fits, silent)
-    doubtful = dr.compress(hit & (~fits | silent))
-    if dr.width(doubtful) > 0:
-        number = np.array(doubtful)
+    suspects = dr.compress(hit & (~fits | silent))
+    if dr.width(suspects) > 0:
+        number = np.array(suspects)
         quiet, found = np.array(silent)[number], np.array(layer)[number]
         points, normals = _hits(prepared, refracted, number)
         right = ~quiet
         right[right] = _touches(prepared, points[right], normals[right], found[right], 1)[0]
         rest = np.flatnonzero(~right)
-        right[rest], near = _touches(prepared, points[rest], normals[rest], found[rest], WITNESSES)
+        right[rest], near = _touches(prepared, points[rest], normals[rest], found[rest], LINES)
         # It has come all its way in the air before the wall then, through an open end.
-        astray = quiet[rest] & ~right[rest]
+        unmet = quiet[rest] & ~right[rest]
         steps, exact = np.array(missing), np.array(fits)
-        steps[number[rest[astray]]] = np.abs(near[astray] - tables.ambient)
+        steps[number[rest[unmet]]] = np.abs(near[unmet] - tables.ambient)
         exact[number] = right
-        exact[number[rest[astray]]] = True
+        exact[number[rest[unmet]]] = True
         missing, fits = mi.Float64(aligned(steps)), mi.Bool(aligned(exact))
     return fits & (missing < open_steps + slack), missing < slack
 

@@ -1,4 +1,8 @@
-"""What is built once for a scene and then serves every pose: tables, sub-scene, wall layers."""
+"""A scene prepared for tracing: tables, the scene without shells, the air's layer at the part.
+
+Built once, it serves every pose. In which layer a point lies is told by the index steps along
+straight lines from there to the outside (:func:`crossed_steps`), so no field is needed.
+"""
 
 from __future__ import annotations
 
@@ -19,88 +23,8 @@ from iriftrace.plugins.kernels.tables import (
     surface_index,
 )
 
-# MERGE plugins.counting: Counting index steps along straight lines: in which layer does a point l
-
 MOST_STEPS = 30_000
 """Crossings of a straight line after which it is not followed any farther."""
-
-
-def crossed_steps(
-    scene: Any, tables: SceneTables, origin: Any, direction: Any, step: float
-) -> tuple[Any, Any]:
-    """Index steps along straight lines to infinity, opaque shapes being transparent.
-
-    Returns
-    -------
-    start_index : Float64
-        Index of the layer at the start: what remains outside less the steps on the way there;
-        0 for a line without crossing, or with too many (``MOST_STEPS``) to be believed.
-    enclosed : Bool
-        The first shell on the way is crossed from inside.
-    """
-    import drjit as dr
-    import mitsuba as mi
-
-    smallest_step = dr.opaque(mi.Float64, step)
-
-    class State(NamedTuple):
-        travelled: Any
-        gap: Any  # since the last crossing
-        index_sum: Any
-        last_index: Any
-        enclosed: Any
-        shape: Any
-        outward: Any
-        count: Any
-        active: Any
-
-    def advance(*values: Any) -> tuple[Any, ...]:
-        s = State(*values)
-        start = origin + direction * s.travelled
-        preliminary = ray_query(scene, start, direction, False, s.active)
-        found = s.active & preliminary.is_valid()
-        shape = tables.shape_number(preliminary, found)
-        on_shell = found & (tables.kind(shape, found) == SHELL)
-        face = tables.face(shape, preliminary.prim_index, on_shell)
-        _, normal = tables.plane(face, on_shell)
-        outside, inside = tables.sides(shape, on_shell)
-        outward = dr.dot(direction, normal) > 0
-        move = dr.select(found, mi.Float64(preliminary.t) + smallest_step, 0)
-        gap = s.gap + move
-        crossed = on_shell & ~same_crossing(shape, outward, s.shape, s.outward, gap, smallest_step)
-        near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
-        first = crossed & (s.last_index == 0)
-        return (
-            s.travelled + move,
-            dr.select(crossed, 0, gap),
-            s.index_sum + dr.select(crossed, far - near, 0),
-            dr.select(crossed, far, s.last_index),
-            (first & outward) | (s.enclosed & ~first),
-            dr.select(crossed, shape, s.shape),
-            dr.select(crossed, outward, s.outward),
-            s.count + 1,
-            found & (s.count < MOST_STEPS),
-        )
-
-    width = dr.width(origin, direction)
-    state = (
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.full(mi.Bool, False, width),
-        dr.full(mi.UInt32, 0xFFFFFFFF, width),
-        dr.full(mi.Bool, False, width),
-        dr.zeros(mi.UInt32, width),
-        dr.full(mi.Bool, True, width),
-    )
-    end = State(
-        *dr.while_loop(
-            state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
-        )
-    )
-    known = end.count <= MOST_STEPS
-    return dr.select(known, end.last_index - end.index_sum, 0), end.enclosed & known
 
 
 SAMPLES_PER_DIAGONAL = 50
@@ -111,6 +35,9 @@ WALL_STEPS = 80
 
 TILT = np.radians(50.0)
 """Angle between a wall's normal and the other lines by which its layer is counted."""
+
+FEWEST = 5
+"""Layers' steps below which leaving half of them out says nothing of the rest."""
 
 
 def scene_beside(scene: Any, shapes: list[Any]) -> Any:
@@ -238,6 +165,119 @@ class PreparedScene:
         return np.where(known.any(axis=0), chosen, self.tables.ambient)
 
 
+def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
+    """The same scene with the first, the third, ... and the last step of the index.
+
+    Meshes, tables and gradients are shared. The steps of the shells that stay add up to the same
+    sum.
+
+    Parameters
+    ----------
+    prepared : PreparedScene
+
+    Returns
+    -------
+    PreparedScene or None
+        None where the shells' steps do not lead from one to the next, or are fewer than ``FEWEST``.
+    """
+    shapes = prepared.scene.shapes()
+    pairs = [shell_indices(shape.bsdf()) for shape in shapes]
+    steps = sorted({pair for pair in pairs if pair}, reverse=True)
+    if len(steps) < FEWEST or any(one[1] != other[0] for one, other in pairwise(steps)):
+        return None
+    kept = [*steps[:-1:2], steps[-1]]
+    levels = {p: surface_index(s.bsdf()) for s, p in zip(shapes, pairs, strict=True) if p}
+    between = [0.5 * (levels[one] + levels[other]) for one, other in pairwise(kept)]
+    ends = [kept[0][0], *between, kept[-1][1]]
+    sides = dict(zip(kept, pairwise(ends), strict=True))
+
+    fewer = copy(prepared)
+    fewer.tables = prepared.tables.with_sides([sides.get(pair, (1.0, 1.0)) for pair in pairs])
+    fewer.scene = scene_beside(
+        prepared.scene,
+        [s for s, pair in zip(shapes, pairs, strict=True) if pair is None or pair in sides],
+    )
+    return fewer
+
+
+def crossed_steps(
+    scene: Any, tables: SceneTables, origin: Any, direction: Any, step: float
+) -> tuple[Any, Any]:
+    """Index steps along straight lines to infinity, opaque shapes being transparent.
+
+    Returns
+    -------
+    start_index : Float64
+        Index of the layer at the start: what remains outside less the steps on the way there;
+        0 for a line without crossing, or with too many (``MOST_STEPS``) to be believed.
+    enclosed : Bool
+        The first shell on the way is crossed from inside.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    smallest_step = dr.opaque(mi.Float64, step)
+
+    class State(NamedTuple):
+        travelled: Any
+        gap: Any  # since the last crossing
+        index_sum: Any
+        last_index: Any
+        enclosed: Any
+        shape: Any
+        outward: Any
+        count: Any
+        active: Any
+
+    def advance(*values: Any) -> tuple[Any, ...]:
+        s = State(*values)
+        start = origin + direction * s.travelled
+        preliminary = ray_query(scene, start, direction, False, s.active)
+        found = s.active & preliminary.is_valid()
+        shape = tables.shape_number(preliminary, found)
+        on_shell = found & (tables.kind(shape, found) == SHELL)
+        face = tables.face(shape, preliminary.prim_index, on_shell)
+        _, normal = tables.plane(face, on_shell)
+        outside, inside = tables.sides(shape, on_shell)
+        outward = dr.dot(direction, normal) > 0
+        move = dr.select(found, mi.Float64(preliminary.t) + smallest_step, 0)
+        gap = s.gap + move
+        crossed = on_shell & ~same_crossing(shape, outward, s.shape, s.outward, gap, smallest_step)
+        near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
+        first = crossed & (s.last_index == 0)
+        return (
+            s.travelled + move,
+            dr.select(crossed, 0, gap),
+            s.index_sum + dr.select(crossed, far - near, 0),
+            dr.select(crossed, far, s.last_index),
+            (first & outward) | (s.enclosed & ~first),
+            dr.select(crossed, shape, s.shape),
+            dr.select(crossed, outward, s.outward),
+            s.count + 1,
+            found & (s.count < MOST_STEPS),
+        )
+
+    width = dr.width(origin, direction)
+    state = (
+        dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float64, width),
+        dr.full(mi.Bool, False, width),
+        dr.full(mi.UInt32, 0xFFFFFFFF, width),
+        dr.full(mi.Bool, False, width),
+        dr.zeros(mi.UInt32, width),
+        dr.full(mi.Bool, True, width),
+    )
+    end = State(
+        *dr.while_loop(
+            state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
+        )
+    )
+    known = end.count <= MOST_STEPS
+    return dr.select(known, end.last_index - end.index_sum, 0), end.enclosed & known
+
+
 def _around(normals: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Unit vectors (count, n, 3): the normals first, then others evenly about them."""
     helper = np.where(np.abs(normals[:, :1]) < 0.7, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -293,44 +333,3 @@ def _median_of_each(
     result = np.full(count, np.nan)
     result[some] = values[order][middle]
     return result
-
-
-# MERGE plugins.fewer_shells: A prepared scene with every second of its shells, to see whether the
-
-FEWEST = 5
-"""Layers' steps below which leaving half of them out says nothing of the rest."""
-
-
-def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
-    """The same scene with the first, the third, ... and the last step of the index.
-
-    Meshes, tables and gradients are shared. The steps of the shells that stay add up to the same
-    sum.
-
-    Parameters
-    ----------
-    prepared : PreparedScene
-
-    Returns
-    -------
-    PreparedScene or None
-        None where the shells' steps do not lead from one to the next, or are fewer than ``FEWEST``.
-    """
-    shapes = prepared.scene.shapes()
-    pairs = [shell_indices(shape.bsdf()) for shape in shapes]
-    steps = sorted({pair for pair in pairs if pair}, reverse=True)
-    if len(steps) < FEWEST or any(one[1] != other[0] for one, other in pairwise(steps)):
-        return None
-    kept = [*steps[:-1:2], steps[-1]]
-    levels = {p: surface_index(s.bsdf()) for s, p in zip(shapes, pairs, strict=True) if p}
-    between = [0.5 * (levels[one] + levels[other]) for one, other in pairwise(kept)]
-    ends = [kept[0][0], *between, kept[-1][1]]
-    sides = dict(zip(kept, pairwise(ends), strict=True))
-
-    fewer = copy(prepared)
-    fewer.tables = prepared.tables.with_sides([sides.get(pair, (1.0, 1.0)) for pair in pairs])
-    fewer.scene = scene_beside(
-        prepared.scene,
-        [s for s, pair in zip(shapes, pairs, strict=True) if pair is None or pair in sides],
-    )
-    return fewer

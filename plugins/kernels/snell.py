@@ -57,8 +57,8 @@ def distance_to_plane(
     cosine = dr.dot(direction, normal)
     # A ray parallel to the plane has no exact distance; one that lies in it would give NaN.
     exact = dr.select(cosine != 0, dr.dot(triangle.a - origin, normal) / cosine, rough)
-    doubt = tolerance / dr.maximum(dr.abs(cosine), 0.01)
-    return dr.clip(exact, rough - doubt, rough + doubt)
+    reach = tolerance / dr.maximum(dr.abs(cosine), 0.01)
+    return dr.clip(exact, rough - reach, rough + reach)
 
 
 def corner_weights(point: Any, triangle: Triangle, facet: Any) -> tuple[Any, Any]:

@@ -1,4 +1,9 @@
-"""A Mitsuba scene flattened into tables: triangles of part and shells, index on each side."""
+"""A Mitsuba scene flattened into tables that a kernel gathers from.
+
+Triangles of part and shells, the index on each side of a shell, and at its vertices the normal and
+the derivatives of the index. Vertices are float32, as Mitsuba's own, and upcast where they are
+used.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +19,6 @@ from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
 from iriftrace.plugins.kernels.snell import Triangle, facet_normal
 from iriftrace.shells.hessian import PLY_COLUMNS, SECOND_DERIVATIVES
-
-# MERGE plugins.shell_slopes: What a shell's file says of the index around it, in the world's axes
 
 
 def shell_slopes(shape: Any, normals: FloatArray, step: float) -> FloatArray | None:
@@ -73,8 +76,6 @@ def _turned(derivatives: FloatArray, turn: FloatArray) -> FloatArray:
     return np.stack([full[:, i, j] for i, j in SECOND_DERIVATIVES], axis=1)
 
 
-# MERGE plugins.aligned: NumPy arrays laid out so that the kernels that read them stay the same.
-
 BYTES = 128
 """The widest vector that Dr.Jit loads: 16 numbers of 8 bytes."""
 
@@ -91,8 +92,6 @@ def aligned(values: NDArray[Any]) -> NDArray[Any]:
     copy[:] = values
     return copy
 
-
-# MERGE plugins.vertex_table: What is known at the vertices of a scene's meshes, in rows of four t
 
 _PLAIN, _STEEP = 2, 4
 """Rows per vertex where the index's slope at the shells is not known, and where it is."""
@@ -243,14 +242,69 @@ def _runs_against_its_normals(shape: Any) -> bool:
     return bool(dr.sum(dr.select(dr.isfinite(facing), facing, 0))[0] < 0)
 
 
-def _arrays(shape: Any, has_normals: bool, step: float) -> MeshArrays:
-    """What a mesh's vertices know; the step of the index tells how steep it is at a shell."""
+class _Described(NamedTuple):
+    """One shape, as the tables have it."""
+
+    shape: Any
+    kind: int
+    sides: tuple[float, float]  # index outside and inside
+    level: float  # index of the air on it
+    smooth: bool  # it has normals at its vertices
+    mesh: MeshArrays | None  # of part and shells
+
+
+def _part_of(shapes: list[Any]) -> tuple[Any, int]:
+    """The measured part, and its place in a scene's list."""
+    parts = [i for i, shape in enumerate(shapes) if shape.id() == PART_ID]
+    if len(parts) != 1:
+        raise InputError(
+            f"The scene has {len(parts)} shapes with id '{PART_ID}', but the measured part is "
+            "known by it: give exactly one shape this id, and load with optimize=False, because "
+            "Mitsuba otherwise merges shapes of equal bsdfs into one without id."
+        )
+    part = shapes[parts[0]]
+    if shell_indices(part.bsdf()) is not None or not part.is_mesh():
+        raise InputError("The shape with id 'part' must be an opaque triangle mesh.")
+    if part.face_count() > MAX_PART_FACES:
+        raise InputError(
+            f"The part has {part.face_count()} faces, but channel part.face holds at most "
+            f"{MAX_PART_FACES} exactly; simplify the mesh."
+        )
+    return part, parts[0]
+
+
+def _described(shape: Any, is_part: bool) -> _Described:
+    """A shape's row of the tables; InputError for a shell that cannot be traced."""
+    sides = shell_indices(shape.bsdf())
+    if sides is None and not is_part:
+        return _Described(shape, BLOCKER, (1.0, 1.0), 1.0, False, None)
+    if sides is not None and not shape.is_mesh():
+        raise InputError(
+            f"Shell '{shape.id()}' is no triangle mesh, so its index steps cannot be traced in "
+            "double precision; give it as a mesh (PLY)."
+        )
+    if sides is not None and shape.has_flipped_normals():
+        raise InputError(
+            f"Shell '{shape.id()}' has flip_normals, which would swap inside and outside only in "
+            "part; swap ext_ior and int_ior instead."
+        )
+    smooth = shape.has_vertex_normals() and not shape.has_face_normals()
+    if sides is not None and smooth and _runs_against_its_normals(shape):
+        raise InputError(
+            f"The triangles of shell '{shape.id()}' face against its vertex normals, as after a "
+            "mirroring to_world, so outside and inside would be swapped; mirror the mesh itself "
+            "instead."
+        )
     places = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
     faces = np.array(shape.faces_buffer()).reshape(-1, 3)
-    if not has_normals:
-        return MeshArrays(places, faces, None, None)
-    normals = np.array(shape.vertex_normals_buffer()).reshape(-1, 3)
-    return MeshArrays(places, faces, normals, shell_slopes(shape, normals, step))
+    normals = slopes = None
+    if smooth:
+        normals = np.array(shape.vertex_normals_buffer()).reshape(-1, 3)
+        slopes = shell_slopes(shape, normals, sides[0] - sides[1]) if sides else None
+    mesh = MeshArrays(places, faces, normals, slopes)
+    if sides is None:
+        return _Described(shape, PART, (1.0, 1.0), 1.0, smooth, mesh)
+    return _Described(shape, SHELL, sides, surface_index(shape.bsdf()), smooth, mesh)
 
 
 class SceneTables:
@@ -271,85 +325,32 @@ class SceneTables:
         import mitsuba as mi
 
         shapes = scene.shapes()
-        indices = [shell_indices(shape.bsdf()) for shape in shapes]
-        parts = [i for i, shape in enumerate(shapes) if shape.id() == PART_ID]
-        if len(parts) != 1:
-            raise InputError(
-                f"The scene has {len(parts)} shapes with id '{PART_ID}', but the measured part is "
-                "known by it: give exactly one shape this id, and load with optimize=False, "
-                "because Mitsuba otherwise merges shapes of equal bsdfs into one without id."
-            )
-        self.part = shapes[parts[0]]
-        if indices[parts[0]] is not None or not self.part.is_mesh():
-            raise InputError("The shape with id 'part' must be an opaque triangle mesh.")
-        if self.part.face_count() > MAX_PART_FACES:
-            raise InputError(
-                f"The part has {self.part.face_count()} faces, but channel part.face holds at most "
-                f"{MAX_PART_FACES} exactly; simplify the mesh."
-            )
-
-        kinds, ext, interior, smooth, level = [], [], [], [], []
-        meshes, first_face, knowing = [], [], []
-        face_count = 0
-        self.stock_shells = 0
-        self.shell_shapes: list[Any] = []
-        for shape, pair in zip(shapes, indices, strict=True):
-            kind = SHELL if pair else PART if shape is self.part else BLOCKER
-            if kind == SHELL:
-                if not shape.is_mesh():
-                    raise InputError(
-                        f"Shell '{shape.id()}' is no triangle mesh, so its index steps cannot be "
-                        "traced in double precision; give it as a mesh (PLY)."
-                    )
-                if shape.has_flipped_normals():
-                    raise InputError(
-                        f"Shell '{shape.id()}' has flip_normals, which would swap inside and "
-                        "outside only in part; swap ext_ior and int_ior instead."
-                    )
-                self.shell_shapes.append(shape)
-                self.stock_shells += not hasattr(shape.bsdf(), "ext_ior")
-            kinds.append(kind)
-            ext.append(pair[0] if pair else 1.0)
-            interior.append(pair[1] if pair else 1.0)
-            level.append(surface_index(shape.bsdf()) if pair else 1.0)
-            first_face.append(face_count)
-            has_normals = False
-            if kind != BLOCKER:
-                has_normals = shape.has_vertex_normals() and not shape.has_face_normals()
-                if kind == SHELL and has_normals and _runs_against_its_normals(shape):
-                    raise InputError(
-                        f"The triangles of shell '{shape.id()}' face against its vertex normals, "
-                        "as after a mirroring to_world, so outside and inside would be swapped; "
-                        "mirror the mesh itself instead."
-                    )
-                mesh = _arrays(shape, has_normals, ext[-1] - interior[-1])
-                meshes.append(mesh)
-                face_count += len(mesh.faces)
-                if kind == SHELL:
-                    knowing.append(mesh.slopes is not None)
-            smooth.append(has_normals)
-
-        self.index_pairs = [pair for pair in indices if pair]
-        self.has_normals = any(s for s, k in zip(smooth, kinds, strict=True) if k == SHELL)
-        self.facet_shells = [
-            shape.id()
-            for shape, s, k in zip(shapes, smooth, kinds, strict=True)
-            if k == SHELL and not s
-        ]
+        self.part, place = _part_of(shapes)
+        rows = [_described(shape, number == place) for number, shape in enumerate(shapes)]
+        shells = [row for row in rows if row.kind == SHELL]
+        faces = [0 if row.mesh is None else len(row.mesh.faces) for row in rows]
+        first_face = np.cumsum([0, *faces])
+        self.part_first_face = int(first_face[place])
+        self.shell_shapes = [row.shape for row in shells]
+        self.stock_shells = sum(not hasattr(row.shape.bsdf(), "ext_ior") for row in shells)
+        self.index_pairs = [row.sides for row in shells]
+        self.has_normals = any(row.smooth for row in shells)
+        self.facet_shells = [row.shape.id() for row in shells if not row.smooth]
+        steps = [abs(outside - inside) for outside, inside in self.index_pairs]
+        self.half_step = min((step for step in steps if step > 0), default=1e-9) / 2
+        known = [row.mesh is not None and row.mesh.slopes is not None for row in shells]
         # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
-        self.knows_steepness = bool(knowing) and all(knowing) and not self.stock_shells
+        self.knows_steepness = bool(shells) and all(known) and not self.stock_shells
+        meshes = [row.mesh for row in rows if row.mesh is not None]
         self._table = VertexTable(meshes, self.knows_steepness)
-        self._first_face = mi.UInt32(first_face)
-        self._kind = mi.UInt32(kinds)
-        self._ext = mi.Float64(ext)
-        self._int = mi.Float64(interior)
-        self._level = mi.Float64(level)
+        self._first_face = mi.UInt32(first_face[:-1])
+        self._kind = mi.UInt32([row.kind for row in rows])
+        self._outside = mi.Float64([row.sides[0] for row in rows])
+        self._inside = mi.Float64([row.sides[1] for row in rows])
+        self._level = mi.Float64([row.level for row in rows])
         self._number = self._numbers(shapes)
-        self.part_first_face = first_face[parts[0]]
         beyond = edge_neighbours(*self.part_arrays())
         self._neighbours = mi.UInt32(aligned(beyond.ravel()))
-        steps = [abs(i - e) for e, i, k in zip(ext, interior, kinds, strict=True) if k == SHELL]
-        self.half_step = min((s for s in steps if s > 0), default=1e-9) / 2
 
     @staticmethod
     def _numbers(shapes: list[Any]) -> Any:
@@ -383,8 +384,8 @@ class SceneTables:
         import mitsuba as mi
 
         return (
-            dr.gather(mi.Float64, self._ext, shape, active),
-            dr.gather(mi.Float64, self._int, shape, active),
+            dr.gather(mi.Float64, self._outside, shape, active),
+            dr.gather(mi.Float64, self._inside, shape, active),
         )
 
     def with_sides(self, pairs: list[tuple[float, float]]) -> SceneTables:
@@ -393,7 +394,7 @@ class SceneTables:
 
         other = copy(self)
         outside, inside = zip(*pairs, strict=True)
-        other._ext, other._int = mi.Float64(outside), mi.Float64(inside)
+        other._outside, other._inside = mi.Float64(outside), mi.Float64(inside)
         return other
 
     def face(self, shape: Any, primitive: Any, active: Any) -> Any:

@@ -95,7 +95,7 @@ class Cell:
         """Gradient of n that bends a ray of a unit direction (Vector3d, 1/mm)."""
         return self._smooth_gradient(point, heading) if self._air.recovered else self.constant
 
-    def doubt(self, point: Any, heading: Any) -> Any:
+    def gradient_error(self, point: Any, heading: Any) -> Any:
         """Gradient with the recovered direction less the constant one (Vector3d, 1/mm).
 
         The usual estimate of the constant one's error (Zienkiewicz and Zhu 1987, "A simple error
@@ -157,10 +157,10 @@ class Cell:
         areas, below, rising = self._heights(point, direction)
         area, height, slope = (_chosen(values, self.entry) for values in (areas, below, rising))
         exact = dr.select(slope != 0, -height / slope, rough)
-        doubt = tolerance * dr.minimum(area / dr.abs(slope), 100)
+        reach = tolerance * dr.minimum(area / dr.abs(slope), 100)
         # A cell turned inside out lies on the wrong side of its face, but behind it all the same.
         enters = dr.select(self._volume < 0, slope < 0, slope > 0)
-        return dr.clip(exact, rough - doubt, rough + doubt), enters
+        return dr.clip(exact, rough - reach, rough + reach), enters
 
     def passage(self, point: Any, direction: Any) -> Passage:
         """Straight way to the face through which a ray leaves the tetrahedron.

@@ -69,7 +69,7 @@ def test_linear_medium_bends_rays_to_parabolas(steps: int) -> None:
     ray = parabola(500)
     found = walk(ray.medium, ray.start, ray.velocity, ray.time, steps)
     np.testing.assert_allclose(found.end, ray.end, atol=1e-9)
-    assert found.doubt < 1e-15
+    assert found.velocity_error < 1e-15
 
 
 def reference(ray: Launch, velocity: np.ndarray, time: float) -> np.ndarray:
@@ -96,11 +96,11 @@ def test_ends_equal_those_of_an_independent_solver(name: str) -> None:
     )
 
 
-def test_doubt_of_a_step_is_larger_than_its_error() -> None:
+def test_error_estimate_of_a_step_is_larger_than_its_error() -> None:
     lens = LAUNCHES["Luneburg lens"]
     for steps in (8, 32, 128):
         found = walk(lens.medium, lens.start, lens.velocity, lens.time, steps)
-        assert np.linalg.norm(found.end - lens.end) < found.doubt * lens.time
+        assert np.linalg.norm(found.end - lens.end) < found.velocity_error * lens.time
 
 
 def test_hot_cylinders_rays_end_in_the_walls_air(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ class SmoothPiece:
     def gradient(self, point: Any, heading: Any) -> Any:
         return self.medium.field(point)[1]
 
-    def doubt(self, point: Any, heading: Any) -> Any:
+    def gradient_error(self, point: Any, heading: Any) -> Any:
         import mitsuba as mi
 
         return mi.Vector3d(0)

@@ -81,7 +81,7 @@ class Walk(NamedTuple):
 
     end: FloatArray
     velocity: FloatArray
-    doubt: float  # sum of the steps' estimated errors of the velocity
+    velocity_error: float  # sum of the steps' estimated errors of the velocity
     drift: float  # largest | |v| / n - 1 | after any step
 
 
@@ -158,7 +158,7 @@ def walk(medium: Medium, start: FloatArray, velocity: FloatArray, time: float, s
         return mi.Vector3d(*medium(point.x, point.y, point.z)[1]) / 2
 
     point, heading = mi.Point3d(*map(float, start)), mi.Vector3d(*map(float, velocity))
-    doubt, drift = mi.Float64(0), mi.Float64(0)
+    velocity_error, drift = mi.Float64(0), mi.Float64(0)
     for _ in range(steps):
         point, heading, more = nystrom_step(
             point, heading, acceleration, mi.Float64(float(time / steps))
@@ -166,9 +166,11 @@ def walk(medium: Medium, start: FloatArray, velocity: FloatArray, time: float, s
         point = mi.Point3d(point)
         square = medium(point.x, point.y, point.z)[0]
         drift = dr.maximum(drift, dr.abs(dr.norm(heading) / dr.sqrt(square) - 1))
-        doubt += more
-        dr.eval(point, heading, doubt, drift)
-    return Walk(np.array(point)[:, 0], np.array(heading)[:, 0], float(doubt[0]), float(drift[0]))
+        velocity_error += more
+        dr.eval(point, heading, velocity_error, drift)
+    return Walk(
+        np.array(point)[:, 0], np.array(heading)[:, 0], float(velocity_error[0]), float(drift[0])
+    )
 
 
 def end_error(launch: Launch, steps: int) -> float:
