@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -34,3 +37,51 @@ def shells_of(name: str) -> Path:
     text = (folder / "scene.xml").read_text(encoding="utf-8")
     first = re.search(r'value="([^"]*)/shell_\d+\.ply"', text)
     return (folder / (first[1] if first else "shells")).resolve()
+
+
+@contextmanager
+def scene_copied(name: str, folder: Path) -> Iterator[tuple[Path, Path]]:
+    """Copy a bundled scene to a folder of the user's; removed again if the block fails.
+
+    Parameters
+    ----------
+    name : str
+    folder : Path
+        A copy that was not changed since is replaced. Shells of another scene, which some use, go
+        beside it.
+
+    Yields
+    ------
+    xml : Path
+        The copy's XML file.
+    shells : Path
+        The folder of its shells.
+
+    Raises
+    ------
+    InputError
+        If there is no scene of this name, or somebody has changed the copy that is there.
+    """
+    from iriftrace.core.errors import InputError
+
+    bundled, bundled_shells = folder_of(name).resolve(), shells_of(name)
+    xml = folder / "scene.xml"
+    if xml.is_file() and xml.read_bytes() != (bundled / "scene.xml").read_bytes():
+        raise InputError(
+            f"{xml} has been changed since the last demo, which would be lost; run "
+            f"`iriftrace render {xml}` instead, or give another folder with -o."
+        )
+    home = (
+        folder if bundled_shells.parent == bundled else folder.parent / bundled_shells.parent.name
+    )
+    shells = home / bundled_shells.name
+    places = (folder, *folder.parents, shells, *shells.parents)
+    missing = [path for path in places if not path.exists()]
+    try:
+        for source, target in ((bundled, folder), (bundled_shells, shells)):
+            shutil.copytree(source, target, dirs_exist_ok=True, copy_function=shutil.copyfile)
+        yield xml, shells
+    except BaseException:
+        for path in missing:
+            shutil.rmtree(path, ignore_errors=True)
+        raise

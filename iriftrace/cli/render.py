@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import shutil
 import time
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -16,11 +16,9 @@ from iriftrace.cli.options import (
     check_folder,
     check_input,
     check_output,
-    removed_on_failure,
     statuses,
 )
 from iriftrace.cli.trace_options import TraceOptions, check_light
-from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -28,7 +26,6 @@ if TYPE_CHECKING:
 
 
 DEMO = "cylinder"
-SHELLS_AGAINST_FIELD = "shells_against_field"
 
 
 def render(
@@ -109,6 +106,7 @@ def metrics(
     from iriftrace.image.aov_image import read_exr
     from iriftrace.image.metrics import pose_metrics, write_metrics
     from iriftrace.image.rendered_part import part_of_image
+    from iriftrace.trace.render import keep_checks
 
     check_input(image, part)
     target = image.with_suffix(".json") if output is None else output
@@ -120,30 +118,12 @@ def metrics(
     with working("Reducing"):
         result = pose_metrics(pixels, shown, include=statuses(include))
     result["time_s"]["metrics"] = time.perf_counter() - started
-    _keep_what_only_rendering_knew(result, target)
+    with suppress(OSError, ValueError, AttributeError):
+        # There may be no report of this image yet.
+        keep_checks(result, json.loads(target.read_text(encoding="utf-8")))
     write_metrics(target, result)
     print_summary(out, result)
     out.print(f"Metrics in {target}", markup=False, soft_wrap=True)
-
-
-def _keep_what_only_rendering_knew(result: dict[str, Any], report: Path) -> None:
-    """Fill in times and what is known of the shells from the report that is to be replaced."""
-    try:
-        earlier = json.loads(report.read_text(encoding="utf-8"))
-        if earlier["pose"] != result["pose"]:
-            return
-        known = earlier["time_s"]
-    except (OSError, ValueError, KeyError, TypeError):
-        # There is no report of this image yet.
-        return
-    for key, value in result["time_s"].items():
-        if value is None:
-            result["time_s"][key] = known.get(key)
-    from iriftrace.trace.shell_convergence import EVERY_SECOND_SHELL
-
-    for key in (EVERY_SECOND_SHELL, SHELLS_AGAINST_FIELD):
-        if key in earlier:
-            result[key] = earlier[key]
 
 
 def demo(
@@ -167,39 +147,19 @@ def demo(
         How it is traced.
     """
     from iriftrace.cli.output import print_summary
-    from iriftrace.scenes import folder_of, shells_of
+    from iriftrace.scenes import scene_copied
 
     check_folder(output)
     # Wrong ones are refused before anything is copied.
     trace.variables()
-    bundled, bundled_shells = folder_of(scene).resolve(), shells_of(scene)
-    copy = output / ("scene" if scene == DEMO else scene)
-    _keep_edited_scene(copy / "scene.xml", bundled / "scene.xml")
     exr = output / f"{scene}.exr"
-    # A scene may use the shells of another one, which it looks for beside itself.
-    is_own = bundled_shells.parent == bundled
-    shells = (copy if is_own else output / bundled_shells.parent.name) / bundled_shells.name
-    with removed_on_failure(shells), removed_on_failure(copy):
-        shutil.copytree(bundled, copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
-        shutil.copytree(bundled_shells, shells, dirs_exist_ok=True, copy_function=shutil.copyfile)
-        rendering, part = _render(copy / "scene.xml", exr, trace, (0,), True)
+    folder = output / ("scene" if scene == DEMO else scene)
+    with scene_copied(scene, folder) as (xml, shells):
+        rendering, part = _render(xml, exr, trace, (0,), True)
     pictures = _scene_picture(rendering, part, shells, output / f"{scene}_scene.png")
     print_summary(out, rendering.metrics)
     _list_files(exr, True, *pictures)
-    out.print(
-        f"Change {copy / 'scene.xml'} and run:  iriftrace render {copy / 'scene.xml'}",
-        markup=False,
-        soft_wrap=True,
-    )
-
-
-def _keep_edited_scene(mine: Path, bundled: Path) -> None:
-    """Refuse to replace a scene that somebody has changed, as the demo itself proposes."""
-    if mine.is_file() and mine.read_bytes() != bundled.read_bytes():
-        raise InputError(
-            f"{mine} has been changed since the last demo, which would be lost; run "
-            f"`iriftrace render {mine}` instead, or give another folder with -o."
-        )
+    out.print(f"Change {xml} and run:  iriftrace render {xml}", markup=False, soft_wrap=True)
 
 
 def _render(
@@ -208,31 +168,17 @@ def _render(
     trace: TraceOptions,
     include: tuple[int, ...],
     figures: bool,
-    check_shells: bool = False,
+    check_field: bool = False,
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.trace.render import render_scene
-    from iriftrace.trace.shell_convergence import (
-        EVERY_SECOND_SHELL,
-        shell_resolution,
-        warn_of_coarse_shells,
-    )
 
     with working("Loading the scene"):
         loaded = trace.load(scene)
-    checked = {}
-    if check_shells:
-        from iriftrace.trace.field_reference import shell_error
-
-        with working("Tracing a sample through the field itself"):
-            checked[SHELLS_AGAINST_FIELD] = shell_error(loaded).as_dict()
     with working("Tracing"):
-        rendering = render_scene(loaded, include=include)
-        resolution = shell_resolution(loaded, rendering.image)
-        if resolution is not None:
-            warn_of_coarse_shells(resolution)
-            checked[EVERY_SECOND_SHELL] = resolution.as_dict()
-    rendering.metrics.update(checked)
+        rendering = render_scene(
+            loaded, include=include, check_shells=True, check_field=check_field
+        )
     if figures:
         from iriftrace.figures.pose import pose_figures
         from iriftrace.figures.style import write_figure

@@ -9,7 +9,7 @@ from attrs import asdict, frozen
 from iriftrace.core.errors import InputError
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
 from iriftrace.scene.load import LoadedScene, load_scene
-from iriftrace.trace.render import render_scene
+from iriftrace.trace.pose_image import pose_image
 
 FEWEST = 100
 """As for the metrics: fewer good rays give no numbers."""
@@ -120,4 +120,4 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
 def _sampled(scene: LoadedScene, sample: int) -> Hits:
     width, height = scene.camera.resolution
     camera = scene.camera.scaled(min(1.0, math.sqrt(sample / (width * height))))
-    return hits_of(render_scene(scene, camera=camera, nearest=False).image)
+    return hits_of(pose_image(scene, camera).image)

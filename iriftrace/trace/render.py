@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,17 @@ from iriftrace.image.aov_image import AovImage, Status, write_exr
 from iriftrace.image.metrics import pose_metrics, write_metrics
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.trace.field_reference import shell_error
 from iriftrace.trace.pose_image import pose_image
+from iriftrace.trace.shell_convergence import (
+    EVERY_SECOND_SHELL,
+    shell_resolution,
+    warn_of_coarse_shells,
+)
+
+SHELLS_AGAINST_FIELD = "shells_against_field"
+CHECKS = (EVERY_SECOND_SHELL, SHELLS_AGAINST_FIELD)
+"""Keys of metrics that say how far the shells can be relied on."""
 
 
 @frozen(eq=False)
@@ -89,6 +99,8 @@ def render_scene(
     include: Collection[int] = (0,),
     nearest: bool = True,
     empty: bool = False,
+    check_shells: bool = False,
+    check_field: bool = False,
 ) -> Rendering:
     """Trace a camera's rays through a scene, bent and unbent, and reduce the hits to metrics.
 
@@ -107,6 +119,12 @@ def render_scene(
         See :func:`iriftrace.image.metrics.pose_metrics`.
     empty : bool
         Whether a picture without a good ray is a result too and not an error.
+    check_shells : bool
+        Trace a sample of the rays without every second shell too (metrics ``every_second_shell``),
+        and warn where that changes them; ``iriftrace render`` does.
+    check_field : bool
+        Trace a sample of the rays through the field itself too (``shells_against_field``); see
+        :func:`iriftrace.trace.field_reference.shell_error`.
 
     Returns
     -------
@@ -119,6 +137,7 @@ def render_scene(
         no ray hits the part in focus.
     """
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    checks = {SHELLS_AGAINST_FIELD: shell_error(loaded).as_dict()} if check_field else {}
     started = time.perf_counter()
     traced = pose_image(loaded, camera, include)
     image, time_s = traced.image, traced.time_s
@@ -135,7 +154,30 @@ def render_scene(
         # Further members of an ensemble are loaded after the start.
         "total": loaded.load_s + loaded.build_s + done - started,
     }
-    return Rendering(image, metrics)
+    resolution = shell_resolution(loaded, image, camera) if check_shells else None
+    if resolution is not None:
+        warn_of_coarse_shells(resolution)
+        checks[EVERY_SECOND_SHELL] = resolution.as_dict()
+    return Rendering(image, metrics | checks)
+
+
+def keep_checks(metrics: dict[str, Any], earlier: Mapping[str, Any]) -> None:
+    """Fill in times and checks of the shells that only rendering knew.
+
+    Parameters
+    ----------
+    metrics : dict
+        Of an image, reduced again.
+    earlier : mapping
+        Metrics written when the image was rendered.
+    """
+    known = earlier.get("time_s")
+    if earlier.get("pose") != metrics["pose"] or not isinstance(known, Mapping):
+        return
+    for key, value in metrics["time_s"].items():
+        if value is None:
+            metrics["time_s"][key] = known.get(key)
+    metrics.update({key: earlier[key] for key in CHECKS if key in earlier})
 
 
 def trace_rays(

@@ -5,6 +5,7 @@ Expected values are the command's own files, bit for bit, and folders as they we
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -41,18 +42,19 @@ def test_python_and_command_give_the_same_files(folder: Path) -> None:
     built = iriftrace.build_scene(
         field, part, CAMERA, folder / "python" / "scene.xml", layers=5, scale=1.0
     )
-    iriftrace.render_scene(iriftrace.load_scene(built)).save(folder / "python.exr")
+    scene = iriftrace.load_scene(built)
+    iriftrace.render_scene(scene, check_shells=True).save(folder / "python.exr")
 
     words = ["scene", str(folder / "air.vtu"), str(folder / "block.stl"), "--layers=5"]
-    scene = folder / "command" / "scene.xml"
-    assert main([*words, "-o", str(scene), *hot_block.CAMERA, "--target=0,0,0"]) == 0
-    assert main(["render", str(scene), "-o", str(folder / "command.exr"), "--no-figures"]) == 0
+    xml = folder / "command" / "scene.xml"
+    assert main([*words, "-o", str(xml), *hot_block.CAMERA, "--target=0,0,0"]) == 0
+    assert main(["render", str(xml), "-o", str(folder / "command.exr"), "--no-figures"]) == 0
 
-    files = sorted(path.relative_to(scene.parent) for path in scene.parent.rglob("*.*"))
+    files = sorted(path.relative_to(xml.parent) for path in xml.parent.rglob("*.*"))
     assert Path("field.npz") in files
     assert Path("shells/shell_01.ply") in files
     for name in files:
-        same = (scene.parent / name).read_bytes() == (built.path.parent / name).read_bytes()
+        same = (xml.parent / name).read_bytes() == (built.path.parent / name).read_bytes()
         # The archive of the field states when it was packed.
         assert same or name == Path("field.npz"), name
     ours, theirs = (iriftrace.read_exr(folder / f"{n}.exr") for n in ("python", "command"))
@@ -60,9 +62,14 @@ def test_python_and_command_give_the_same_files(folder: Path) -> None:
     for name, values in ours.channels.items():
         assert np.array_equal(values, theirs.channels[name]), name
     assert (ours.channels["displacement.norm"] > 0).sum() > 100
+    reports = [json.loads((folder / f"{n}.json").read_text()) for n in ("python", "command")]
+    for report in reports:
+        # Where the files lie, and how long each run took.
+        del report["time_s"]
+    assert reports[0] == reports[1]
     assert built.fit is not None
     assert built.fit.gap_p95_mm < 0.1
-    shells = iriftrace.load_shells(scene.parent)
+    shells = iriftrace.load_shells(xml.parent)
     assert [len(shell.faces) for shell in shells.shells] == [row.triangles for row in built.report]
 
 
