@@ -28,7 +28,8 @@ def origin_of(data: Any) -> str:
     data : pyvista.DataSet or pyvista.MultiBlock
         As it was read from the file.
     """
-    return "; ".join(dict.fromkeys(_origins(data)))
+    texts = (str(value).strip() for value in _stated(data, FIELD_ORIGIN))
+    return "; ".join(dict.fromkeys(filter(None, texts)))
 
 
 def wall_heat_of(data: Any) -> float | None:
@@ -36,12 +37,7 @@ def wall_heat_of(data: Any) -> float | None:
 
     The gradient at the points of a file gives another one, since they carry averages of cells.
     """
-    if data is None:
-        return None
-    if WALL_HEAT in data.field_data:
-        return float(np.atleast_1d(data.field_data[WALL_HEAT])[0])
-    blocks = data if hasattr(data, "n_blocks") else ()
-    return next((heat for heat in map(wall_heat_of, blocks) if heat is not None), None)
+    return next((float(value) for value in _stated(data, WALL_HEAT)), None)
 
 
 def state_origin(grid: Any, origin: str) -> None:
@@ -68,12 +64,13 @@ def synthetic_mark(origin: str | None) -> str | None:
     return "SYNTHETIC FIELD" if (origin or "").lower().startswith(SYNTHETIC) else None
 
 
-def _origins(data: Any) -> Iterator[str]:
+def _stated(data: Any, name: str) -> Iterator[Any]:
+    """Values in the field data of a data set, or of all blocks of several."""
     if data is None:
         return
-    values = data.field_data[FIELD_ORIGIN] if FIELD_ORIGIN in data.field_data else []
-    yield from (text for text in (str(v).strip() for v in np.atleast_1d(values)) if text)
+    if name in data.field_data:
+        yield from np.atleast_1d(data.field_data[name])
     # Told by what it has: pictures need this module's words, and must not wait for VTK.
     if hasattr(data, "n_blocks"):
         for block in data:
-            yield from _origins(block)
+            yield from _stated(block, name)

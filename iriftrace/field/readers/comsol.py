@@ -27,7 +27,7 @@ from iriftrace.field.readers.comsol_text import (
     text_file,
 )
 from iriftrace.field.readers.scattered import merged, tetrahedra_between
-from iriftrace.field.readers.states import Column, Contents, State, chosen, states_of
+from iriftrace.field.readers.states import Column, Contents, State, state_number, states_of
 
 
 @frozen(eq=False)
@@ -76,7 +76,7 @@ def read(path: Path, member: int | None) -> Contents:
     layouts = {"spreadsheet": _spreadsheet, "sectionwise": _sectionwise, "grid": _grid}
     table = layouts[file.layout](file)
     listed = states_of(table.columns)
-    number = chosen(listed, member, path)
+    number = state_number(listed, member, path)
     names, table = _of_state(table, listed[number][0], path)
     table = _without_gaps(table, names, path)
     points, values, cells = table.points, table.values, table.cells

@@ -19,7 +19,7 @@ from iriftrace.core.files import sha256_of_list
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_polyhedra
-from iriftrace.field.readers.states import Contents, State, chosen
+from iriftrace.field.readers.states import Contents, State, state_number
 from iriftrace.field.readers.vtk_files import vtk_errors
 
 _PROCESSOR = re.compile(r"processor(\d+)")
@@ -55,7 +55,7 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
         The case has no mesh, no time, several regions, or damaged files.
     """
     case = _case(path)
-    number = chosen(case.states, member, path)
+    number = state_number(case.states, member, path)
     time = case.times[number]
     pieces = [_piece(piece, time, flow) for piece in case.pieces]
     names = [

@@ -59,7 +59,7 @@ class Contents:
     scattered: bool = False
 
 
-def chosen(states: Sequence[State], member: int | None, path: Path) -> int:
+def state_number(states: Sequence[State], member: int | None, path: Path) -> int:
     """Number of the state that is meant: the last one when none is named.
 
     Raises

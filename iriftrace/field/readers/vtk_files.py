@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonCore import vtkObject
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.field.readers.states import Contents, State, chosen, column_of, states_of
+from iriftrace.field.readers.states import Contents, State, column_of, state_number, states_of
 
 # What pyvista and the XML parser behind its .pvd reader raise for damaged files.
 _READ_ERRORS = (OSError, ValueError, RuntimeError, TypeError, LookupError, SyntaxError)
@@ -33,7 +33,7 @@ def read(path: Path, member: int | None) -> Contents:
     """The data of one state; arrays of other states are left out, its own lose the state's name."""
     if path.suffix.lower() == ".pvd":
         found = states(path)
-        number = chosen(found, member, path)
+        number = state_number(found, member, path)
         with vtk_errors(path):
             reader = pv.PVDReader(str(path))
             reader.set_active_time_point(number)
@@ -42,7 +42,7 @@ def read(path: Path, member: int | None) -> Contents:
         return Contents(data, sha256_of(path), found, origin=origin)
     data = read_vtk(path)
     found = _states_in(data)
-    number = chosen(found, member, path)
+    number = state_number(found, member, path)
     label = found[number][0]
     if label:
         for block in blocks_of(data):
