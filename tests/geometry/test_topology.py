@@ -1,4 +1,4 @@
-"""Topology of shells: welding, degenerate triangles, winding, small components, normals."""
+"""Topology of triangles: welding, slivers, winding and normals, on bodies known by hand."""
 
 from __future__ import annotations
 
