@@ -1,4 +1,4 @@
-"""Options about the camera, and the camera they stand for."""
+"""Options about the camera and its orbit, and the camera and poses they stand for."""
 
 from __future__ import annotations
 
@@ -8,19 +8,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.options import Whole, finite_numbers, numbers, quantity
+from iriftrace.cli.options import Interval, Length, Lengths, Numbers, Pair, Size, Vector, Whole
 from iriftrace.core.errors import InputError, IriftraceWarning
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from iriftrace.camera.calibration import Calibration
     from iriftrace.camera.camera import Camera
     from iriftrace.camera.pose_set import PoseSet
+    from iriftrace.core.arrays import FloatArray
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
     from iriftrace.scene.load import LoadedScene
@@ -28,6 +26,13 @@ if TYPE_CHECKING:
 
 
 CAMERA = Group("Camera", sort_key=5)
+ORBIT = Group("Orbit", sort_key=1)
+
+AZIMUTH, ELEVATION = "0:90:10", "-90:90:19"
+"""Angles of an orbit without others, degree."""
+
+FOCUS_SHARE = 0.9
+"""Default stand-off as a share of the far end of the focus interval."""
 
 Scale = Annotated[float, Parameter(group=CAMERA, help="Factor on the resolution.")]
 """Not one of the camera's options, because every command has its own default."""
@@ -69,18 +74,18 @@ class CameraOptions:
         Direction that is up in the picture.
     """
 
-    focal_length: str = "10 mm"
-    sensor: str = "6.7 mm,5.6 mm"
-    resolution: str = "2448,2048"
-    principal_point: str | None = None
-    distortion: str | None = None
+    focal_length: Length = 10.0
+    sensor: Size = (6.7, 5.6)
+    resolution: Pair = (2448.0, 2048.0)
+    principal_point: Pair | None = None
+    distortion: Numbers | None = None
     calibration: Path | None = None
-    pixel_size: str | None = None
+    pixel_size: Length | None = None
     calibration_length_unit: str = "mm"
-    focus: str = "50:250"
-    origin: str | None = None
-    target: str | None = None
-    up: str = "0,0,1"
+    focus: Interval = (50.0, 250.0)
+    origin: Vector | None = None
+    target: Vector | None = None
+    up: Vector = (0.0, 0.0, 1.0)
 
     def camera(
         self, part: Part, field: IndexField | None, stack: ShellStack, scale: float
@@ -103,31 +108,19 @@ class CameraOptions:
 
         if self.pixel_size is not None:
             raise InputError(
-                f'--pixel-size is "{self.pixel_size}", which belongs to --calibration; without it '
-                "give --sensor and --resolution."
+                f"--pixel-size is {self.pixel_size:g} mm, which belongs to --calibration; without "
+                "it give --sensor and --resolution."
             )
-        sizes = [quantity(piece, "mm", "--sensor") for piece in self.sensor.split(",")]
-        if len(sizes) != 2:
-            raise InputError(
-                f'--sensor is "{self.sensor}"; give width and height, "6.7 mm,5.6 mm".'
-            )
-        width, height = finite_numbers(self.resolution, 2, "--resolution")
+        width, height = self.resolution
         if width % 1 or height % 1:
-            raise InputError(f'--resolution is "{self.resolution}"; pixels are whole numbers.')
-        near, far = numbers(self.focus, 2, "--focus", ":")
-        point = [width / 2, height / 2]
-        if self.principal_point is not None:
-            point = finite_numbers(self.principal_point, 2, "--principal-point")
-        lens = None
-        if self.distortion is not None:
-            count = self.distortion.count(",") + 1
-            lens = Distortion.of_sequence(finite_numbers(self.distortion, count, "--distortion"))
+            raise InputError(f'--resolution is "{width:g},{height:g}"; pixels are whole numbers.')
+        lens = None if self.distortion is None else Distortion.of_sequence(self.distortion)
         return Camera(
-            focal_length_mm=quantity(self.focal_length, "mm", "--focal-length"),
-            sensor_mm=(sizes[0], sizes[1]),
+            focal_length_mm=self.focal_length,
+            sensor_mm=self.sensor,
             resolution=(int(width), int(height)),
-            principal_point_px=(point[0], point[1]),
-            focus_mm=(near, far),
+            principal_point_px=self.principal_point or (width / 2, height / 2),
+            focus_mm=self.focus,
             distortion=lens,
         )
 
@@ -158,10 +151,8 @@ class CameraOptions:
                 'such as --pixel-size "2.74 um" (no ray depends on it, only the focal length and '
                 "the sensor's size that results state)."
             )
-        near, far = numbers(self.focus, 2, "--focus", ":")
         pose = {} if calibration.matrix is None else {"matrix": calibration.matrix}
-        size = quantity(self.pixel_size, "mm", "--pixel-size")
-        return calibration.camera(pixel_size_mm=size, focus_mm=(near, far), **pose)
+        return calibration.camera(pixel_size_mm=self.pixel_size, focus_mm=self.focus, **pose)
 
     def _refuse_intrinsics(self) -> None:
         """A calibration has what these options say, and two answers are none."""
@@ -176,7 +167,7 @@ class CameraOptions:
 
     def _pose(
         self, part: Part, field: IndexField | None, stack: ShellStack, near: float
-    ) -> NDArray[np.float64]:
+    ) -> FloatArray:
         """Camera to world, from origin, target and up."""
         from iriftrace.camera.pose import look_at
         from iriftrace.scene.viewpoint import default_viewpoint
@@ -184,25 +175,11 @@ class CameraOptions:
         if self.origin is None:
             origin = default_viewpoint(part, field, stack, near).tolist()
         else:
-            origin = finite_numbers(self.origin, 3, "--origin")
-        target = part.centre.tolist()
-        if self.target is not None:
-            target = finite_numbers(self.target, 3, "--target")
-        up = finite_numbers(self.up, 3, "--up")
-        if not any(up):
-            raise InputError(f'--up is "{self.up}", which is no direction; give one, "0,0,1".')
-        return look_at(origin, target, up)
-
-
-# MERGE cli.orbit_options: Options about where the camera of a sweep goes, and the poses they stan
-
-ORBIT = Group("Orbit", sort_key=1)
-
-AZIMUTH, ELEVATION = "0:90:10", "-90:90:19"
-"""Angles of an orbit without others, degree."""
-
-FOCUS_SHARE = 0.9
-"""Default stand-off as a share of the far end of the focus interval."""
+            origin = self.origin
+        target = part.centre if self.target is None else self.target
+        if not any(self.up):
+            raise InputError('--up is "0,0,0", which is no direction; give one, "0,0,1".')
+        return look_at(origin, target, self.up)
 
 
 @Parameter(name="*", group=ORBIT)
@@ -240,21 +217,19 @@ class OrbitOptions:
 
     azimuth: str | None = None
     elevation: str | None = None
-    target: str | None = None
-    stand_off: str | None = None
-    semi_axes: str | None = None
-    paper_axes: str | None = None
+    target: Vector | None = None
+    stand_off: Lengths | None = None
+    semi_axes: Vector | None = None
+    paper_axes: Length | None = None
     angles: Literal["parameter", "geocentric"] | None = None
     fibonacci: Whole | None = None
     poses: Path | None = None
     convention: Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None = None
     length_unit: str | None = None
 
-    def look_at(self, scene: LoadedScene) -> np.ndarray[Any, Any]:
-        """The point that is looked at, (3,) array, mm."""
-        if self.target is None:
-            return scene.part.centre
-        return np.array(finite_numbers(self.target, 3, "--target"))
+    def look_at(self, scene: LoadedScene) -> FloatArray | tuple[float, float, float]:
+        """The point that is looked at, (3,), mm, world."""
+        return scene.part.centre if self.target is None else self.target
 
     def pose_sets(self, scene: LoadedScene) -> dict[float, PoseSet]:
         """Poses by the stand-off (mm) of their orbit, which is NaN for any other poses."""
@@ -317,15 +292,13 @@ class OrbitOptions:
         if sum(option is not None for option in given) > 1:
             raise InputError("Give only one of --stand-off, --semi-axes and --paper-axes.")
         if self.semi_axes is not None:
-            return [(math.nan, numbers(self.semi_axes, 3, "--semi-axes"))]
+            return [(math.nan, self.semi_axes)]
         if self.paper_axes is not None:
-            largest = quantity(self.paper_axes, "mm", "--paper-axes")
-            return [(math.nan, paper_semi_axes(scene.part, largest))]
+            return [(math.nan, paper_semi_axes(scene.part, self.paper_axes))]
         if self.stand_off is not None:
-            lengths = different_lengths(self.stand_off, "--stand-off")
-            return [(length, semi_axes(scene.part, length)) for length in lengths]
+            return [(length, semi_axes(scene.part, length)) for length in self.stand_off]
         far = scene.camera.focus_mm[1]
-        if not np.isfinite(far):
+        if not math.isfinite(far):
             raise InputError(
                 "The camera's focus has no far end from which a distance could follow; give "
                 "--stand-off or --semi-axes."
@@ -336,20 +309,3 @@ class OrbitOptions:
 
 def _given(options: Mapping[str, object]) -> list[str]:
     return [name for name, value in options.items() if value is not None]
-
-
-def different_lengths(text: str, option: str) -> list[float]:
-    """Lengths in mm, separated by commas, none of them twice.
-
-    Raises
-    ------
-    InputError
-        If one is no length, or is there twice: its poses would be ranked twice.
-    """
-    lengths = [quantity(piece, "mm", option) for piece in text.split(",")]
-    if len(set(lengths)) < len(lengths):
-        raise InputError(
-            f'{option} is "{text}", with a length twice, so that its poses would count twice; give '
-            "each once."
-        )
-    return lengths

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from iriftrace.cli.console import out, working
-from iriftrace.cli.options import Statuses, check_input, check_output, statuses
+from iriftrace.cli.options import Statuses, Wavelength, check_input, check_output, statuses
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 
@@ -22,7 +22,7 @@ def compare(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     positions: Literal["cold", "hot"] = "cold",
     include: Statuses = None,
-    wavelength: str | None = None,
+    wavelength: Wavelength | None = None,
     figures: bool = True,
 ) -> None:
     """Compare measured pixel shifts between a cold and a hot picture with a rendering.

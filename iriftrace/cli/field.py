@@ -1,4 +1,4 @@
-"""The commands ``iriftrace field ...``: making, judging and looking into temperature fields."""
+"""The commands ``iriftrace field ...``, which make and check temperature fields."""
 
 from __future__ import annotations
 
@@ -6,23 +6,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from attrs import evolve
 from cyclopts import App, Parameter
 
 from iriftrace.cli.console import out, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.options import (
-    check_field as check_field_file,
-)
-from iriftrace.cli.options import (
+    Length,
+    Temperature,
+    Vector,
+    celsius,
     check_input,
     check_output,
-    finite_numbers,
-    optional_quantity,
-    quantity,
 )
+from iriftrace.cli.options import check_field as check_field_file
 from iriftrace.cli.program import add_command
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -31,6 +30,8 @@ if TYPE_CHECKING:
     from iriftrace.cfd.synthetic.mesh import AirMesh
     from iriftrace.cfd.synthetic.model import SyntheticAir
 
+
+_COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
 
 field = App(
     name="field",
@@ -67,19 +68,14 @@ for _by_name in (
     add_command(field, "iriftrace field", *_by_name)
 
 
-# MERGE cli.field_check_commands: The command ``iriftrace field check``: is a field good enough fo
-
-_COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
-
-
 def check(
     field: Path,
     part: Path,
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
-    wall_temperature: str | None = None,
-    diameter: str | None = None,
-    origin: str | None = None,
+    wall_temperature: Temperature | None = None,
+    diameter: Length | None = None,
+    origin: Vector | None = None,
     air: AirOptions = AirOptions(),
     field_options: FieldOptions = FieldOptions(),
     part_options: PartOptions = PartOptions(),
@@ -117,11 +113,8 @@ def check(
         check_output(output, ".json", "check.json", make=False)
     if field_options.isosurfaces:
         raise InputError("Iso-surfaces have no air between them to be checked; give the volume.")
-    camera = None if origin is None else finite_numbers(origin, 3, "--origin")
-    wall_k = optional_quantity(wall_temperature, "kelvin", "--wall-temperature")
-    diameter_mm = optional_quantity(diameter, "mm", "--diameter")
-    if diameter_mm is not None and not diameter_mm > 0.0:
-        raise InputError(f"--diameter is {diameter}, but a cylinder's diameter is positive.")
+    if diameter is not None and not diameter > 0.0:
+        raise InputError(f"--diameter is {diameter:g} mm, but a cylinder's diameter is positive.")
     measured = part_options.read(part)
     with working("Reading the field"):
         volume = field_options.read(field, air.air(), measured, flow=True)
@@ -131,9 +124,9 @@ def check(
         result = check_field(
             volume,
             measured,
-            wall_temperature_k=wall_k,
-            diameter_mm=diameter_mm,
-            camera=camera,
+            wall_temperature_k=wall_temperature,
+            diameter_mm=diameter,
+            camera=origin,
             steady=field_options.steady,
         )
     _print(result, field)
@@ -158,20 +151,17 @@ def _print(result: FieldCheck, field: Path) -> None:
         out.print(f"Field: {result.field['origin']}.", markup=False, soft_wrap=True)
 
 
-# MERGE cli.synthetic_commands: The command ``iriftrace field synthetic``: hot air from formulas a
-
-
 def synthetic(
     part: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
-    wall_temperature: str = "1100 degC",
-    ambient: str = "20 degC",
-    boundary_layer: str | None = None,
+    wall_temperature: Temperature = 1100.0 + ZERO_CELSIUS_K,
+    ambient: Temperature = 20.0 + ZERO_CELSIUS_K,
+    boundary_layer: Length | None = None,
     plume: float = 0.8,
-    cell_size: str | None = None,
-    sides: str | None = None,
-    height: str | None = None,
+    cell_size: Length | None = None,
+    sides: Length | None = None,
+    height: Length | None = None,
     gradient: bool = False,
     part_options: PartOptions = PartOptions(),
 ) -> None:
@@ -214,28 +204,20 @@ def synthetic(
 
     check_input(part)
     check_output(output, ".vtu", "field.vtu", make=False)
-    wall_k = quantity(wall_temperature, "kelvin", "--wall-temperature")
-    ambient_k = quantity(ambient, "kelvin", "--ambient")
     air = synthetic_air(
         part_options.read(part),
-        wall_k=wall_k,
-        ambient_k=ambient_k,
-        boundary_layer_mm=optional_quantity(boundary_layer, "mm", "--boundary-layer"),
+        wall_k=wall_temperature,
+        ambient_k=ambient,
+        boundary_layer_mm=boundary_layer,
         plume=plume,
     )
-    size = usual_mesh(air)
-    wanted = {
-        "cell_mm": optional_quantity(cell_size, "mm", "--cell-size"),
-        "sides_mm": optional_quantity(sides, "mm", "--sides"),
-        "height_mm": optional_quantity(height, "mm", "--height"),
-    }
-    size = evolve(size, **{key: value for key, value in wanted.items() if value is not None})
+    size = usual_mesh(air, cell_mm=cell_size, sides_mm=sides, height_mm=height)
     with working("Meshing the air"):
         grid = write_synthetic_field(output, air, size, gradient=gradient)
     _print_field(air, size, grid)
     out.print(
         f"Field in {output}; now run:  iriftrace scene {output} {part} -o scene/scene.xml "
-        f'--ambient "{ambient}"',
+        f'--ambient "{celsius(ambient)}"',
         markup=False,
         soft_wrap=True,
     )

@@ -1,4 +1,4 @@
-"""Options about the field's file."""
+"""Options about air, part, field and shells, and the objects they stand for."""
 
 from __future__ import annotations
 
@@ -8,8 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.options import Whole, numbers, optional_quantity, quantity
+from iriftrace.cli.options import (
+    Expansion,
+    Length,
+    Numbers,
+    Pressure,
+    Temperature,
+    Wavelength,
+    Whole,
+    quantity,
+)
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,8 +30,99 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.shells.stack import ShellStack
 
-
+AIR = Group("Air", sort_key=1)
 FIELD = Group("Field", sort_key=2)
+SHELLS = Group("Shells", sort_key=3)
+PART = Group("Part", sort_key=4)
+
+LARGEST_REFRACTIVITY = 0.01
+"""n - 1 of air is far below, a temperature in degC or n itself above."""
+
+
+@Parameter(name="*", group=AIR)
+@frozen
+class AirOptions:
+    """The air around the part.
+
+    Parameters
+    ----------
+    wavelength
+        Wavelength of the light.
+    ambient
+        Temperature of the ambient air.
+    pressure
+        Air pressure.
+    humidity
+        Relative humidity, 0 to 1.
+    co2
+        Carbon dioxide in ppm.
+    air_model
+        Formula for the ambient air; hot air is scaled by its density.
+    """
+
+    wavelength: Wavelength = 633.0
+    ambient: Temperature = 20.0 + ZERO_CELSIUS_K
+    pressure: Pressure = 101325.0
+    humidity: float = 0.0
+    co2: float = 450.0
+    air_model: Literal["ciddor", "edlen"] = "ciddor"
+
+    def air(self) -> Air:
+        """The air these options describe."""
+        from iriftrace.air.refractivity import Air
+
+        return Air(
+            wavelength_nm=self.wavelength,
+            temperature_k=self.ambient,
+            pressure_pa=self.pressure,
+            relative_humidity=self.humidity,
+            co2_ppm=self.co2,
+            model=self.air_model,
+        )
+
+
+@Parameter(name="*", group=PART)
+@frozen
+class PartOptions:
+    """How to read the part's file.
+
+    Parameters
+    ----------
+    length_unit
+        Unit of the part's coordinates.
+    part_transform
+        Part to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
+    expansion
+        Linear thermal expansion of a part drawn cold, such as "14e-6/K".
+    reference_temperature
+        Temperature at which the part was drawn.
+    hot_temperature
+        Temperature of the hot part; needed with expansion.
+    region_angle
+        Faces that meet at a smaller angle (degrees) belong to one region.
+    """
+
+    length_unit: str = "mm"
+    part_transform: str | None = None
+    expansion: Expansion | None = None
+    reference_temperature: Temperature = 20.0 + ZERO_CELSIUS_K
+    hot_temperature: Temperature | None = None
+    region_angle: float = 30.0
+
+    def read(self, path: Path) -> Part:
+        """Read the part."""
+        from iriftrace.geometry.transform import parse_transform
+        from iriftrace.part.part import read_part
+
+        return read_part(
+            path,
+            length_unit=self.length_unit,
+            transform=None if self.part_transform is None else parse_transform(self.part_transform),
+            expansion=self.expansion,
+            reference_temperature_k=self.reference_temperature,
+            hot_temperature_k=self.hot_temperature,
+            region_angle_deg=self.region_angle,
+        )
 
 
 @Parameter(name="*", group=FIELD)
@@ -112,115 +213,6 @@ class FieldOptions:
         return {key: value for key, value in stated.items() if value is not None}
 
 
-# MERGE cli.air_options: Options about the air around the part.
-
-AIR = Group("Air", sort_key=1)
-
-
-@Parameter(name="*", group=AIR)
-@frozen
-class AirOptions:
-    """The air around the part.
-
-    Parameters
-    ----------
-    wavelength
-        Wavelength of the light.
-    ambient
-        Temperature of the ambient air.
-    pressure
-        Air pressure.
-    humidity
-        Relative humidity, 0 to 1.
-    co2
-        Carbon dioxide in ppm.
-    air_model
-        Formula for the ambient air; hot air is scaled by its density.
-    """
-
-    wavelength: str = "633 nm"
-    ambient: str = "20 degC"
-    pressure: str = "101325 Pa"
-    humidity: float = 0.0
-    co2: float = 450.0
-    air_model: Literal["ciddor", "edlen"] = "ciddor"
-
-    def air(self) -> Air:
-        """The air these options describe."""
-        from iriftrace.air.refractivity import Air
-
-        return Air(
-            wavelength_nm=quantity(self.wavelength, "nm", "--wavelength"),
-            temperature_k=quantity(self.ambient, "kelvin", "--ambient"),
-            pressure_pa=quantity(self.pressure, "pascal", "--pressure"),
-            relative_humidity=self.humidity,
-            co2_ppm=self.co2,
-            model=self.air_model,
-        )
-
-
-# MERGE cli.part_options: Options about the part's file.
-
-PART = Group("Part", sort_key=4)
-
-
-@Parameter(name="*", group=PART)
-@frozen
-class PartOptions:
-    """How to read the part's file.
-
-    Parameters
-    ----------
-    length_unit
-        Unit of the part's coordinates.
-    part_transform
-        Part to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
-    expansion
-        Linear thermal expansion of a part drawn cold, such as "14e-6/K".
-    reference_temperature
-        Temperature at which the part was drawn.
-    hot_temperature
-        Temperature of the hot part; needed with expansion.
-    region_angle
-        Faces that meet at a smaller angle (degrees) belong to one region.
-    """
-
-    length_unit: str = "mm"
-    part_transform: str | None = None
-    expansion: str | None = None
-    reference_temperature: str = "20 degC"
-    hot_temperature: str | None = None
-    region_angle: float = 30.0
-
-    def read(self, path: Path) -> Part:
-        """Read the part."""
-        from iriftrace.geometry.transform import parse_transform
-        from iriftrace.part.part import read_part
-
-        reference = quantity(self.reference_temperature, "kelvin", "--reference-temperature")
-        return read_part(
-            path,
-            length_unit=self.length_unit,
-            transform=None if self.part_transform is None else parse_transform(self.part_transform),
-            expansion=optional_quantity(self.expansion, "1/kelvin", "--expansion"),
-            reference_temperature_k=reference,
-            hot_temperature_k=self.hot_temperature_k(),
-            region_angle_deg=self.region_angle,
-        )
-
-    def hot_temperature_k(self) -> float | None:
-        """Temperature of the hot part, K, where it is known."""
-        return optional_quantity(self.hot_temperature, "kelvin", "--hot-temperature")
-
-
-# MERGE cli.shell_options: Options about how a field becomes shells.
-
-SHELLS = Group("Shells", sort_key=3)
-
-LARGEST_REFRACTIVITY = 0.01
-"""n - 1 of air is far below, a temperature in degC or n itself above."""
-
-
 @Parameter(name="*", group=SHELLS)
 @frozen
 class ShellOptions:
@@ -253,11 +245,11 @@ class ShellOptions:
 
     layers: Whole = 13
     index_range: str | None = None
-    levels: str | None = None
+    levels: Numbers | None = None
     rule: Annotated[
         Literal["midpoint", "graded", "outer"], Parameter(name=["--rule", "--index-rule"])
     ] = "midpoint"
-    min_size: str = "1 mm"
+    min_size: Length = 1.0
     smooth: Whole = 0
     subdivide: Whole = 0
     triangles: Whole | None = None
@@ -267,29 +259,21 @@ class ShellOptions:
         """Contour the field."""
         from iriftrace.shells.contour import contour_shells
 
-        levels = None
-        if self.levels is not None:
-            count = self.levels.count(",") + 1
-            levels = numbers(self.levels, count, "--levels")
         stack = contour_shells(
             field,
             self.layers,
             index_range=self._range(field.air),
-            levels=levels,
+            levels=self.levels,
             rule=self.rule,
-            min_size_mm=self.min_size_mm(),
+            min_size_mm=self.min_size,
         )
-        return self.edited(stack, self.layers if levels is None else len(levels))
+        return self.edited(stack, self.layers if self.levels is None else len(self.levels))
 
     def notes(self) -> dict[str, str]:
         """What is to be known of the shells, beside what the field's options say."""
         if not self.drop_inner:
             return {}
         return {"shells": f"the {self.drop_inner} innermost left out"}
-
-    def min_size_mm(self) -> float:
-        """Size below which pieces are dropped, mm."""
-        return quantity(self.min_size, "mm", "--min-size")
 
     def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
         """Drop inner shells, smooth, subdivide and thin out as asked."""

@@ -1,42 +1,23 @@
-"""Options that several commands share, and how their values are read."""
+"""Values of options with their units, and checks of the files that options name."""
 
 from __future__ import annotations
 
 import math
-import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Annotated, Any
 
-from cyclopts import CycloptsError, MissingArgumentError, Parameter, Token
-from cyclopts.exceptions import UnusedCliTokensError
+from cyclopts import Parameter, Token
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
-
-# No option of the program begins with a digit.
-_NEGATIVE = re.compile(r"-\.?\d")
+from iriftrace.core.units import ZERO_CELSIUS_K
 
 
-def with_negative_values(words: Sequence[str]) -> list[str]:
-    """The command line with options joined to negative values: ``--ambient=-10 degC``.
-
-    Cyclopts knows -10 for a number, but takes -10 degC and -50,-100,120 for options.
-    """
-    joined: list[str] = []
-    for word in words:
-        takes = bool(joined) and joined[-1].startswith("--") and "=" not in joined[-1]
-        if takes and _NEGATIVE.match(word):
-            joined[-1] += f"={word}"
-        else:
-            joined.append(word)
-    return joined
-
-
-def numbers(text: str, count: int, option: str, separator: str = ",") -> list[float]:
+def numbers(text: str, count: int, option: str, separator: str = ",") -> tuple[float, ...]:
     """Numbers of a compound option; InputError when there are more or fewer, or one is NaN."""
     try:
         values = [float(piece) for piece in text.split(separator)]
@@ -46,19 +27,11 @@ def numbers(text: str, count: int, option: str, separator: str = ",") -> list[fl
         raise InputError(
             f'{option} is "{text}", but {count} numbers separated by "{separator}" are needed.'
         )
-    return values
-
-
-def finite_numbers(text: str, count: int, option: str) -> list[float]:
-    """Numbers of a compound option, none of which may be infinite."""
-    values = numbers(text, count, option)
-    if any(math.isinf(value) for value in values):
-        raise InputError(f'{option} is "{text}", but its numbers must be finite.')
-    return values
+    return tuple(values)
 
 
 def quantity(text: str, unit: str, option: str) -> float:
-    """A number with or without a unit; the error names the option."""
+    """A number with or without a unit, in `unit`; the error names the option."""
     from iriftrace.core.units import parse_quantity
 
     try:
@@ -70,29 +43,127 @@ def quantity(text: str, unit: str, option: str) -> float:
     return value
 
 
-def quantity_with_unit(text: str, unit: str, option: str, example: str) -> float:
-    """A quantity that users think of in another unit than the library's, so a number needs one."""
+def _parameter(
+    metavar: str, read: Callable[[str, str], Any], show: Callable[[Any], str] = str
+) -> Parameter:
+    """An option of one word, which `read` reads, being given the word and the option's name.
+
+    In the help the word is called `metavar`, and `show` writes default values as users would.
+    """
+
+    def convert(_type: Any, tokens: Sequence[Token]) -> Any:
+        return read(tokens[0].value, tokens[0].keyword or "")
+
+    def default(value: Any) -> str | None:
+        return None if value is None else show(value)
+
+    return Parameter(
+        converter=convert,
+        metavar=metavar,
+        negative=(),
+        n_tokens=1,
+        accepts_keys=False,
+        show_default=default,
+    )
+
+
+def _quantity(metavar: str, unit: str, symbol: str) -> Parameter:
+    return _parameter(
+        metavar,
+        lambda text, option: quantity(text, unit, option),
+        lambda value: f"{value:g} {symbol}",
+    )
+
+
+def _whole(text: str, _option: str) -> int:
+    """A whole number; the default conversion would cut 2.5 to 2."""
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f'"{text}" is not a whole number.') from None
+
+
+def _finite(metavar: str, count: int | None = None) -> Parameter:
+    """Finite numbers separated by commas, as many as `count` says."""
+
+    def read(text: str, option: str) -> tuple[float, ...]:
+        values = numbers(text, count or text.count(",") + 1, option)
+        if any(math.isinf(value) for value in values):
+            raise InputError(f'{option} is "{text}", but its numbers must be finite.')
+        return values
+
+    return _parameter(metavar, read, lambda values: ",".join(f"{value:g}" for value in values))
+
+
+def _size(text: str, option: str) -> tuple[float, float]:
+    """Width and height in mm."""
+    lengths = [quantity(piece, "mm", option) for piece in text.split(",")]
+    if len(lengths) != 2:
+        raise InputError(f'{option} is "{text}"; give width and height, "6.7 mm,5.6 mm".')
+    return lengths[0], lengths[1]
+
+
+def _lengths(text: str, option: str) -> tuple[float, ...]:
+    """Lengths in mm, none of them twice: the poses of one would be ranked twice."""
+    lengths = tuple(quantity(piece, "mm", option) for piece in text.split(","))
+    if len(set(lengths)) < len(lengths):
+        raise InputError(
+            f'{option} is "{text}", with a length twice, so that its poses would count twice; give '
+            "each once."
+        )
+    return lengths
+
+
+def _length_with_unit(text: str, option: str) -> float:
+    """A length, mm, that users think of in another unit, so that a bare number is refused."""
     try:
         float(text)
     except ValueError:
-        return quantity(text, unit, option)
-    raise InputError(f'{option} is "{text}" without a unit; write it with one, like "{example}".')
+        return quantity(text, "mm", option)
+    raise InputError(f'{option} is "{text}" without a unit; write it with one, like "20 um".')
 
 
-def optional_quantity(text: str | None, unit: str, option: str) -> float | None:
-    """The same of an option that may be left out."""
-    return None if text is None else quantity(text, unit, option)
+Whole = Annotated[int, _parameter("INT", _whole)]
+
+# Quantities as floats, mm, nm, Pa, s, degree, 1/K and K; users may write any other unit.
+Length = Annotated[float, _quantity("LENGTH", "mm", "mm")]
+LengthWithUnit = Annotated[float, _parameter("LENGTH", _length_with_unit)]
+Wavelength = Annotated[float, _quantity("LENGTH", "nm", "nm")]
+Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "Pa")]
+Duration = Annotated[float, _quantity("TIME", "second", "s")]
+Angle = Annotated[float, _quantity("ANGLE", "degree", "deg")]
+Expansion = Annotated[float, _quantity("EXPANSION", "1/kelvin", "/K")]
+Temperature = Annotated[
+    float,
+    _parameter(
+        "TEMPERATURE",
+        lambda text, option: quantity(text, "kelvin", option),
+        lambda kelvin: celsius(kelvin),
+    ),
+]
+
+# Several in one word.
+Lengths = Annotated[tuple[float, ...], _parameter("LENGTH,...", _lengths)]
+Size = Annotated[
+    tuple[float, float],
+    _parameter("WIDTH,HEIGHT", _size, lambda size: f"{size[0]:g} mm,{size[1]:g} mm"),
+]
+Interval = Annotated[
+    tuple[float, float],
+    _parameter(
+        "NEAR:FAR",
+        lambda text, option: numbers(text, 2, option, ":"),
+        lambda ends: f"{ends[0]:g}:{ends[1]:g}",
+    ),
+]
+Numbers = Annotated[tuple[float, ...], _finite("NUMBER,...")]
+Pair = Annotated[tuple[float, float], _finite("ACROSS,DOWN", 2)]
+Vector = Annotated[tuple[float, float, float], _finite("X,Y,Z", 3)]
 
 
-def _whole(_type: Any, tokens: Sequence[Token]) -> int:
-    """A whole number; the default conversion would cut 2.5 to 2."""
-    try:
-        return int(tokens[0].value)
-    except ValueError:
-        raise ValueError(f'"{tokens[0].value}" is not a whole number.') from None
-
-
-Whole = Annotated[int, Parameter(converter=_whole)]
+def celsius(kelvin: float) -> str:
+    """A temperature as users write it."""
+    return f"{round(kelvin - ZERO_CELSIUS_K, 6):g} degC"
 
 
 Variables = Annotated[
@@ -111,20 +182,6 @@ def variables_of(definitions: list[str] | None) -> dict[str, str]:
         if not (name and equals and value):
             raise InputError(f'-D is "{text}"; write it as name=value, such as -D scale=0.25.')
         values[name] = value
-    return values
-
-
-Wavelength = Annotated[
-    str | None,
-    Parameter(help='Wavelength of the light, "450 nm"; by default the one the scene was made for.'),
-]
-
-
-def scene_variables(definitions: list[str] | None, wavelength: str | None) -> dict[str, str]:
-    """Scene parameters by name, the wavelength (nm) among them if it is given."""
-    values = variables_of(definitions)
-    if wavelength is not None:
-        values["wavelength"] = f"{quantity(wavelength, 'nm', '--wavelength')!r}"
     return values
 
 
@@ -147,40 +204,6 @@ def statuses(include: list[int] | None) -> tuple[int, ...]:
         meanings = ", ".join(f"{status.value} {status.key}" for status in Status)
         raise InputError(f"--include {wrong[0]} is no status of a ray; the codes are {meanings}.")
     return (0, *(include or ()))
-
-
-# MERGE cli.checks: What the program checks before it works, and how it says what is wrong.
-
-
-def sentence(error: Exception) -> str:
-    """An error as the program shows it: on one line, from a capital letter to a full stop."""
-    if isinstance(error, CycloptsError):
-        return _of_the_command_line(error)
-    if isinstance(error, MemoryError):
-        return (
-            "This needs more memory than the machine has; use fewer pixels, shells or cells, such "
-            "as -D scale=0.25 or --layers 13."
-        )
-    if isinstance(error, OSError):
-        return f"Cannot read or write {error.filename}: {error.strerror}."
-    text = " ".join(str(error).split())
-    first = re.match(r"([a-z]+) (?!- )", text)
-    # A file's name or a symbol such as n at the beginning keeps its own spelling.
-    if first and not Path(first[1]).exists():
-        text = text[0].upper() + text[1:]
-    return text if text.endswith((".", "!", "?")) else text + "."
-
-
-def _of_the_command_line(error: CycloptsError) -> str:
-    command = " ".join(("iriftrace", *(error.command_chain or ())))
-    text = " ".join(str(error).split())
-    if isinstance(error, UnusedCliTokensError):
-        text = f"There are words too many: {' '.join(error.unused_tokens or ())}."
-    elif isinstance(error, MissingArgumentError) and error.argument and error.keyword is None:
-        name = error.argument.names[0]
-        positional = error.argument.index is not None
-        text = f"`{command}` needs {name.removeprefix('--').upper() if positional else name}."
-    return f"{text} See `{command} --help`."
 
 
 def check_input(*paths: Path | None) -> None:

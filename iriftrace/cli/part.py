@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from iriftrace.cli.console import out, working
-from iriftrace.cli.options import Whole, optional_quantity, quantity
+from iriftrace.cli.options import Length, Whole, check_output
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -24,7 +24,7 @@ Output = Annotated[
     Path,
     Parameter(name=["-o", "--output"], help="A .ply, which keeps the named regions, or a .stl."),
 ]
-Diameter = Annotated[str, Parameter(help="Of the circle through the polygon's corners.")]
+Diameter = Annotated[Length, Parameter(help="Of the circle through the polygon's corners.")]
 Segments = Annotated[Whole, Parameter(help="Sides of the polygon.")]
 
 
@@ -32,8 +32,8 @@ Segments = Annotated[Whole, Parameter(help="Sides of the polygon.")]
 def cylinder(
     *,
     output: Output,
-    diameter: Diameter = "27 mm",
-    length: str = "170 mm",
+    diameter: Diameter = 27.0,
+    length: Length = 170.0,
     segments: Segments = 60,
     stations: Whole = 12,
 ) -> None:
@@ -51,8 +51,8 @@ def cylinder(
     _check(output)
     with working("Making the cylinder"):
         made = make(
-            quantity(diameter, "mm", "--diameter"),
-            quantity(length, "mm", "--length"),
+            diameter,
+            length,
             segments=segments,
             stations=stations,
         )
@@ -63,10 +63,10 @@ def cylinder(
 def hybrid(
     *,
     output: Output,
-    diameter: Diameter = "27 mm",
-    length: str = "170 mm",
-    transition: str = "10 mm",
-    interface: str = "0 mm",
+    diameter: Diameter = 27.0,
+    length: Length = 170.0,
+    transition: Length = 10.0,
+    interface: Length = 0.0,
     segments: Segments = 60,
     stations: Whole = 32,
 ) -> None:
@@ -88,10 +88,10 @@ def hybrid(
     _check(output)
     with working("Making the hybrid cylinder"):
         made = hybrid_cylinder(
-            quantity(diameter, "mm", "--diameter"),
-            quantity(length, "mm", "--length"),
-            transition_mm=quantity(transition, "mm", "--transition"),
-            interface_mm=quantity(interface, "mm", "--interface"),
+            diameter,
+            length,
+            transition_mm=transition,
+            interface_mm=interface,
             segments=segments,
             stations=stations,
         )
@@ -103,14 +103,14 @@ def gear(
     *,
     output: Output,
     teeth: Whole = 20,
-    module: str = "2.895 mm",
+    module: Length = 2.895,
     pitch_angle: float = 45.0,
     pressure_angle: float = 20.0,
-    face_width: str | None = None,
-    bore: str = "18 mm",
-    hub: str = "40 mm",
-    hub_length: str = "12 mm",
-    rim: str = "1.5 mm",
+    face_width: Length | None = None,
+    bore: Length = 18.0,
+    hub: Length = 40.0,
+    hub_length: Length = 12.0,
+    rim: Length = 1.5,
     tooth: Whole | None = None,
 ) -> None:
     """Make a straight bevel gear with involute teeth, hub and bore; axis z, hub below.
@@ -141,18 +141,17 @@ def gear(
     from iriftrace.part.shapes.bevel_gear import bevel_gear
 
     _check(output)
-    width = optional_quantity(face_width, "mm", "--face-width")
     with working("Making the gear"):
         made = bevel_gear(
             teeth,
-            quantity(module, "mm", "--module"),
+            module,
             pitch_angle_deg=pitch_angle,
             pressure_angle_deg=pressure_angle,
-            face_width_mm=width,
-            bore_diameter_mm=quantity(bore, "mm", "--bore"),
-            hub_diameter_mm=quantity(hub, "mm", "--hub"),
-            hub_length_mm=quantity(hub_length, "mm", "--hub-length"),
-            rim_mm=quantity(rim, "mm", "--rim"),
+            face_width_mm=face_width,
+            bore_diameter_mm=bore,
+            hub_diameter_mm=hub,
+            hub_length_mm=hub_length,
+            rim_mm=rim,
             tooth=tooth,
         )
     _save(made, output)
@@ -162,15 +161,15 @@ def gear(
 def wishbone(
     *,
     output: Output,
-    bush_distance: str = "150 mm",
-    depth: str = "88 mm",
-    rise: str = "9 mm",
+    bush_distance: Length = 150.0,
+    depth: Length = 88.0,
+    rise: Length = 9.0,
     thickness: float = 1.0,
-    hub: str = "36 mm",
-    hub_bore: str = "20 mm",
-    bush: str = "28 mm",
-    bush_bore: str = "16 mm",
-    spacing: str = "1.25 mm",
+    hub: Length = 36.0,
+    hub_bore: Length = 20.0,
+    bush: Length = 28.0,
+    bush_bore: Length = 16.0,
+    spacing: Length = 1.25,
 ) -> None:
     """Make a free-form wishbone: a ball hub, two bushes, two arms and a brace.
 
@@ -202,22 +201,21 @@ def wishbone(
     _check(output)
     with working("Making the wishbone"):
         made = make(
-            quantity(bush_distance, "mm", "--bush-distance"),
-            quantity(depth, "mm", "--depth"),
-            rise_mm=quantity(rise, "mm", "--rise"),
+            bush_distance,
+            depth,
+            rise_mm=rise,
             thickness=thickness,
-            hub_diameter_mm=quantity(hub, "mm", "--hub"),
-            hub_bore_mm=quantity(hub_bore, "mm", "--hub-bore"),
-            bush_diameter_mm=quantity(bush, "mm", "--bush"),
-            bush_bore_mm=quantity(bush_bore, "mm", "--bush-bore"),
-            spacing_mm=quantity(spacing, "mm", "--spacing"),
+            hub_diameter_mm=hub,
+            hub_bore_mm=hub_bore,
+            bush_diameter_mm=bush,
+            bush_bore_mm=bush_bore,
+            spacing_mm=spacing,
         )
     _save(made, output)
 
 
 def _check(path: Path) -> None:
     """Refuse an output that could not be written, before the work."""
-    from iriftrace.cli.options import check_output
     from iriftrace.part.files import check_part_name
 
     check_part_name(path)

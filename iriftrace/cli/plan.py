@@ -15,7 +15,14 @@ from rich.table import Table
 
 from iriftrace.camera.pose import pose_text
 from iriftrace.cli.console import notes, out, raise_if_noticed
-from iriftrace.cli.options import Whole, check_input, check_output, quantity, quantity_with_unit
+from iriftrace.cli.options import (
+    Angle,
+    LengthWithUnit,
+    Wavelength,
+    Whole,
+    check_input,
+    check_output,
+)
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import THE_PAPERS, Criteria
@@ -47,10 +54,10 @@ def plan(
     *,
     ranking: Ranking = THE_PAPERS,
     top: Whole = 10,
-    wavelength: str | None = None,
+    wavelength: Wavelength | None = None,
     views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
-    max_displacement: Annotated[str | None, Parameter(group=VIEWS)] = None,
-    max_incidence: Annotated[str | None, Parameter(group=VIEWS)] = None,
+    max_displacement: Annotated[LengthWithUnit | None, Parameter(group=VIEWS)] = None,
+    max_incidence: Annotated[Angle | None, Parameter(group=VIEWS)] = None,
     refine: Annotated[bool, Parameter(group=REFINE, negative=())] = False,
     evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
@@ -105,12 +112,8 @@ def plan(
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
     limits = ViewLimits(
-        displacement_mm=math.inf
-        if max_displacement is None
-        else quantity_with_unit(max_displacement, "mm", "--max-displacement", "20 um"),
-        incidence_deg=90.0
-        if max_incidence is None
-        else quantity(max_incidence, "degree", "--max-incidence"),
+        displacement_mm=math.inf if max_displacement is None else max_displacement,
+        incidence_deg=90.0 if max_incidence is None else max_incidence,
     )
     if output is not None:
         check_output(output, ".json", "refined.json", make=False)

@@ -8,12 +8,18 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from iriftrace.cli.console import notes, out, working
-from iriftrace.cli.options import Whole, check_folder, check_input, check_output, removed_on_failure
+from iriftrace.cli.options import (
+    Wavelength,
+    Whole,
+    check_folder,
+    check_input,
+    check_output,
+    removed_on_failure,
+)
 from iriftrace.cli.plan import Ranking
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import THE_PAPERS
-from iriftrace.planning.summary import summarise
 
 
 def plot(
@@ -21,7 +27,7 @@ def plot(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
     ranking: Ranking = THE_PAPERS,
-    wavelength: str | None = None,
+    wavelength: Wavelength | None = None,
 ) -> None:
     """Draw a sweep, a study or one pose.
 
@@ -44,14 +50,15 @@ def plot(
     """
     from iriftrace.figures.result import plot as draw
     from iriftrace.figures.result import read_result
+    from iriftrace.image.aov_image import AovImage
 
     check_input(file)
     if not output.absolute().parent.is_dir():
         raise InputError(f"The folder {output.parent} does not exist; create it first.")
     check_folder(output)
     result = read_result(file)
-    image = file.suffix.lower() == ".exr"
-    check_light(wavelength, result.header if image else result.attrs, file)
+    header = result.header if isinstance(result, AovImage) else result.attrs
+    check_light(wavelength, header, file)
     with removed_on_failure(output):
         output.mkdir(exist_ok=True)
         with working("Drawing"):
@@ -71,7 +78,7 @@ def report(
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
     ranking: Ranking = THE_PAPERS,
     top: Whole = 10,
-    wavelength: str | None = None,
+    wavelength: Wavelength | None = None,
 ) -> None:
     """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
 
@@ -89,6 +96,7 @@ def report(
         Wavelength that the sweep must be of, "450 nm"; one of other light is refused.
     """
     from iriftrace.figures.report import write_report
+    from iriftrace.planning.summary import summarise
     from iriftrace.sweep.store import read_sweep
 
     check_output(output, ".html", "report.html", make=False)

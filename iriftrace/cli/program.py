@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import warnings
+from collections.abc import Sequence
 from importlib.metadata import version
+from pathlib import Path
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, MissingArgumentError
+from cyclopts.exceptions import UnusedCliTokensError
 
 from iriftrace.cli.console import notes, out, raise_if_noticed, show_warning
-from iriftrace.cli.options import sentence, with_negative_values
 from iriftrace.cli.render import demo, metrics, render
 from iriftrace.cli.scene import scene, shells
 from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning
-
-# MERGE cli.commands_by_name: Commands that are imported when they are called, so that the program
 
 
 def add_command(app: App, program: str, module: str, name: str, what: str, arguments: str) -> None:
@@ -68,6 +69,59 @@ def run(arguments: list[str]) -> int:
             notes.print(sentence(error), markup=False, soft_wrap=True)
             return 2
     return 0
+
+
+# No option of the program begins with a digit.
+_NEGATIVE = re.compile(r"-\.?\d")
+
+
+def with_negative_values(words: Sequence[str]) -> list[str]:
+    """The command line with options joined to negative values: ``--ambient=-10 degC``.
+
+    Cyclopts knows -10 for a number, but takes -10 degC and -50,-100,120 for options.
+    """
+    joined: list[str] = []
+    for word in words:
+        takes = bool(joined) and joined[-1].startswith("--") and "=" not in joined[-1]
+        if takes and _NEGATIVE.match(word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def sentence(error: Exception) -> str:
+    """An error as the program shows it: on one line, from a capital letter to a full stop."""
+    if isinstance(error, CycloptsError) and isinstance(error.__cause__, InputError):
+        # A converter of ours has said it better.
+        error = error.__cause__
+    if isinstance(error, CycloptsError):
+        return _of_the_command_line(error)
+    if isinstance(error, MemoryError):
+        return (
+            "This needs more memory than the machine has; use fewer pixels, shells or cells, such "
+            "as -D scale=0.25 or --layers 13."
+        )
+    if isinstance(error, OSError):
+        return f"Cannot read or write {error.filename}: {error.strerror}."
+    text = " ".join(str(error).split())
+    first = re.match(r"([a-z]+) (?!- )", text)
+    # A file's name or a symbol such as n at the beginning keeps its own spelling.
+    if first and not Path(first[1]).exists():
+        text = text[0].upper() + text[1:]
+    return text if text.endswith((".", "!", "?")) else text + "."
+
+
+def _of_the_command_line(error: CycloptsError) -> str:
+    command = " ".join(("iriftrace", *(error.command_chain or ())))
+    text = " ".join(str(error).split())
+    if isinstance(error, UnusedCliTokensError):
+        text = f"There are words too many: {' '.join(error.unused_tokens or ())}."
+    elif isinstance(error, MissingArgumentError) and error.argument and error.keyword is None:
+        name = error.argument.names[0]
+        positional = error.argument.index is not None
+        text = f"`{command}` needs {name.removeprefix('--').upper() if positional else name}."
+    return f"{text} See `{command} --help`."
 
 
 @app.command

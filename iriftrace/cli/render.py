@@ -13,6 +13,7 @@ from cyclopts import Parameter
 from iriftrace.cli.console import out, show_warning, working
 from iriftrace.cli.options import (
     Statuses,
+    Wavelength,
     check_folder,
     check_input,
     check_output,
@@ -83,7 +84,7 @@ def metrics(
     part: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     include: Statuses = None,
-    wavelength: str | None = None,
+    wavelength: Wavelength | None = None,
 ) -> None:
     """Reduce an AOV EXR to metrics again.
 

@@ -19,12 +19,12 @@ from iriftrace.cli.field_options import (
     ShellOptions,
 )
 from iriftrace.cli.options import (
+    Length,
     check_field,
     check_folder,
     check_input,
     check_order,
     check_output,
-    optional_quantity,
 )
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
@@ -78,7 +78,7 @@ def shells(
     if measured is not None and volume is not None:
         with working("Comparing part and field"):
             fit = fit_part_to_field(
-                volume, measured, wall_temperature_k=part_options.hot_temperature_k()
+                volume, measured, wall_temperature_k=part_options.hot_temperature
             )
         for message in fit.warnings:
             show_warning(message, UserWarning)
@@ -100,7 +100,7 @@ def scene(
     member: Annotated[list[Path] | None, Parameter(negative=())] = None,
     normals: Literal["gradient", "facet"] = "gradient",
     inside_hit: Literal["refract", "drop"] = "refract",
-    trim: str | None = None,
+    trim: Length | None = None,
     air: AirOptions = AirOptions(),
     field_options: FieldOptions = FieldOptions(),
     shell_options: ShellOptions = ShellOptions(),
@@ -145,7 +145,6 @@ def scene(
     check_field(field)
     check_input(part)
     check_output(output, ".xml", "scene.xml")
-    trim_mm = optional_quantity(trim, "mm", "--trim")
     measured = part_options.read(part)
     check_field(*(member or []))
     if field_options.isosurfaces and member:
@@ -154,8 +153,8 @@ def scene(
             "the same way; leave out --isosurfaces or --member."
         )
     settings: dict[str, Any] = {
-        "wall_temperature_k": part_options.hot_temperature_k(),
-        "trim_mm": trim_mm,
+        "wall_temperature_k": part_options.hot_temperature,
+        "trim_mm": trim,
         "scale": scale,
         "normals": normals,
         "inside_hit": inside_hit,
@@ -208,7 +207,7 @@ def _stack(
                 air=air.air(),
                 length_unit=field_options.field_length_unit or "mm",
                 transform=field_options.transform(),
-                min_size_mm=shell_options.min_size_mm(),
+                min_size_mm=shell_options.min_size,
             )
         return shell_options.edited(stack), None
     with working("Reading the field"):

@@ -15,11 +15,14 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from iriftrace.cli.console import notes, out, working
 from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.options import (
+    Duration,
+    Length,
+    Pressure,
+    Temperature,
     Whole,
     check_folder,
     check_input,
     check_output,
-    optional_quantity,
     quantity,
 )
 from iriftrace.core.errors import InputError, SetupError
@@ -32,8 +35,6 @@ if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.simulate import Display, Simulation
     from iriftrace.part.part import Part
 
-
-# MERGE cli.simulate_options: Options of a simulation, and the case they stand for.
 
 SIMULATION = Group("Simulation", sort_key=1)
 
@@ -74,17 +75,17 @@ class SimulationOptions:
         States from that interval to keep besides the average, as an ensemble.
     """
 
-    wall_temperature: str
+    wall_temperature: Temperature
     region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
-    transition: str = "0 mm"
-    ambient: str = "20 degC"
-    pressure: str = "101325 Pa"
+    transition: Length = 0.0
+    ambient: Temperature = 20.0 + ZERO_CELSIUS_K
+    pressure: Pressure = 101325.0
     resolution: Literal["coarse", "normal", "fine", "extra-fine"] = "normal"
-    background_cell: str | None = None
+    background_cell: Length | None = None
     symmetry: Literal["none", "x", "y", "xy"] = "none"
     margin: float = 1.0
-    end_time: str | None = None
-    average_time: str | None = None
+    end_time: Duration | None = None
+    average_time: Duration | None = None
     snapshots: Whole = 0
 
     def case(self, part: Part, processes: int) -> Case:
@@ -95,38 +96,19 @@ class SimulationOptions:
         InputError
             It cannot be simulated.
         """
-        import numpy as np
-
-        from iriftrace.cfd.openfoam.case import Case, natural_times
-        from iriftrace.cfd.openfoam.domain import mesh_size
+        from iriftrace.cfd.openfoam.case import natural_case
         from iriftrace.cfd.openfoam.wall import WallTemperatures
 
-        wall = WallTemperatures(
-            default=quantity(self.wall_temperature, "kelvin", "--wall-temperature"),
-            regions=self._regions(),
-            transition=quantity(self.transition, "mm", "--transition"),
-        )
-        ambient = quantity(self.ambient, "kelvin", "--ambient")
-        wall.check(part, ambient)
-        extents = np.ptp(part.bounds, axis=0)
-        return Case(
-            part=part,
-            wall=wall,
-            size=mesh_size(
-                self.resolution,
-                extents,
-                optional_quantity(self.background_cell, "mm", "--background-cell"),
-            ),
-            times=natural_times(
-                float(extents.max()),
-                wall.hottest,
-                ambient,
-                end=optional_quantity(self.end_time, "second", "--end-time"),
-                averaging=optional_quantity(self.average_time, "second", "--average-time"),
-                snapshots=self.snapshots,
-            ),
-            ambient_k=ambient,
-            pressure_pa=quantity(self.pressure, "pascal", "--pressure"),
+        return natural_case(
+            part,
+            WallTemperatures(self.wall_temperature, self._regions(), self.transition),
+            resolution=self.resolution,
+            background_mm=self.background_cell,
+            end=self.end_time,
+            averaging=self.average_time,
+            snapshots=self.snapshots,
+            ambient_k=self.ambient,
+            pressure_pa=self.pressure,
             mirrors="" if self.symmetry == "none" else self.symmetry,
             margin=self.margin,
             processes=processes,
@@ -154,12 +136,9 @@ def hot_part(options: PartOptions, simulation: SimulationOptions) -> PartOptions
     return evolve(options, hot_temperature=simulation.wall_temperature)
 
 
-# MERGE cli.simulate_progress: A running simulation as a bar: physical time, heat flow, steadiness
-
-
 @contextmanager
 def simulation_progress() -> Iterator[Display]:
-    """Show what is being done and, while the solver runs, how far the flow is.
+    """Show the step in hand and, while the solver runs, the state of the flow.
 
     Yields
     ------
@@ -333,7 +312,7 @@ def _print_case(case: Case, options: SimulationOptions) -> None:
     if found and not case.mirrors and not case.wall.regions:
         out.print(
             f"The part is symmetric along {' and '.join(found)}: --symmetry {found} computes 1/"
-            f"{2 ** len(found)} of the air, if a plume that cannot sway is good enough.",
+            f"{2 ** len(found)} of the air, if a plume that cannot move sideways is good enough.",
             soft_wrap=True,
         )
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from iriftrace.cli.camera_options import OrbitOptions, different_lengths
+from iriftrace.cli.camera_options import OrbitOptions
 from iriftrace.cli.console import notes, out, pose_progress
-from iriftrace.cli.options import Statuses, Whole, check_input, check_output, statuses
+from iriftrace.cli.options import Lengths, Statuses, Whole, check_input, check_output, statuses
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import InputError
 
@@ -28,7 +28,7 @@ def sweep(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     orbit: OrbitOptions = OrbitOptions(),
-    focal_length: str | None = None,
+    focal_length: Lengths | None = None,
     trace: TraceOptions = TraceOptions(),
     nearest: bool = False,
     exr: bool = False,
@@ -86,9 +86,7 @@ def sweep(
             loaded,
             orbit.pose_sets(loaded[0]),
             output,
-            focal_lengths_mm=()
-            if focal_length is None
-            else different_lengths(focal_length, "--focal-length"),
+            focal_lengths_mm=focal_length or (),
             move_out=orbit.poses is None,
             target=orbit.look_at(loaded[0]),
             options=SweepOptions(nearest, statuses(include), exr),

@@ -1,4 +1,4 @@
-"""The options about tracing that ``iriftrace demo``, ``render`` and ``sweep`` share."""
+"""Options about tracing, and the check that a result is of the light that is asked for."""
 
 from __future__ import annotations
 
@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 from attrs import frozen
 from cyclopts import Parameter
 
-from iriftrace.cli.options import Variables, Wavelength, quantity, scene_variables
+from iriftrace.cli.options import Variables, Wavelength, variables_of
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.scene.load import LoadedScene
+
+RELATIVE_TOLERANCE = 1e-6
+"""By which two wavelengths may differ and still be one."""
 
 
 @Parameter(name="*")
@@ -35,13 +38,22 @@ class TraceOptions:
     """
 
     define: Variables = None
-    wavelength: Wavelength = None
+    wavelength: Wavelength | None = None
     variant: str | None = None
     engine: Literal["shells", "continuous"] | None = None
 
     def variables(self) -> dict[str, str]:
-        """Scene parameters by name; InputError where the options give none."""
-        return scene_variables(self.define, self.wavelength)
+        """Scene parameters by name, the wavelength (nm) among them if it is given.
+
+        Raises
+        ------
+        InputError
+            A definition is not written as name=value.
+        """
+        values = variables_of(self.define)
+        return (
+            values if self.wavelength is None else values | {"wavelength": f"{self.wavelength!r}"}
+        )
 
     def load(self, scene: Path) -> LoadedScene:
         """A scene with these options."""
@@ -50,22 +62,16 @@ class TraceOptions:
         return load_scene(scene, self.variables(), variant=self.variant, engine=self.engine)
 
 
-# MERGE cli.traced_light: The option about the light that a result was traced in, for commands tha
-
-RELATIVE_TOLERANCE = 1e-6
-"""By which two wavelengths may differ and still be one."""
-
-
-def check_light(wavelength: str | None, header: Mapping[str, Any], file: Path) -> None:
+def check_light(wavelength: float | None, header: Mapping[str, Any], file: Path) -> None:
     """Refuse a result that was traced in other light than the one that is asked for.
 
     Parameters
     ----------
-    wavelength : str or None
-        What the option says.
-    header : mapping
+    wavelength
+        Value of the option, nm.
+    header
         Header of an EXR, or attributes of a netCDF file.
-    file : Path
+    file
         Its name.
 
     Raises
@@ -75,17 +81,16 @@ def check_light(wavelength: str | None, header: Mapping[str, Any], file: Path) -
     """
     if wavelength is None:
         return
-    wanted = quantity(wavelength, "nm", "--wavelength")
-    if not wanted > 0:
-        raise InputError(f'--wavelength is "{wavelength}"; give a positive length, "450 nm".')
+    if not wavelength > 0:
+        raise InputError(f"--wavelength is {wavelength:g} nm; give a positive length, 450 nm.")
     stated = header.get("wavelength_nm")
     if not isinstance(stated, int | float):
         raise InputError(
             f"{file} does not state its wavelength, because its scene does not, so it is not known "
             "to be the one that --wavelength asks for; leave the option out."
         )
-    if abs(stated - wanted) > RELATIVE_TOLERANCE * wanted:
+    if abs(stated - wavelength) > RELATIVE_TOLERANCE * wavelength:
         raise InputError(
-            f"{file} is of light of {stated:g} nm and not of {wanted:g} nm, as --wavelength asks "
-            "for; give the file of the other light, or trace it with this option."
+            f"{file} is of light of {stated:g} nm and not of {wavelength:g} nm, as --wavelength "
+            "asks for; give the file of the other light, or trace it with this option."
         )

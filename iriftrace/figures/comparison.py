@@ -98,7 +98,8 @@ def _draw(
     colours: dict[str, Any] = {"norm": scale.norm, "cmap": scale.colour_map}
     if resolution is None:
         size = float(np.clip(4000.0 / len(places), 4.0, 40.0))
-        axes.scatter(*places.T, c=values, s=size, edgecolors="0.3", linewidths=0.3, **colours)
+        across, down = places.T
+        axes.scatter(across, down, c=values, s=size, edgecolors="0.3", linewidths=0.3, **colours)
         return
     width, height = resolution
     picture = np.full((height, width), np.nan)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import xarray as xr
 from attrs import frozen
 from matplotlib.figure import Figure
 
@@ -16,8 +17,6 @@ from iriftrace.studies.cases import is_study, read_study
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from iriftrace.trace.render import Rendering
 
 
@@ -82,10 +81,10 @@ def plot(
     if isinstance(result, str | Path):
         name = name or Path(result).stem
         result = read_result(result)
-    image = result if isinstance(result, AovImage) else getattr(result, "image", None)
-    if isinstance(image, AovImage):
+    if not isinstance(result, xr.Dataset):
         from iriftrace.figures.pose import pose_figures
 
+        image = result if isinstance(result, AovImage) else result.image
         return Plots(pose_figures(image, name or "displacement"))
     if "study" in result.attrs:
         from iriftrace.figures.studies import study_figure

@@ -89,8 +89,8 @@ def write_figure(figure: Figure, path: str | Path) -> None:
 def figure_bytes(figure: Figure, suffix: str = ".png") -> bytes:
     """The content of a ``.png`` or ``.pdf`` file, drawn without the global state of pyplot."""
     content = BytesIO()
-    metadata = {"metadata": {"CreationDate": None}} if suffix == ".pdf" else {}
-    _CANVAS[suffix](figure).print_figure(content, format=suffix[1:], dpi=figure.dpi, **metadata)
+    undated: dict[str, Any] = {"metadata": {"CreationDate": None}} if suffix == ".pdf" else {}
+    _CANVAS[suffix](figure).print_figure(content, format=suffix[1:], dpi=figure.dpi, **undated)
     return content.getvalue()
 
 

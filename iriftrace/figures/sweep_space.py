@@ -237,10 +237,18 @@ def _add_coloured(
 ) -> None:
     """Add a surface with a colour, 0 to 1, for each of its points or cells."""
     if surface.n_cells:
+        data = surface.point_data if each == "point" else surface.cell_data
+        data["colour"] = np.rint(255.0 * colours).astype(np.uint8)
         # Mostly ambient: shading must not change what the colour bar says.
-        light = {"ambient": 0.78, "diffuse": 0.27, "specular": 0.0}
-        painted = np.rint(255.0 * colours).astype(np.uint8)
-        plotter.add_mesh(surface, scalars=painted, rgb=True, preference=each, **light)
+        plotter.add_mesh(
+            surface,
+            scalars="colour",
+            preference=each,
+            rgb=True,
+            ambient=0.78,
+            diffuse=0.27,
+            specular=0.0,
+        )
 
 
 def _framed(title: str, subtitle: str, scale: ColourScale, entries: Sequence[Artist]) -> Figure:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from attrs import field, frozen
 
-from iriftrace.cfd.openfoam.domain import Domain, MeshSize, domain_around
+from iriftrace.cfd.openfoam.domain import Domain, MeshSize, domain_around, mesh_size
 from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
@@ -189,6 +189,50 @@ class Case:
             "mirrors": self.mirrors,
             "margin": self.margin,
         }
+
+
+def natural_case(
+    part: Part,
+    wall: WallTemperatures,
+    *,
+    resolution: str = "normal",
+    background_mm: float | None = None,
+    end: float | None = None,
+    averaging: float | None = None,
+    snapshots: int = 0,
+    ambient_k: float = 293.15,
+    **more: Any,
+) -> Case:
+    """Case of a part in air, with mesh and times that suit its size and temperature.
+
+    Parameters
+    ----------
+    part, wall, ambient_k
+        As for `Case`.
+    resolution, background_mm
+        As for `mesh_size`.
+    end, averaging, snapshots
+        As for `natural_times`.
+    **more
+        The rest of `Case`.
+
+    Raises
+    ------
+    InputError
+        It cannot be simulated.
+    """
+    wall.check(part, ambient_k)
+    extents = np.ptp(part.bounds, axis=0)
+    times = natural_times(
+        float(extents.max()),
+        wall.hottest,
+        ambient_k,
+        end=end,
+        averaging=averaging,
+        snapshots=snapshots,
+    )
+    size = mesh_size(resolution, extents, background_mm)
+    return Case(part, wall, size, times, ambient_k=ambient_k, **more)
 
 
 def stored_record(folder: Path) -> dict[str, Any] | None:

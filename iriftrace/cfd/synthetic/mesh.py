@@ -353,8 +353,17 @@ class AirMesh:
                 raise InputError(f"The {name} is {value:g} mm; give a positive length.")
 
 
-def usual_mesh(air: SyntheticAir) -> AirMesh:
-    """Five cells across the boundary layer; air to where it has the room's temperature."""
+def usual_mesh(
+    air: SyntheticAir,
+    *,
+    cell_mm: float | None = None,
+    sides_mm: float | None = None,
+    height_mm: float | None = None,
+) -> AirMesh:
+    """Five cells across the boundary layer; air to where it has the room's temperature.
+
+    Lengths that are given, as for `AirMesh`, take the place of these.
+    """
     low, high = air.part.bounds
     height = _HEIGHT_IN_SIZES * float(high[2] - low[2]) + 4.0 * air.boundary_layer_mm
     sides = _SIDES_IN_LAYERS * air.boundary_layer_mm
@@ -362,7 +371,11 @@ def usual_mesh(air: SyntheticAir) -> AirMesh:
         # Where the bell has fallen to e^-9.
         top = 0.5 * (high[2] - low[2]) + height
         sides = max(sides, 3.0 * float(air.plume.half_width(np.array(top))))
-    return AirMesh(air.boundary_layer_mm / _CELLS_ACROSS_LAYER, sides, height)
+    return AirMesh(
+        air.boundary_layer_mm / _CELLS_ACROSS_LAYER if cell_mm is None else cell_mm,
+        sides if sides_mm is None else sides_mm,
+        height if height_mm is None else height_mm,
+    )
 
 
 def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
