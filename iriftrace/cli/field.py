@@ -19,7 +19,6 @@ from iriftrace.cli.options import (
     check_output,
 )
 from iriftrace.cli.options import check_field as check_field_file
-from iriftrace.cli.program import add_command
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 
@@ -39,33 +38,14 @@ field = App(
     help_format="rst",
 )
 
-for _by_name in (
-    (
-        "simulate",
-        "simulate",
-        "Simulate the hot air around a part with OpenFOAM and write the field.",
-        'part.stl -o case --wall-temperature "1100 degC" --resolution coarse',
-    ),
-    (
-        "simulate",
-        "doctor",
-        "Find OpenFOAM on this machine and test whether its solvers compute right.",
-        "",
-    ),
-    (
-        "field",
-        "synthetic",
-        "Write a synthetic boundary layer and plume around a part, for tests and quick looks.",
-        "part.ply -o field.vtu",
-    ),
-    (
-        "field",
-        "check",
-        "Check a field against its part: wall, boundary layer, heat balance, gradients.",
-        "field.vtu part.ply",
-    ),
-):
-    add_command(field, "iriftrace field", *_by_name)
+# By name, as the commands of the program itself.
+for _name, _module in {
+    "simulate": "simulate",
+    "doctor": "simulate",
+    "synthetic": "field",
+    "check": "field",
+}.items():
+    field.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
 
 
 def check(

@@ -12,34 +12,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError
 from cyclopts.exceptions import UnusedCliTokensError
 
 from iriftrace.cli.console import notes, out, raise_if_noticed, show_warning
-from iriftrace.cli.render import demo, metrics, render
-from iriftrace.cli.scene import scene, shells
 from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning
-
-
-def add_command(app: App, program: str, module: str, name: str, what: str, arguments: str) -> None:
-    """Register a command by name.
-
-    Parameters
-    ----------
-    app
-        Gets the command.
-    program
-        What a user types before the command's name, for the example.
-    module, name
-        Module in ``iriftrace.cli``; function in it and command.
-    what
-        What it does, one sentence.
-    arguments
-        An example of what is typed after the name.
-    """
-    example = " ".join((program, name, arguments)).rstrip()
-    app.command(
-        f"iriftrace.cli.{module}:{name}",
-        name=name,
-        help=f"{what}\n\nExample: ``{example}``",
-    )
-
 
 app = App(
     name="iriftrace",
@@ -57,6 +30,7 @@ def run(arguments: list[str]) -> int:
         warnings.simplefilter("default", IriftraceWarning)
         warnings.showwarning = show_warning
         try:
+            _import_listed(arguments)
             app(
                 with_negative_values(arguments),
                 exit_on_error=False,
@@ -69,6 +43,17 @@ def run(arguments: list[str]) -> int:
             notes.print(sentence(error), markup=False, soft_wrap=True)
             return 2
     return 0
+
+
+def _import_listed(arguments: list[str]) -> None:
+    """Import the commands below the one that is called: their docstrings are what help lists."""
+    called = app
+    for word in arguments:
+        if word.startswith("-") or word not in called:
+            break
+        called = called[word]
+    for name in called:
+        called[name]
 
 
 # No option of the program begins with a digit.
@@ -146,56 +131,21 @@ def doctor() -> int:
     return 0
 
 
-for _command in (shells, scene, render, metrics, demo):
-    app.command(_command)
-
-# Commands of commands.
-app.command(
-    "iriftrace.cli.study:study",
-    name="study",
-    help="Vary one thing (rays, polygons, layers, smoothing, mesh) and draw what it does.",
-)
-app.command(
-    "iriftrace.cli.field:field",
-    name="field",
-    help="Make a temperature field for a part, or check one.",
-)
-app.command(
-    "iriftrace.cli.part:part",
-    name="part",
-    help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone.",
-)
-
-for _by_name in (
-    (
-        "sweep",
-        "sweep",
-        "Render a scene from many poses into one netCDF file; resumes when interrupted.",
-        "scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19",
-    ),
-    (
-        "plan",
-        "plan",
-        "Rank the poses of a sweep by the combined metric and print the best one.",
-        "sweep.nc --statistic median --region lateral",
-    ),
-    (
-        "plot",
-        "plot",
-        "Draw a sweep (.nc) or one pose (.exr): maps, poses in space, histograms, Pareto front.",
-        "sweep.nc -o figures",
-    ),
-    (
-        "plot",
-        "report",
-        "Write what a sweep found out as one HTML page that needs neither Python nor a network.",
-        "sweep.nc -o report.html",
-    ),
-    (
-        "compare",
-        "compare",
-        "Compare measured pixel shifts with a rendering: bias, residual, motion of the camera.",
-        "out.exr markers.csv",
-    ),
-):
-    add_command(app, "iriftrace", *_by_name)
+# By name, so that the program starts fast: a module is imported when its command is called or
+# listed.
+for _name, _module in {
+    "shells": "scene",
+    "scene": "scene",
+    "render": "render",
+    "metrics": "render",
+    "demo": "render",
+    "sweep": "sweep",
+    "plan": "plan",
+    "plot": "plot",
+    "report": "plot",
+    "compare": "compare",
+    "study": "study",
+    "field": "field",
+    "part": "part",
+}.items():
+    app.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
