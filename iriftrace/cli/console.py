@@ -1,4 +1,8 @@
-"""Where the program writes: results to standard output, everything else to standard error."""
+"""The terminal: results to standard output, notes and bars to standard error, Ctrl-C from the user.
+
+Ctrl-C must end the program whatever it is doing. An extension module that is being imported, or a
+destructor, would swallow its exception: there the signal is noticed and sent again a moment later.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +28,92 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-# MERGE cli.interrupts: Ctrl-C, which must end the program whatever it is doing: not even an impor
+out = Console(highlight=False)
+notes = Console(stderr=True, highlight=False)
 
-PAUSE_S = 0.02
+_PAUSE_S = 0.02
 
 _watching = threading.Event()
 _noticed = threading.Event()
 _pending = threading.Event()
 _first_signal = [signal.SIGINT]
+
+
+def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    notes.print("[bold yellow]warning:[/] ", end="")
+    notes.print(str(message), markup=False, soft_wrap=True)
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Show what is being done, where somebody watches."""
+    raise_if_noticed()
+    with notes.status(f"{what} ..."):
+        yield
+    raise_if_noticed()
+
+
+class Rate(ProgressColumn):
+    """Poses a second."""
+
+    def render(self, task: Task) -> str:
+        """Text of the column."""
+        return "" if task.speed is None else f"{task.speed:.1f} a second"
+
+
+@contextmanager
+def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
+    """Show a bar as soon as there is something to show, and at Ctrl-C say what is kept.
+
+    Parameters
+    ----------
+    output : Path
+        The result; what is finished is kept in a journal beside it.
+    what : str
+        What is counted.
+
+    Yields
+    ------
+    callable
+        To be called with the number of finished ones and of all.
+    """
+    from iriftrace.sweep.journal import journal_of
+
+    columns = (
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+    )
+    bar = Progress(*columns, console=notes)
+    task = bar.add_task(what, total=None)
+
+    kept = ""
+
+    def report(done: int, total: int) -> None:
+        nonlocal kept
+        if done:
+            kept = (
+                f"{done} of {total} {what.lower()} are kept in {journal_of(output)}, "
+                "give the same command again to go on"
+            )
+        raise_if_noticed()
+        if not bar.live.is_started:
+            # What an earlier run has done must not count as speed.
+            bar.reset(task, total=total, completed=done)
+            bar.start()
+        bar.update(task, completed=done)
+
+    try:
+        yield report
+    except BaseException as error:
+        if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
+            raise KeyboardInterrupt(kept) from error
+        raise
+    finally:
+        if bar.live.is_started:
+            bar.stop()
 
 
 @contextmanager
@@ -129,7 +211,7 @@ def _raise_later() -> None:
 
 
 def _send_again() -> None:
-    time.sleep(PAUSE_S)
+    time.sleep(_PAUSE_S)
     if not _pending.is_set():
         return
     if sys.platform == "win32":
@@ -137,87 +219,3 @@ def _send_again() -> None:
     else:
         # Unlike the other, this ends waiting and sleeping too.
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-
-
-out = Console(highlight=False)
-notes = Console(stderr=True, highlight=False)
-
-
-def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    notes.print("[bold yellow]warning:[/] ", end="")
-    notes.print(str(message), markup=False, soft_wrap=True)
-
-
-@contextmanager
-def working(what: str) -> Iterator[None]:
-    """Show what is being done, where somebody watches."""
-    raise_if_noticed()
-    with notes.status(f"{what} ..."):
-        yield
-    raise_if_noticed()
-
-
-# MERGE cli.pose_progress: A bar for work that goes pose by pose, with rate and time left.
-
-
-class Rate(ProgressColumn):
-    """Poses a second."""
-
-    def render(self, task: Task) -> str:
-        """Text of the column."""
-        return "" if task.speed is None else f"{task.speed:.1f} a second"
-
-
-@contextmanager
-def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
-    """Show a bar as soon as there is something to show, and at Ctrl-C say what is kept.
-
-    Parameters
-    ----------
-    output : Path
-        The result; what is finished is kept in a journal beside it.
-    what : str
-        What is counted.
-
-    Yields
-    ------
-    callable
-        To be called with the number of finished ones and of all.
-    """
-    from iriftrace.sweep.journal import journal_of
-
-    columns = (
-        TextColumn(what),
-        BarColumn(),
-        MofNCompleteColumn(),
-        Rate(),
-        TimeRemainingColumn(),
-    )
-    bar = Progress(*columns, console=notes)
-    task = bar.add_task(what, total=None)
-
-    kept = ""
-
-    def report(done: int, total: int) -> None:
-        nonlocal kept
-        if done:
-            kept = (
-                f"{done} of {total} {what.lower()} are kept in {journal_of(output)}, "
-                "give the same command again to go on"
-            )
-        raise_if_noticed()
-        if not bar.live.is_started:
-            # What an earlier run has done must not count as speed.
-            bar.reset(task, total=total, completed=done)
-            bar.start()
-        bar.update(task, completed=done)
-
-    try:
-        yield report
-    except BaseException as error:
-        if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
-            raise KeyboardInterrupt(kept) from error
-        raise
-    finally:
-        if bar.live.is_started:
-            bar.stop()

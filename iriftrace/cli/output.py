@@ -11,7 +11,6 @@ from rich.table import Table
 
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.image.aov_image import Status
-from iriftrace.image.resolution import FRONTAL, seen_frontally
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -113,6 +112,8 @@ def print_camera(console: Console, camera: Camera, scale: float) -> None:
 
 def print_summary(console: Console, metrics: dict[str, Any]) -> None:
     """What a metrologist wants to know of one pose."""
+    from iriftrace.image.resolution import FRONTAL, seen_frontally
+
     table = Table(title="Displacement by hot air", title_justify="left", show_header=False)
     table.add_column(style="bold")
     table.add_column()

@@ -13,7 +13,6 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from iriftrace.camera.pose import pose_text
 from iriftrace.cli.console import notes, out, raise_if_noticed
 from iriftrace.cli.options import (
     Angle,
@@ -26,8 +25,6 @@ from iriftrace.cli.options import (
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import THE_PAPERS, Criteria
-from iriftrace.planning.summary import RankingTable, alternative_text, front_text, stability_text
-from iriftrace.sweep.diagnostics import setting_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +32,7 @@ if TYPE_CHECKING:
 
     from iriftrace.planning.cover import ViewLimits, ViewSet
     from iriftrace.planning.refine import Refinement
-    from iriftrace.planning.summary import SweepSummary
+    from iriftrace.planning.summary import RankingTable, SweepSummary
 
 
 RANKING = Group("Ranking", sort_key=1)
@@ -191,6 +188,8 @@ def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
 
 def print_plan(console: Console, summary: SweepSummary, ranking: RankingTable) -> None:
     """The ranking, how sure it is, and the best pose."""
+    from iriftrace.planning.summary import alternative_text, front_text, stability_text
+
     plan = summary.plan
     table = _table(
         f"Best poses for region {plan.criteria.region}: displacement, coverage, resolution",
@@ -215,6 +214,8 @@ def print_plan(console: Console, summary: SweepSummary, ranking: RankingTable) -
 
 
 def _print_swept(console: Console, kind: str, summary: SweepSummary, pose: int) -> None:
+    from iriftrace.sweep.diagnostics import setting_of
+
     setting = setting_of(summary.varied, pose)
     name = f"{kind} {pose}{f' ({setting})' if setting else ''}"
     print_pose(console, name, summary.matrices[pose], summary.distance[pose])
@@ -222,6 +223,8 @@ def _print_swept(console: Console, kind: str, summary: SweepSummary, pose: int) 
 
 def print_pose(console: Console, name: str, matrix: ArrayLike, distance_mm: float) -> None:
     """A pose as matrix, as look-at and as XML."""
+    from iriftrace.camera.pose import pose_text
+
     text = pose_text(matrix, distance_mm)
     _say(console, f"{name}, camera to world (x right, y down, z forward; mm):")
     for row in text.matrix:
@@ -276,6 +279,8 @@ def print_views(
 
 def print_refined(console: Console, summary: SweepSummary, refined: Refinement) -> None:
     """What a search around the best pose gained."""
+    from iriftrace.sweep.diagnostics import setting_of
+
     end = "ended by itself" if refined.converged else "ended with the evaluations"
     if refined.gain > 0:
         found = (
