@@ -25,7 +25,7 @@ from iriftrace.plugins.stock_sensor import StockSensor
 from iriftrace.runtime.variant import full_precision
 
 BYTES_PER_PIXEL = 170
-"""What a picture needs at the least: channels, straight rays, their state and the metrics.
+"""Least memory of a picture: channels, straight rays, their state and the metrics.
 
 Measured where a fifth of the rays hit the part; more hits need more.
 """
@@ -94,7 +94,7 @@ def check_film(film: Any) -> None:
     if not film.rfilter().is_box_filter():
         raise InputError(
             "The film's reconstruction filter mixes neighbouring pixels, so hits and misses would "
-            'blur into each other; use <rfilter type="box"/>.'
+            'run into each other; use <rfilter type="box"/>.'
         )
 
 
@@ -134,12 +134,12 @@ def integrator_class(variant: str) -> type:
             self._prepared = None
 
         def surroundings(self, scene: Any, sensor: Any) -> str | None:
-            """What a sensor stands in: ``"part"``, ``"hot air"`` or None for neither."""
+            """The surroundings of a sensor: ``"part"``, ``"hot air"`` or None for neither."""
             matrix = np.asarray(camera_of(sensor).description()["matrix"])
             return self.surroundings_of(scene, matrix[:3, 3])
 
         def surroundings_of(self, scene: Any, point: NDArray[np.float64]) -> str | None:
-            """What a point (3,), mm, world, lies in, in the same words."""
+            """The surroundings of a point (3,), mm, world, in the same words."""
             return self.prepare(scene).surroundings(point)
 
         def trace(
@@ -168,11 +168,11 @@ def integrator_class(variant: str) -> type:
             )
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
-            """What bends the rays: from origins and directions to where they end."""
+            """The rule that bends rays: from origins and directions to where they end."""
             raise NotImplementedError
 
         def checking(self, prepared: PreparedScene) -> Callable[[Any], tuple[Any, Any]]:
-            """What judges the index along the bent rays; see ``trace_bundle``."""
+            """The check of the index along the bent rays; see ``trace_bundle``."""
             raise NotImplementedError
 
         def shell_triangles(self, scene: Any, camera: Any, window: Window) -> int:

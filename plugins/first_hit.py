@@ -85,18 +85,18 @@ def plugin_class(variant: str) -> type:
             self._fewer = None
 
         def bends_in_layers(self, tables: SceneTables) -> bool:
-            """Whether rays turn all along the layers of a scene, or at its shells alone."""
+            """True if rays turn all along the layers of a scene, not at its shells alone."""
             wanted = self.bending == "layers" and self.normals == "gradient"
             return wanted and tables.knows_steepness
 
         def rule(self, tables: SceneTables) -> AtShells | InLayers:
-            """How rays are bent in a scene."""
+            """The rule by which rays are bent in a scene."""
             if self.bends_in_layers(tables):
                 return InLayers(tables)
             return AtShells(tables, self.normals == "gradient" and tables.has_normals)
 
         def bender(self, prepared: PreparedScene, coherent: bool) -> Callable[[Any, Any], Any]:
-            """Where bent rays end."""
+            """Refraction by the scene's shells."""
             tables = prepared.tables
             rule = self.rule(tables)
             return lambda origin, direction: refracted_hits(
@@ -113,7 +113,7 @@ def plugin_class(variant: str) -> type:
             )
 
         def moved_by_fewer_shells(self, scene: Any, origin: Any, direction: Any) -> Any:
-            """How far hits move without every second shell, mm (Float64); NaN without both hits.
+            """Way of the hits without every second shell, mm (Float64); NaN without both hits.
 
             None where the shells cannot be thinned out; see
             :func:`iriftrace.plugins.kernels.prepared.with_every_second_shell`.

@@ -100,7 +100,7 @@ def plugin_class(variant: str) -> type:
 
         @property
         def cells(self) -> FieldCells:
-            """What the field's file holds."""
+            """Content of the field's file."""
             return self.air.cells
 
         def forget(self) -> None:
@@ -114,7 +114,7 @@ def plugin_class(variant: str) -> type:
             return super().prepare(scene)
 
         def surroundings_of(self, scene: Any, point: NDArray[np.float64]) -> str | None:
-            """What a point lies in; which air it is, the field says, and not the shells."""
+            """The surroundings of a point; which air it is, the field says, and not the shells."""
             prepared = self.prepare(scene)
             if prepared.surroundings(point) == "part":
                 return "part"

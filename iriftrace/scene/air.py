@@ -1,4 +1,4 @@
-"""What a scene's own files say of its air, and what of that still holds."""
+"""Statements of a scene's own files on its air, and checks that they still hold."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def warn_of_another_part(file: SceneFile, part: Part, table: dict[str, Any]) -> 
 
 
 def field_table(cells: Any, shells: dict[str, Any], path: Path) -> dict[str, Any]:
-    """What the field's file says of air and source, and the notes beside the shells."""
+    """Air and source as the field's file states them, and the notes beside the shells."""
     theirs = (shells.get("source") or {}).get("sha256", cells.source["sha256"])
     if theirs != cells.source["sha256"]:
         warnings.warn(
@@ -115,7 +115,7 @@ def field_table(cells: Any, shells: dict[str, Any], path: Path) -> dict[str, Any
 
 
 def stated_normals(wanted: str, tables: Any) -> str:
-    """Which normals bend rays: the wanted ones, and for how many shells not."""
+    """Normals that bend rays: the wanted ones, and for how many shells not."""
     if wanted == "facet" or not tables.has_normals:
         return "facet"
     without = len(tables.facet_shells)
@@ -123,7 +123,7 @@ def stated_normals(wanted: str, tables: Any) -> str:
 
 
 def stated_bending(integrator: Any, tables: Any) -> str:
-    """Where shells bend rays, and why not all along the layers if that was wanted."""
+    """Places where rays are bent, with the reason if not all along the layers as was wanted."""
     if integrator.bends_in_layers(tables):
         return "all along the layers"
     if integrator.bending == "layers" and integrator.normals == "gradient":

@@ -56,7 +56,7 @@ def member_folder(scene: Path, number: int | str) -> Path:
 
 
 def is_ensemble(scene: Path) -> bool:
-    """Whether a scene's XML file has the parameter ``member``."""
+    """True if a scene's XML file has the parameter ``member``."""
     try:
         text = scene.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

@@ -1,4 +1,4 @@
-"""What a scene's XML file says of its meshes, read by Mitsuba's own parser."""
+"""Parse a scene's XML file by Mitsuba's own parser, and check its meshes before it is loaded."""
 
 from __future__ import annotations
 
@@ -286,14 +286,14 @@ def _changes_lengths(placement: NDArray[np.float64]) -> bool:
 
 
 def _ply_head(mesh: Path) -> bytes | None:
-    """What a PLY says before its numbers; None for what is no PLY."""
+    """The header of a PLY; None for what is no PLY."""
     with mesh.open("rb") as file:
         head, end, _ = file.read(4096).partition(b"end_header")
     return head if end else None
 
 
 def _is_steep(mesh: Path) -> bool:
-    """Whether a shell's file says how steep the index is."""
+    """True if a shell's file says how steep the index is."""
     if not mesh.is_file() or mesh.suffix.lower() != ".ply":
         return False
     head = _ply_head(mesh) or b""

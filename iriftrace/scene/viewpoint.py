@@ -1,4 +1,4 @@
-"""Where a camera may stand: outside the part and the hot air."""
+"""Places for cameras: outside the part and the hot air."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DIAGONAL = np.array((0.62, -0.42, 0.66))
 def is_in_hot_air(
     points: ArrayLike, field: IndexField, hottest_allowed: float
 ) -> NDArray[np.bool_]:
-    """Whether points lie in air thinner than a refractivity.
+    """Mask of points that lie in air thinner than a refractivity.
 
     Parameters
     ----------

@@ -328,7 +328,7 @@ def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list
 
 
 def _off_the_middle(shell: Shell) -> bool:
-    """Whether the air on the surface is not that midway between its two sides."""
+    """True if the air on the surface is not that midway between its two sides."""
     middle = 0.5 * (shell.ext + shell.int_)
     return abs(shell.refractivity - middle) > 1e-9 * abs(shell.ext - shell.int_)
 

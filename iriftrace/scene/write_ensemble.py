@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class MemberAir:
-    """What is written of one member.
+    """One member's air, to be written.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ from iriftrace.shells.stack import Shell, ShellStack
 BORDER_REACH = 0.5
 """Vertices are brought back onto the border from at most this share of its edges' median."""
 
-LARGEST_PINHOLE = 4
+LARGEST_SMALL_HOLE = 4
 """Edges of the largest hole that is closed without asking where it is."""
 
 FEWEST_CLOSED = 4
@@ -95,9 +95,9 @@ def _thinned(shell: Shell, share: float) -> Shell:
     )
     vertices = np.asarray(thin.points, dtype=np.float32)
     faces = drop_degenerate(vertices, weld(vertices)[np.asarray(thin.regular_faces, np.int64)])
-    faces = _without_flakes(_without_fins(faces))
+    faces = _without_single_triangles(_without_non_manifold(faces))
     vertices, on_border = _back_on_border(vertices, faces, shell)
-    faces = _without_pinholes(faces, on_border)
+    faces = _without_small_holes(faces, on_border)
     corners, weights = _nearest(shell, vertices.astype(np.float64))
     gradient = _normals_at(shell, corners, weights)
     # Contracting an edge may turn a sliver over; the pieces keep the side they had.
@@ -111,22 +111,22 @@ def _thinned(shell: Shell, share: float) -> Shell:
     return evolve(shell, vertices=vertices, faces=faces, normals=normals, steepness=steepness)
 
 
-def _without_fins(faces: IntArray) -> IntArray:
+def _without_non_manifold(faces: IntArray) -> IntArray:
     """Drop triangles that stick out of the surface: one edge of theirs has three, one has one.
 
     VTK contracts edges without asking whether their ends have further neighbours in common, which
-    now and then folds a piece of the surface onto a fin.
+    now and then folds a piece of the surface onto itself.
     """
     while True:
         edge, count = _edges(faces)
         shared = count[edge]
-        fins = (shared > 2).any(axis=1) & (shared == 1).any(axis=1)
-        if not fins.any():
+        loose = (shared > 2).any(axis=1) & (shared == 1).any(axis=1)
+        if not loose.any():
             return faces
-        faces = faces[~fins]
+        faces = faces[~loose]
 
 
-def _without_flakes(faces: IntArray) -> IntArray:
+def _without_single_triangles(faces: IntArray) -> IntArray:
     """Drop pieces of fewer triangles than any closed surface has: what is left of small ones."""
     links = np.concatenate((faces[:, :2], faces[:, 1:]))
     piece = connected(links, int(faces.max()) + 1)[faces[:, 0]]
@@ -134,8 +134,8 @@ def _without_flakes(faces: IntArray) -> IntArray:
     return kept
 
 
-def _without_pinholes(faces: IntArray, on_border: BoolArray) -> IntArray:
-    """Close holes of three or four edges, which fins leave behind, but for the shell's own ends."""
+def _without_small_holes(faces: IntArray, on_border: BoolArray) -> IntArray:
+    """Close holes of three or four edges that non-manifold triangles left; not the shell's ends."""
     edge, count = _edges(faces)
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     border = (count[edge] == 1).ravel()
@@ -152,7 +152,7 @@ def _without_pinholes(faces: IntArray, on_border: BoolArray) -> IntArray:
 def _loop_from(first: int, after: Mapping[int, int]) -> list[int]:
     """Vertices of the hole that a border's edges run around; the first alone if it is larger."""
     loop = [first]
-    while len(loop) < LARGEST_PINHOLE:
+    while len(loop) < LARGEST_SMALL_HOLE:
         loop.append(after.get(loop[-1], -1))
         if after.get(loop[-1], -1) == first and len(set(loop)) == len(loop) > 2:
             return loop

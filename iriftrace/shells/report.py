@@ -1,4 +1,4 @@
-"""What a stack of shells looks like: size, openings, gaps and cuts, shell by shell."""
+"""Size, openings, gaps and cuts of a stack of shells, shell by shell."""
 
 from __future__ import annotations
 

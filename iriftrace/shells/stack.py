@@ -180,5 +180,5 @@ class ShellStack:
 
     @property
     def has_normals(self) -> bool:
-        """Whether every shell knows the direction of grad(n) at its vertices."""
+        """True if every shell knows the direction of grad(n) at its vertices."""
         return all(shell.normals is not None for shell in self.shells)

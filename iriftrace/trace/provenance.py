@@ -1,4 +1,4 @@
-"""Where a result comes from and what it assumes, for the header of every file."""
+"""Origin and assumptions of a result, for the header of every file."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
 
 
 def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]:
-    """What only those choose who examine another program's findings."""
+    """Choices of studies of another program's findings."""
     if scene.engine != "shells":
         return {}
     stated = {"shells": notes["shells"]} if "shells" in notes else {}
@@ -111,7 +111,7 @@ def _fields(sources: Sequence[dict[str, Any] | None]) -> dict[str, str]:
 
 
 def _time(sources: Sequence[dict[str, Any] | None]) -> str:
-    """What the fields say of themselves where nobody else did."""
+    """Steadiness as the fields state it, where the user did not."""
     origins = [(source or {}).get("origin") for source in sources]
     return "steady" if all(is_steady(origin) for origin in origins) else "not stated"
 

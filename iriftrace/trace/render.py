@@ -53,7 +53,7 @@ class Rendering:
 
 @frozen(eq=False)
 class RayHits:
-    """What became of a bundle of n rays.
+    """Hits of a bundle of n rays.
 
     Attributes
     ----------
@@ -260,7 +260,7 @@ def trace_rays(
 
 
 def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
-    """Whether points lie in the hot air or in the part, (n, 3) array, mm, world to (n,) array.
+    """Mask of points in the hot air or in the part, (n, 3) array, mm, world to (n,) array.
 
     Of an ensemble in the hot air of any member.
     """

@@ -18,7 +18,7 @@ from iriftrace.plugins.kernels.queries import (
 
 
 class Trace(NamedTuple):
-    """What became of a bundle of rays; one entry per traced ray (see :func:`trace_bundle`)."""
+    """Hits and status of a bundle; one entry per traced ray (see :func:`trace_bundle`)."""
 
     ray: Any  # UInt32: number of the ray in the bundle
     origin: Any  # Point3d

@@ -71,7 +71,7 @@ OVERLAP_STEPS = 8
 
 
 class CurvedHits(NamedTuple):
-    """Where the rays ended, and what they met on the way."""
+    """Ends of rays along curved paths, and what they met on the way."""
 
     point: Any  # Point3d, mm, world
     direction: Any  # Vector3d, at the end

@@ -21,7 +21,7 @@ LINES = 9
 
 
 def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any, Any]:
-    """Whether a ray's index steps lead to the layer at its hit, and start from ambient.
+    """Masks of rays whose index steps lead to the layer at the hit, and start from ambient.
 
     The steps of a ray and the index before the first of them give the layer in which it
     ended. It must be one of those that touch the part there.
@@ -69,7 +69,7 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any,
 def _touches(
     prepared: PreparedScene, points: Any, normals: Any, layer: Any, lines: int
 ) -> tuple[Any, Any]:
-    """Whether layers touch the part at points, and the layers before it there, by so many lines."""
+    """Mask of layers that touch the part at points, and the layers before it, by so many lines."""
     if len(points) == 0:
         return np.zeros(0, dtype=bool), np.zeros(0)
     near = prepared.layers_near(points, normals, lines=lines)

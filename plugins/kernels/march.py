@@ -29,7 +29,7 @@ GRAZING_COSINE = 1e-3
 """A ray that leaves a triangle at a smaller cosine is queried from a little beyond its plane."""
 
 CLEARANCE_STEPS = 2
-"""How far beyond; without, single precision would guess on which side of the next triangle it is.
+"""Steps beyond it; without, single precision would guess the side of the next triangle it is on.
 
 Rays turned into a triangle's plane are such: of those that look down along a plume, 0.3 % crossed
 the next triangle of the shell once more, or not at all.
@@ -40,7 +40,7 @@ LEAST_STEP = 0.02
 
 
 class RefractedHits(NamedTuple):
-    """Where refracted rays ended, and what they met on the way."""
+    """Ends of refracted rays, and what they met on the way."""
 
     point: Any  # Point3d, mm, world
     direction: Any  # Vector3d, at the end

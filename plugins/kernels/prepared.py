@@ -90,7 +90,7 @@ class PreparedScene:
         self.usual_wall_index = mi.Float64(aligned(self._wall_layers()))
 
     def surroundings(self, point: NDArray[np.float64]) -> str | None:
-        """What a point (3,), mm, world, lies in: ``"part"``, ``"hot air"`` or None for outside.
+        """``"part"`` or ``"hot air"`` around a point (3,), mm, world; None for outside.
 
         Inside a closed surface every line starts by crossing it outward; most do if it has holes.
         """

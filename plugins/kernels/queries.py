@@ -47,7 +47,7 @@ def query_step(scene: Any) -> float:
 
 
 def query_error(origin: Any, smallest_step: Any) -> Any:
-    """What a query from a point can be wrong by across the ray, mm; more from far away."""
+    """Largest error of a query from a point across the ray, mm; more from far away."""
     import drjit as dr
 
     spacing = RELATIVE_STEP * dr.max(dr.abs(origin))
@@ -57,7 +57,7 @@ def query_error(origin: Any, smallest_step: Any) -> Any:
 def same_crossing(
     shape: Any, outward: Any, last_shape: Any, last_outward: Any, gap: Any, smallest_step: Any
 ) -> Any:
-    """Whether a crossing is the last one met again.
+    """True where a crossing is the last one met again.
 
     A shell cannot be crossed twice in a row in one direction. When it seems so, the query has found
     its own start, or the neighbour of a triangle whose plane was met just beyond the edge.

@@ -22,7 +22,7 @@ from iriftrace.shells.hessian import PLY_COLUMNS, SECOND_DERIVATIVES
 
 
 def shell_slopes(shape: Any, normals: FloatArray, step: float) -> FloatArray | None:
-    """How steep the index is at a shell, and how that changes; None if its file does not say.
+    """Derivatives of the index at a shell's vertices; None if its file does not have them.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def surface_index(bsdf: Any) -> float:
 
 
 def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
-    """Whether a surface has no boundary, by integrals that need no edges.
+    """True if a surface has no boundary, by integrals that need no edges.
 
     On a closed surface the vector area vanishes and x, y and z give the same enclosed volume
     (Gauss); an opening breaks one of the two unless it is tiny.
@@ -231,7 +231,7 @@ def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
 
 
 def _runs_against_its_normals(shape: Any) -> bool:
-    """Whether most of a mesh's triangles face away from its vertex normals, by area."""
+    """True if most of a mesh's triangles face away from its vertex normals, by area."""
     import drjit as dr
     import mitsuba as mi
 

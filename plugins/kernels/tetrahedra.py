@@ -254,7 +254,7 @@ class TetrahedralAir:
         return self._boundary[1]
 
     def is_hot(self, point: NDArray[np.float64], scene: Any) -> bool:
-        """Whether a point (3,), mm, world, lies in the data, where the air is not ambient."""
+        """True if a point (3,), mm, world, lies in the data where the air is not ambient."""
         import drjit as dr
         import mitsuba as mi
 

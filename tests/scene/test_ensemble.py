@@ -1,4 +1,4 @@
-"""Ensembles: mean and scatter over several fields, in pictures, metrics, scenes and sweeps."""
+"""Mean and scatter over several fields, against NumPy's over pictures of each field alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scene says of where its rays are bent, and which shells may be placed by hand."""
+"""Statements of a scene on where its rays are bent, and shells that are placed by hand."""
 
 from __future__ import annotations
 

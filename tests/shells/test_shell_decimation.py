@@ -1,4 +1,4 @@
-"""Thinned out shells keep place, normals, closedness and side."""
+"""Thinned out shells keep place, normals, closedness and side, against the shells before."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trimming, smoothing and subdividing shells."""
+"""Trimmed, smoothed and subdivided shells, against brute force over all pairs and closed forms."""
 
 from __future__ import annotations
 

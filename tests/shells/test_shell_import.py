@@ -1,4 +1,4 @@
-"""Ready-made iso-surfaces as other programs export them."""
+"""Iso-surfaces as other programs export them, against the spheres that they were made of."""
 
 from __future__ import annotations
 

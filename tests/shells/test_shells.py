@@ -1,4 +1,4 @@
-"""Levels, shells as values, and contouring of fields with known surfaces."""
+"""Levels, shells as values, and contours of fields, against the fields' known surfaces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses and free bundles of rays: what comes back, and what is refused."""
+"""Poses and free bundles of rays, against each other and Snell's law; input that is refused."""
 
 from __future__ import annotations
 
