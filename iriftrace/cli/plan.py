@@ -160,13 +160,15 @@ def _search_progress(evaluations: int) -> Iterator[Callable[[int, float], None]]
 
     def report(done: int, score: float) -> None:
         raise_if_noticed()
-        bar.start()
+        if not bar.live.is_started:
+            bar.start()
         bar.update(task, completed=done, score=score)
 
     try:
         yield report
     finally:
-        bar.stop()
+        if bar.live.is_started:
+            bar.stop()
 
 
 def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None:

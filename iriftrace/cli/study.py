@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import App, Group, Parameter
@@ -24,18 +24,16 @@ from iriftrace.cli.options import (
     numbers,
 )
 from iriftrace.core.errors import InputError
+from iriftrace.shells.levels import RULES
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.field.index_field import IndexField
-    from iriftrace.studies.hit_comparison import Comparison
     from iriftrace.studies.modes import Mode
     from iriftrace.studies.picture import View
-    from iriftrace.studies.timing import Timing
+    from iriftrace.studies.study import Study
 
-
-# MERGE cli.study_options: Options that all studies share.
 
 StudiedPart = Annotated[Path, Parameter(help="The part's surface mesh.")]
 Output = Annotated[
@@ -45,7 +43,7 @@ Output = Annotated[
 References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
 Layers = Annotated[Whole, Parameter(help="Number of shells.")]
 
-MODE = Group("Second mode, compared with ours (gradient, midpoint, refract, 0)", sort_key=0)
+MODE = Group(f"Second mode, compared with ours (gradient, {RULES[0]}, refract, 0)", sort_key=0)
 
 
 @Parameter(name="*", group=MODE)
@@ -58,7 +56,8 @@ class ModeOptions:
     normals
         Normals at which rays are refracted.
     index_rule
-        Where shells lie between the layers that they separate.
+        Where shells lie between the layers that they separate, as ``--rule`` of ``iriftrace
+        scene``; or outer, at the outer one's end.
     inside_hit
         What becomes of rays that meet a shell from its inside: refracted, or dropped.
     drop_inner
@@ -68,7 +67,7 @@ class ModeOptions:
     """
 
     normals: Literal["gradient", "facet"] = "facet"
-    index_rule: Literal["midpoint", "graded", "outer"] = "outer"
+    index_rule: str = "outer"
     inside_hit: Literal["refract", "drop"] = "drop"
     drop_inner: str = "0"
     explain: Annotated[bool, Parameter(negative=())] = False
@@ -132,9 +131,6 @@ def whole_numbers(text: str, option: str) -> list[int]:
     return values
 
 
-# MERGE cli.study_inputs: What a study reads: fields and part, and the camera that looks at them.
-
-
 class StudyInputs:
     """Fields and part of a study, read after every option was looked at."""
 
@@ -178,24 +174,6 @@ class StudyInputs:
         refuse_camera_inside(camera.origin, self.part, stack, finest)
         return View(self.part, camera.scaled(scale), self.variant)
 
-    def source(self, view: View) -> dict[str, Any]:
-        """Where the study comes from, as plain JSON values."""
-        from importlib.metadata import version
-
-        from attrs import asdict
-
-        return {
-            "version": version("iriftrace"),
-            "fields": [asdict(field.source) for field in self.fields],
-            "part": {"path": str(self.part.path), "sha256": self.part.sha256},
-            "air": asdict(self.fields[0].air),
-            "wavelength_nm": self.fields[0].air.wavelength_nm,
-            "camera": view.camera.as_dict(),
-            "notes": self.notes,
-            "variant": view.variant,
-            "length_unit": "mm",
-        }
-
 
 def short_names(paths: Sequence[Path]) -> list[str]:
     """Short names of files: their stems where these differ."""
@@ -203,39 +181,20 @@ def short_names(paths: Sequence[Path]) -> list[str]:
     return stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
 
 
-# MERGE cli.study_output: Runs a study behind a progress bar, prints its tables and draws its figu
-
 _WIDEST = 1000
 
 STAGES = ("straight", "metrics", "write", "load", "build")
 
 
-def compare(comparison: Comparison, output: Path) -> None:
-    """Run a study of hits and show what it found."""
-    from iriftrace.studies.hit_comparison import run_comparison
-
-    _run(run_comparison, comparison, output, print_comparison)
-
-
-def measure(timing: Timing, output: Path) -> None:
-    """Run a study of times and show what it found."""
-    from iriftrace.studies.timing import run_timing
-
-    _run(run_timing, timing, output, print_timing)
-
-
-def _run(
-    run: Callable[..., Any],
-    what: Any,
-    output: Path,
-    show: Callable[[Any, Any], None],
-) -> None:
+def run(study: Study, output: Path) -> None:
+    """Run a study behind a progress bar, print its tables and draw its figure."""
     from iriftrace.figures.studies import study_figure
     from iriftrace.figures.style import write_figure
+    from iriftrace.studies.study import run_study
 
     with pose_progress(output, "Cases") as report:
-        dataset = run(what, output, report)
-    show(out, dataset)
+        dataset = run_study(study, output, report)
+    (print_comparison if study.references else print_timing)(out, dataset)
     picture = output.with_suffix(".png")
     with working("Drawing"):
         write_figure(study_figure(dataset), picture)
@@ -244,7 +203,7 @@ def _run(
 
 def print_comparison(console: Console, dataset: xr.Dataset) -> None:
     """A table for each reference: differences of the hits in micrometres."""
-    from iriftrace.studies.hit_comparison import reference_words
+    from iriftrace.studies.study import reference_words
 
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     for reference in dataset["reference"].values:
@@ -362,21 +321,14 @@ def layers(
         cell: the limit of facet normals), or a number of shells in the same mode; repeatable. By
         default 20, as in the paper, and continuous.
     """
-    from iriftrace.studies.accuracy import THE_PAPERS, layers_study
-    from iriftrace.studies.modes import CONTINUOUS
+    from iriftrace.studies.accuracy import layers_study
 
     counts = whole_numbers(layers, "--layers")
     modes = options.mode.modes()
     inputs = StudyInputs([field], part, output, options)
-    view = inputs.view(scale)
-    compare(
+    run(
         layers_study(
-            inputs.fields[0],
-            view,
-            counts,
-            modes,
-            reference or [str(THE_PAPERS), CONTINUOUS],
-            inputs.source(view),
+            inputs.fields[0], inputs.view(scale), counts, modes, reference, notes=inputs.notes
         ),
         output,
     )
@@ -414,23 +366,21 @@ def smoothing(
         repeatable, by default both.
     """
     from iriftrace.studies.accuracy import smoothing_study
-    from iriftrace.studies.hit_comparison import SAME_MODE
-    from iriftrace.studies.modes import CONTINUOUS, Mode
+    from iriftrace.studies.modes import Mode
 
     counts = whole_numbers(iterations, "--iterations")
     modes = [*options.mode.modes(), Mode("ours but facet normals", normals="facet")]
     inputs = StudyInputs([field, finest], part, output, options)
-    view = inputs.view(scale)
-    compare(
+    run(
         smoothing_study(
             inputs.fields[0],
             inputs.fields[1],
-            view,
+            inputs.view(scale),
             counts,
             modes,
-            reference or [SAME_MODE, CONTINUOUS],
-            inputs.source(view),
+            reference,
             layers=layers,
+            notes=inputs.notes,
         ),
         output,
     )
@@ -468,8 +418,6 @@ def mesh(
         repeatable, by default both.
     """
     from iriftrace.studies.accuracy import mesh_study
-    from iriftrace.studies.hit_comparison import SAME_MODE
-    from iriftrace.studies.modes import CONTINUOUS
 
     modes = options.mode.modes()
     paths = [field, *finer]
@@ -481,16 +429,15 @@ def mesh(
         if path not in paths:
             raise InputError(f"--split {path} is none of the study's fields; name one of them.")
     inputs = StudyInputs(paths, part, output, options)
-    view = inputs.view(scale)
-    compare(
+    run(
         mesh_study(
             dict(zip(names, inputs.fields, strict=True)),
-            view,
+            inputs.view(scale),
             modes,
-            reference or [SAME_MODE, CONTINUOUS],
-            inputs.source(view),
+            reference,
             layers=layers,
             split=[names[paths.index(path)] for path in split or []],
+            notes=inputs.notes,
         ),
         output,
     )
@@ -523,11 +470,8 @@ def rays(
     factors = numbers(scales, scales.count(",") + 1, "--scales")
     modes = options.mode.modes()
     inputs = StudyInputs([field], part, output, options)
-    view = inputs.view(scale)
-    measure(
-        rays_study(inputs.fields[0], view, factors, modes, inputs.source(view), layers=layers),
-        output,
-    )
+    view, notes = inputs.view(scale), inputs.notes
+    run(rays_study(inputs.fields[0], view, factors, modes, layers=layers, notes=notes), output)
 
 
 @study.command
@@ -560,16 +504,15 @@ def polygons(
 
     modes = options.mode.modes()
     inputs = StudyInputs([field], part, output, options)
-    view = inputs.view(scale)
-    measure(
+    run(
         polygons_study(
             inputs.fields[0],
-            view,
+            inputs.view(scale),
             modes,
-            inputs.source(view),
             layers=layers,
             smallest=smallest,
             largest=largest,
+            notes=inputs.notes,
         ),
         output,
     )

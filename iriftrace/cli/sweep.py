@@ -143,12 +143,12 @@ def _renderer(scheduler: str | None, count: int | None) -> Iterator[RenderPoses 
         return
     from contextlib import ExitStack
 
-    from iriftrace.sweep.workers import workers
+    from iriftrace.sweep.workers import pose_workers
 
     with ExitStack() as stack:
         starting = scheduler == "local"
         with notes.status("Starting workers ..." if starting else f"Calling {scheduler} ..."):
-            render = stack.enter_context(workers(scheduler, count))
+            render = stack.enter_context(pose_workers(scheduler, count))
         yield render
 
 

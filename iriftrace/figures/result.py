@@ -13,7 +13,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage, read_exr
 from iriftrace.planning.criteria import THE_PAPERS, Criteria
-from iriftrace.studies.cases import is_study, read_study
+from iriftrace.studies.study import is_study, read_study
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from iriftrace.figures.style import (
     number,
     round_ticks,
 )
-from iriftrace.studies.hit_comparison import reference_words
+from iriftrace.studies.study import reference_words
 
 _MARKERS = ("o", "s", "^", "v", "D", "P")
 
@@ -56,13 +56,13 @@ _STAGES = {
 
 
 def study_figure(dataset: xr.Dataset) -> Figure:
-    """Draw what :func:`iriftrace.studies.cases.read_study` reads."""
+    """Draw what :func:`iriftrace.studies.study.read_study` reads."""
     compares = dataset.attrs["study"] in _COMPARISONS
     return comparison_figure(dataset) if compares else timing_figure(dataset)
 
 
 def comparison_figure(dataset: xr.Dataset) -> Figure:
-    """Draw a result of :func:`iriftrace.studies.hit_comparison.run_comparison`."""
+    """Draw a result of `iriftrace.studies.study.run_study` that compares hits."""
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     references = [str(name) for name in dataset["reference"].values]
     modes = len(dataset["mode"])
@@ -148,7 +148,7 @@ def _name_places(axes: Axes, dataset: xr.Dataset, axis: str, places: Any) -> Non
 
 
 def timing_figure(dataset: xr.Dataset) -> Figure:
-    """Draw a result of :func:`iriftrace.studies.timing.run_timing`."""
+    """Draw a result of `iriftrace.studies.study.run_study` that measures times."""
     title, across, label = _TIMINGS[dataset.attrs["study"]]
     subtitle = (
         f"Fastest of {dataset.attrs['repeats']} pictures, {dataset.attrs['variant']}; times belong "

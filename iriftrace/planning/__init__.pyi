@@ -9,6 +9,5 @@ from .rank import pareto_front as pareto_front
 from .rank import rank_poses as rank_poses
 from .refine import Refinement as Refinement
 from .refine import refine_pose as refine_pose
-from .stability import stability as stability
 from .summary import SweepSummary as SweepSummary
 from .summary import summarise as summarise

@@ -1,4 +1,4 @@
-"""The study ``layers``: what the number of shells changes.
+"""Studies of accuracy: number of shells, smoothing, and resolution of the flow solution.
 
 Against a stack of 20 shells with facet normals, the difference has a local maximum at six shells,
 which is no property of six. By the outer rule shell k of N lies at the share k / N of the index
@@ -11,32 +11,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
 
-import numpy as np
-import pyvista as pv
 from attrs import evolve
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
-from iriftrace.image.differences import Hits
 from iriftrace.shells.edit import smooth_taubin
 from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.hit_comparison import (
-    Axis,
-    Comparison,
-    Finest,
-    check_references,
-    references_of,
-)
-from iriftrace.studies.modes import CONTINUOUS, Mode, shells_of
-from iriftrace.studies.picture import View, picture_of_field, picture_of_shells
+from iriftrace.studies.modes import CONTINUOUS, LINEAR_CELLS, SAME_MODE, Mode, shells_of
+from iriftrace.studies.picture import View
+from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
+from iriftrace.studies.study import Axis, References, Study, source_of
 
-LINEAR_CELLS = "linear cells"
 THE_PAPERS = 20
 """Shells of the reference of Kern et al. (2025)."""
+
+TETRAHEDRA = " as tetrahedra"
+SPLIT = "+"
 
 
 def layers_study(
@@ -44,9 +35,10 @@ def layers_study(
     view: View,
     layers: Sequence[int],
     modes: Sequence[Mode],
-    references: Sequence[str],
-    source: Mapping[str, Any],
-) -> Comparison:
+    references: Sequence[str] | None = None,
+    *,
+    notes: Mapping[str, str] | None = None,
+) -> Study:
     """Compare numbers of shells with references.
 
     Parameters
@@ -56,12 +48,12 @@ def layers_study(
     layers : sequence of int
         Numbers of shells.
     modes : sequence of Mode
-    references : sequence of str
-        ``"continuous"``: the continuous engine, the same for every mode. ``"linear cells"``:
-        likewise, on the field that is linear in each cell, to which facet normals converge. A
-        number: a stack of as many shells in the case's own mode; 20 is the paper's.
-    source : mapping
-        See :class:`iriftrace.studies.hit_comparison.Comparison`.
+    references : sequence of str, optional
+        ``"continuous"``, ``"linear cells"`` (see `iriftrace.studies.study.References`), or a
+        number: a stack of as many shells in the case's own mode. By default 20, as in the paper,
+        and continuous.
+    notes : mapping of str, optional
+        What the fields do not say of themselves.
 
     Raises
     ------
@@ -72,38 +64,24 @@ def layers_study(
         raise InputError(f"{min(layers)} shells bend no ray; give numbers of at least 1.")
     for mode in modes:
         mode.check_fields(1)
-    for name in references:
+    names = references or (str(THE_PAPERS), CONTINUOUS)
+    for name in names:
         if name not in (CONTINUOUS, LINEAR_CELLS) and not (name.isdecimal() and int(name) > 0):
             raise InputError(
                 f'"{name}" is no reference; give "{CONTINUOUS}", "{LINEAR_CELLS}" or a number of '
                 f"shells, such as {THE_PAPERS}."
             )
-    continuous: dict[str, Hits] = {}
-
-    def shells(mode: Mode, count: int) -> Hits | None:
-        stack = shells_of(field, count, mode)
-        return None if stack is None else picture_of_shells(view, stack, mode)
-
-    def reference(mode: Mode, name: str) -> Hits | None:
-        if name.isdecimal():
-            return shells(mode, int(name))
-        if name not in continuous:
-            normals = "gradient" if name == CONTINUOUS else "facet"
-            continuous[name] = picture_of_field(view, field, normals=normals)
-        return continuous[name]
-
-    return Comparison(
+    return Study(
         name="layers",
         axis=Axis("layers", tuple(layers), "number of shells"),
         modes=tuple(modes),
-        references=tuple(references),
-        trace=lambda mode, position: shells(mode, layers[position]),
-        reference=reference,
-        source=source,
+        view=lambda position: view,
+        stack=lambda mode, position: shells_of(field, layers[position], mode),
+        source=source_of(view, [field], notes),
+        references=References(
+            tuple(names), field, lambda mode, name: shells_of(field, int(name), mode)
+        ),
     )
-
-
-# MERGE studies.smoothing: The study ``smoothing``: what smoothing the shells of a coarse field ch
 
 
 def smoothing_study(
@@ -112,11 +90,11 @@ def smoothing_study(
     view: View,
     iterations: Sequence[int],
     modes: Sequence[Mode],
-    references: Sequence[str],
-    source: Mapping[str, Any],
+    references: Sequence[str] | None = None,
     *,
     layers: int = 13,
-) -> Comparison:
+    notes: Mapping[str, str] | None = None,
+) -> Study:
     """Compare shells of one field, smoothed by Taubin's method, with those of a finer field.
 
     Parameters
@@ -127,128 +105,49 @@ def smoothing_study(
     iterations : sequence of int
         Of `iriftrace.shells.edit.smooth_taubin`.
     modes : sequence of Mode
-        Gradient normals and steepness stay with their vertices, because they belong to the field
-        and not to the facets.
-    references : sequence of str
-        See :mod:`iriftrace.studies.hit_comparison`.
-    source : mapping
-        See :class:`iriftrace.studies.hit_comparison.Comparison`.
+        The gradient normals and their derivatives stay with their vertices, because they belong to
+        the field and not to the facets.
+    references : sequence of str, optional
+        ``"same mode"``: shells of the finest field in the case's own mode, as in Kern et al.
+        (2025). ``"continuous"``: the continuous engine on that field. By default both.
     layers : int
         Number of shells.
+    notes : mapping of str, optional
+        What the fields do not say of themselves.
     """
+    fields = [field, finest]
     for mode in modes:
-        mode.check_layers(layers, 2)
-    check_references(tuple(references))
-    unsmoothed: dict[str, ShellStack | None] = {}
-    target = Finest(finest, 1, layers)
+        mode.check_layers(layers, len(fields))
 
-    def trace(mode: Mode, position: int) -> Hits | None:
-        if mode.name not in unsmoothed:
-            unsmoothed[mode.name] = shells_of(
-                field, layers, mode, number=0, index_range=target.index_range
-            )
-        stack = unsmoothed[mode.name]
-        if stack is None:
-            return None
-        return picture_of_shells(view, smoothed(stack, iterations[position]), mode)
+    @lru_cache(maxsize=len(modes))
+    def unsmoothed(mode: Mode) -> ShellStack | None:
+        return shells_of(field, layers, mode, number=0, index_range=_range(finest))
 
-    return Comparison(
+    def stack(mode: Mode, position: int) -> ShellStack | None:
+        before = unsmoothed(mode)
+        return None if before is None else smoothed(before, iterations[position])
+
+    return Study(
         name="smoothing",
         axis=Axis("iterations", tuple(iterations), "Taubin smoothing iterations"),
         modes=tuple(modes),
-        references=tuple(references),
-        trace=trace,
-        reference=references_of(target, view),
-        source={**source, "layers": layers},
+        view=lambda position: view,
+        stack=stack,
+        source=source_of(view, fields, notes, layers=layers),
+        references=_finest(fields, layers, references),
     )
-
-
-def smoothed(stack: ShellStack, iterations: int) -> ShellStack:
-    """Smooth the surfaces; each vertex keeps the gradient that it had."""
-    changed = smooth_taubin(stack, iterations)
-    shells = [
-        evolve(after, normals=before.normals, steepness=before.steepness)
-        for before, after in zip(stack.shells, changed.shells, strict=True)
-    ]
-    return evolve(changed, shells=shells)
-
-
-# MERGE studies.split_cells: Cells of a field cut smaller, without any new information about the a
-
-TETRAHEDRON = 10
-
-# Corner numbers 0 to 3 are the tetrahedron's own, 4 to 9 the middles of these edges.
-_EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
-_EIGHTHS = (
-    *((0, 4, 5, 6), (4, 1, 7, 8), (5, 7, 2, 9), (6, 8, 9, 3)),
-    # The octahedron in the middle, about the diagonal from edge 0-1 to edge 2-3.
-    *((4, 9, 5, 6), (4, 9, 6, 8), (4, 9, 8, 7), (4, 9, 7, 5)),
-)
-
-
-def as_tetrahedra(field: IndexField) -> IndexField:
-    """The same points and values with every cell divided into tetrahedra that share their faces.
-
-    On tetrahedra the index is linear, on other cells it is not: surfaces of equal index differ
-    between the two by the second order of the cells' size.
-    """
-    divided = field.grid.triangulate()
-    corners = np.asarray(divided.cell_connectivity, dtype=np.int64).reshape(-1, 4)
-    return _field(field, np.asarray(divided.points), field.refractivity, corners)
-
-
-def split_tetrahedra(field: IndexField) -> IndexField:
-    """Every tetrahedron divided into eight at the middles of its edges.
-
-    The index at a new point is the mean of the edge's ends, which the field already had there; so
-    surfaces of equal index stay where they are and get more triangles, all of them coplanar with
-    those they come from. Recovered gradients change: the mean at a new point is taken over smaller
-    cells, so that refining a linear field ever further gives back the steps of its gradient.
-
-    Parameters
-    ----------
-    field : IndexField
-        Of tetrahedra only.
-    """
-    corners = np.asarray(field.grid.cell_connectivity, dtype=np.int64).reshape(-1, 4)
-    points = np.asarray(field.grid.points)
-    ends = np.sort(corners[:, _EDGES].reshape(-1, 2), axis=1)
-    key, edge = np.unique((ends[:, 0] << 32) | ends[:, 1], return_inverse=True)
-    one, other = key >> 32, key & 0xFFFFFFFF
-    middle = 0.5 * (points[one].astype(np.float64) + points[other])
-    value = 0.5 * (field.refractivity[one] + field.refractivity[other])
-    ten = np.concatenate((corners, len(points) + edge.reshape(-1, 6)), axis=1)
-    return _field(
-        field,
-        np.concatenate((points.astype(np.float64), middle)),
-        np.concatenate((field.refractivity, value)),
-        ten[:, _EIGHTHS].reshape(-1, 4),
-    )
-
-
-def _field(
-    field: IndexField, points: NDArray[np.floating], values: NDArray[np.float64], corners: IntArray
-) -> IndexField:
-    grid = pv.UnstructuredGrid({pv.CellType.TETRA: corners}, points)
-    return IndexField(grid, values, field.air, field.source)
-
-
-# MERGE studies.mesh: The study ``mesh``: what the resolution of the flow solution changes.
-
-TETRAHEDRA = " as tetrahedra"
-SPLIT = "+"
 
 
 def mesh_study(
     fields: Mapping[str, IndexField],
     view: View,
     modes: Sequence[Mode],
-    references: Sequence[str],
-    source: Mapping[str, Any],
+    references: Sequence[str] | None = None,
     *,
     layers: int = 13,
     split: Sequence[str] = (),
-) -> Comparison:
+    notes: Mapping[str, str] | None = None,
+) -> Study:
     """Compare fields of several resolutions with the last of them, cut at the same levels.
 
     Parameters
@@ -257,16 +156,16 @@ def mesh_study(
         Fields by name, the finest last.
     view : View
     modes : sequence of Mode
-    references : sequence of str
-        See :mod:`iriftrace.studies.hit_comparison`.
-    source : mapping
-        See :class:`iriftrace.studies.hit_comparison.Comparison`.
+    references : sequence of str, optional
+        See `smoothing_study`.
     layers : int
         Number of shells.
     split : sequence of str
         Names of fields that are also contoured after their cells were divided into tetrahedra
         (`TETRAHEDRA` is put after the name), and after these were split into eight (`SPLIT`).
         Between the last two only coplanar triangles are added.
+    notes : mapping of str, optional
+        What the fields do not say of themselves.
 
     Raises
     ------
@@ -285,41 +184,69 @@ def mesh_study(
             )
     for mode in modes:
         mode.check_layers(layers, len(names))
-    check_references(tuple(references))
+    # Name, original field and what is done to it.
     cases = [
-        case
-        for name in names
-        for case in ((name, name + TETRAHEDRA, name + SPLIT) if name in split else (name,))
+        (name + suffix, number, suffix)
+        for number, name in enumerate(names)
+        for suffix in (("", TETRAHEDRA, SPLIT) if name in split else ("",))
     ]
-    target = Finest(fields[names[-1]], len(names) - 1, layers)
 
     # A split field can need gigabytes.
     @lru_cache(maxsize=1)
-    def field_of(case: str) -> IndexField:
-        if case in fields:
-            return fields[case]
-        if case.endswith(TETRAHEDRA):
-            return as_tetrahedra(fields[case.removesuffix(TETRAHEDRA)])
-        return split_tetrahedra(as_tetrahedra(fields[case.removesuffix(SPLIT)]))
+    def cut(position: int) -> IndexField:
+        _, number, suffix = cases[position]
+        field = fields[names[number]]
+        if not suffix:
+            return field
+        tetrahedra = as_tetrahedra(field)
+        return tetrahedra if suffix == TETRAHEDRA else split_tetrahedra(tetrahedra)
 
-    def trace(mode: Mode, position: int) -> Hits | None:
-        case = cases[position]
-        origin = case if case in fields else case.removesuffix(TETRAHEDRA).removesuffix(SPLIT)
-        stack = shells_of(
-            field_of(case),
-            layers,
-            mode,
-            number=names.index(origin),
-            index_range=target.index_range,
-        )
-        return None if stack is None else picture_of_shells(view, stack, mode)
+    def stack(mode: Mode, position: int) -> ShellStack | None:
+        number, finest = cases[position][1], fields[names[-1]]
+        field = cut(position)
+        return shells_of(field, layers, mode, number=number, index_range=_range(finest))
 
-    return Comparison(
+    return Study(
         name="mesh",
-        axis=Axis("field", tuple(cases), "field, coarse to fine"),
+        axis=Axis("field", tuple(case for case, _, _ in cases), "field, coarse to fine"),
         modes=tuple(modes),
-        references=tuple(references),
-        trace=trace,
-        reference=references_of(target, view),
-        source={**source, "layers": layers},
+        view=lambda position: view,
+        stack=stack,
+        source=source_of(view, list(fields.values()), notes, layers=layers),
+        references=_finest(list(fields.values()), layers, references),
     )
+
+
+def _range(finest: IndexField) -> tuple[float, float]:
+    """n - 1 of the ambient and the hottest air, which give all fields the same levels."""
+    return finest.ambient_refractivity, finest.hottest_refractivity
+
+
+def _finest(
+    fields: Sequence[IndexField], layers: int, references: Sequence[str] | None
+) -> References:
+    names = references or (SAME_MODE, CONTINUOUS)
+    for name in names:
+        if name not in (SAME_MODE, CONTINUOUS):
+            raise InputError(
+                f'"{name}" is no reference; give "{SAME_MODE}" (shells of the finest field) or '
+                f'"{CONTINUOUS}" (the continuous engine on the finest field).'
+            )
+    finest, number = fields[-1], len(fields) - 1
+    return References(
+        tuple(names),
+        finest,
+        lambda mode, name: shells_of(
+            finest, layers, mode, number=number, index_range=_range(finest)
+        ),
+    )
+
+
+def smoothed(stack: ShellStack, iterations: int) -> ShellStack:
+    """Smooth the surfaces; each vertex keeps the gradient that it had."""
+    changed = smooth_taubin(stack, iterations)
+    shells = [
+        evolve(after, normals=before.normals, steepness=before.steepness)
+        for before, after in zip(stack.shells, changed.shells, strict=True)
+    ]
+    return evolve(changed, shells=shells)

@@ -1,10 +1,9 @@
-"""The study ``rays``: what the number of rays costs."""
+"""Studies of cost: times against the number of rays, and of triangles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from attrs import evolve
@@ -13,13 +12,17 @@ from scipy.spatial import cKDTree
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
 from iriftrace.geometry.triangles import polydata
-from iriftrace.scene.load import LoadedScene
 from iriftrace.shells.edit import subdivide_midpoint
 from iriftrace.shells.stack import Shell, ShellStack
-from iriftrace.studies.hit_comparison import Axis
-from iriftrace.studies.modes import Mode, some_shells_of
-from iriftrace.studies.picture import View, loaded_shells
-from iriftrace.studies.timing import Timing
+from iriftrace.studies.modes import Mode, shells_of, some_shells_of
+from iriftrace.studies.picture import View
+from iriftrace.studies.study import Axis, Study, source_of
+
+SMALLEST = 4_700
+"""Triangles of a shell with which Kern et al. (2025) begin."""
+
+LARGEST = 320_000
+"""Triangles of a shell with which the study ends unless asked for more (theirs: 4.8 million)."""
 
 
 def rays_study(
@@ -27,10 +30,10 @@ def rays_study(
     view: View,
     scales: Sequence[float],
     modes: Sequence[Mode],
-    source: Mapping[str, Any],
     *,
     layers: int = 13,
-) -> Timing:
+    notes: Mapping[str, str] | None = None,
+) -> Study:
     """Time the stages of one picture at several resolutions.
 
     Parameters
@@ -41,10 +44,10 @@ def rays_study(
     scales : sequence of float
         Factors on the resolution.
     modes : sequence of Mode
-    source : mapping
-        See :class:`iriftrace.studies.timing.Timing`.
     layers : int
         Number of shells.
+    notes : mapping of str, optional
+        What the field does not say of itself.
 
     Raises
     ------
@@ -58,43 +61,28 @@ def rays_study(
             f"The scales {', '.join(f'{scale:g}' for scale in scales) or 'none'} give "
             f"{', '.join(map(str, rays)) or 'no'} rays; give at least one, each different."
         )
-
-    @contextmanager
-    def scene(mode: Mode, position: int) -> Iterator[tuple[LoadedScene, int, int]]:
-        stack = some_shells_of(field, layers, mode)
-        with loaded_shells(evolve(view, camera=cameras[position]), stack, mode) as loaded:
-            yield loaded, len(stack.shells), stack.triangles
-
     for mode in modes:
         mode.check_layers(layers, 1)
-    return Timing(
+    return Study(
         name="rays",
         axis=Axis("launched", tuple(rays), "rays launched"),
         modes=tuple(modes),
-        scene=scene,
-        source={**source, "layers": layers},
+        view=lambda position: evolve(view, camera=cameras[position]),
+        stack=lambda mode, position: shells_of(field, layers, mode),
+        source=source_of(view, [field], notes, layers=layers),
     )
-
-
-# MERGE studies.polygons: The study ``polygons``: what the number of triangles costs.
-
-SMALLEST = 4_700
-"""Triangles of a shell with which Kern et al. (2025) begin."""
-
-LARGEST = 320_000
-"""Triangles of a shell with which the study ends unless asked for more (theirs: 4.8 million)."""
 
 
 def polygons_study(
     field: IndexField,
     view: View,
     modes: Sequence[Mode],
-    source: Mapping[str, Any],
     *,
     layers: int = 13,
     smallest: int = SMALLEST,
     largest: int = LARGEST,
-) -> Timing:
+    notes: Mapping[str, str] | None = None,
+) -> Study:
     """Time the stages of one picture at several numbers of triangles.
 
     Midpoint subdivision leaves the surfaces where they are, so all but the first step trace the
@@ -105,14 +93,14 @@ def polygons_study(
     field : IndexField
     view : View
     modes : sequence of Mode
-    source : mapping
-        See :class:`iriftrace.studies.timing.Timing`.
     layers : int
         Number of shells.
     smallest : int
         Triangles of each shell to begin with; larger shells are thinned out to it.
     largest : int
         No more subdivisions than give this mean number of triangles for each shell.
+    notes : mapping of str, optional
+        What the field does not say of itself.
 
     Raises
     ------
@@ -126,29 +114,20 @@ def polygons_study(
         )
     for mode in modes:
         mode.check_layers(layers, 1)
-    started: dict[str, ShellStack] = {}
 
+    @lru_cache(maxsize=len(modes))
     def start(mode: Mode) -> ShellStack:
-        if mode.name not in started:
-            started[mode.name] = thinned(some_shells_of(field, layers, mode), smallest)
-        return started[mode.name]
+        return thinned(some_shells_of(field, layers, mode), smallest)
 
     first = start(modes[0])
     steps = int(np.log(largest * len(first.shells) / first.triangles) / np.log(4) + 1e-9)
-
-    @contextmanager
-    def scene(mode: Mode, position: int) -> Iterator[tuple[LoadedScene, int, int]]:
-        undivided = start(mode)
-        # No name for the divided shells here, because it would keep them in memory.
-        with loaded_shells(view, subdivide_midpoint(undivided, position), mode) as loaded:
-            yield loaded, len(undivided.shells), undivided.triangles * 4**position
-
-    return Timing(
+    return Study(
         name="polygons",
         axis=Axis("subdivisions", tuple(range(max(0, steps) + 1)), "midpoint subdivisions"),
         modes=tuple(modes),
-        scene=scene,
-        source={**source, "layers": layers, "smallest": smallest},
+        view=lambda position: view,
+        stack=lambda mode, position: subdivide_midpoint(start(mode), position),
+        source=source_of(view, [field], notes, layers=layers, smallest=smallest),
     )
 
 

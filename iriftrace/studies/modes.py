@@ -1,4 +1,4 @@
-"""How a study cuts the air into shells and refracts at them: our way, and the paper's."""
+"""Modes of a study: how the air is cut into shells and rays are refracted; ours, the paper's."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.levels import RULES
 from iriftrace.shells.stack import ShellStack
 
+SAME_MODE = "same mode"
 CONTINUOUS = "continuous"
-"""Name of the continuous engine among the references of a study."""
+LINEAR_CELLS = "linear cells"
+"""Names of references: shells of the finest field in a case's own mode, the continuous engine, and
+the same with one gradient in each cell."""
 
 NORMALS = ("gradient", "facet")
 INSIDE_HITS = ("refract", "drop")
@@ -43,7 +46,7 @@ class Mode:
 
     name: str
     normals: str = field(default="gradient")
-    index_rule: str = field(default="midpoint")
+    index_rule: str = field(default=RULES[0])
     inside_hit: str = field(default="refract")
     drop_inner: tuple[int, ...] = field(default=(0,), converter=tuple[int, ...])
 
@@ -122,7 +125,7 @@ def one_change_each(papers: Mode) -> list[Mode]:
     """The paper's mode with one of its choices at a time replaced by ours, to see which matters."""
     changes = {
         "normals": "gradient normals",
-        "index_rule": "midpoint rule",
+        "index_rule": f"{OURS.index_rule} rule",
         "inside_hit": "inside hits refracted",
         "drop_inner": "all shells",
     }

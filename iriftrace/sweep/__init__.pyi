@@ -5,4 +5,4 @@ from .reload import load_swept_scene as load_swept_scene
 from .store import read_sweep as read_sweep
 from .sweep import SweepOptions as SweepOptions
 from .sweep import run_sweep as run_sweep
-from .workers import workers as workers
+from .workers import pose_workers as pose_workers

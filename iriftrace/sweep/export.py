@@ -1,4 +1,4 @@
-"""A sweep as a plain table for other programs: CSV or Parquet."""
+"""Sweeps for other programs: a plain table, and the part with its maps for ParaView."""
 
 from __future__ import annotations
 
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-SUFFIXES = (".csv", ".parquet")
-
-
 def check_table(path: Path) -> None:
     """Refuse before the work a table that could not be written after it.
 
@@ -31,15 +28,30 @@ def check_table(path: Path) -> None:
     SetupError
         If what writes Parquet is not installed.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"The table {path} must end in {' or '.join(SUFFIXES)}, which says how it is written; "
-            "name it so."
-        )
+    _check_suffix(path, "table", (".csv", ".parquet"))
     if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
         raise SetupError(
             f"{path} needs pyarrow, which is not installed; in the clone: "
             "pip install -e '.[parquet]', or write a .csv file."
+        )
+
+
+def check_surface(path: Path) -> None:
+    """Refuse before the work a surface that could not be written after it.
+
+    Raises
+    ------
+    InputError
+        If its name ends in something else than ``.vtp`` or ``.vtu``, which ParaView opens.
+    """
+    _check_suffix(path, "surface", (".vtp", ".vtu"))
+
+
+def _check_suffix(path: Path, what: str, suffixes: tuple[str, ...]) -> None:
+    if path.suffix.lower() not in suffixes:
+        raise InputError(
+            f"The {what} {path} must end in {' or '.join(suffixes)}, which says how it is written; "
+            "name it so."
         )
 
 
@@ -61,26 +73,6 @@ def write_table(path: Path, dataset: xr.Dataset) -> None:
             table.to_csv(temporary)
         else:
             table.to_parquet(temporary, engine="pyarrow")
-
-
-# MERGE sweep_surface: The part with what a sweep found out about each of its faces, for ParaView.
-
-SURFACE_SUFFIXES = (".vtp", ".vtu")
-
-
-def check_surface(path: Path) -> None:
-    """Refuse before the work a surface that could not be written after it.
-
-    Raises
-    ------
-    InputError
-        If its name ends in something else than ``.vtp`` or ``.vtu``.
-    """
-    if path.suffix.lower() not in SURFACE_SUFFIXES:
-        raise InputError(
-            f"The surface {path} must end in {' or '.join(SURFACE_SUFFIXES)}, which "
-            "ParaView opens; name it so."
-        )
 
 
 def write_surface(path: Path, dataset: xr.Dataset, part: Part) -> None:

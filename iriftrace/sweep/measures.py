@@ -1,91 +1,148 @@
-"""What a sweep keeps of each pose's metrics: names, units and descriptions, and the variables."""
+"""Variables of a sweep that come from the metrics of its poses: names, units, descriptions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from attrs import frozen
 
 from iriftrace.image.aov_image import Status
 
 Limits = tuple[float, float]
-"""Least and greatest value of a colour scale."""
+"""Least and greatest value of a scale."""
 
-# Name in the file: (keys in the pose metrics, unit, description).
-MEASURES: dict[str, tuple[tuple[str, ...], str, str]] = {
+
+@frozen
+class Measure:
+    """One variable.
+
+    Attributes
+    ----------
+    keys : tuple of str
+        Where the value stands in a pose's metrics.
+    unit : str
+    text : str
+        Description, may be empty.
+    count : bool
+        A whole number, -1 where it is unknown; others are floats and NaN.
+    regional : bool
+        One value for each region, and not for the whole part alone.
+    method : str
+        What was done over the members of an ensemble, as the CF conventions (1.11, section 7.3)
+        say it; may be empty.
+    """
+
+    keys: tuple[str, ...]
+    unit: str
+    text: str = ""
+    count: bool = False
+    regional: bool = True
+    method: str = ""
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Attributes of the variable in the file."""
+        given = {"units": self.unit, "long_name": self.text, "cell_methods": self.method}
+        return {name: text for name, text in given.items() if text}
+
+    def value(self, metrics: dict[str, Any] | None) -> float:
+        """The value in the metrics of a pose or region; None for one that failed."""
+        found: Any = metrics
+        for key in self.keys:
+            found = None if found is None else found.get(key)
+        return (-1 if self.count else np.nan) if found is None else found
+
+
+_STATISTICS = (
+    ("mean", "mean"),
+    ("median", "median"),
+    ("p95", "95th percentile of the"),
+    ("max", "largest"),
+    ("rms", "root mean square"),
+)
+_READINGS = (
+    ("", "step to the next pixel"),
+    ("_nn3d", "nearest neighbour in space"),
+    ("_nnxy", "nearest neighbour in the picture's plane"),
+)
+
+MEASURES: dict[str, Measure] = {
     **{
-        f"displacement_{key}": (("displacement_mm", key), "mm", f"{text} displacement")
-        for key, text in (
-            ("mean", "mean"),
-            ("median", "median"),
-            ("p95", "95th percentile of the"),
-            ("max", "largest"),
-            ("rms", "root mean square"),
-        )
+        f"displacement_{key}": Measure(("displacement_mm", key), "mm", f"{text} displacement")
+        for key, text in _STATISTICS
     },
-    "displacement_lateral": (("displacement_lateral_mm",), "mm", "mean across the line of sight"),
-    "displacement_axial": (("displacement_axial_mm",), "mm", "mean along the line of sight"),
     **{
-        f"shift_{key}": (("shift_px", key), "px", f"{key} shift in the picture")
+        f"displacement_{direction}": Measure(
+            (f"displacement_{direction}_mm",), "mm", f"mean {where} the line of sight"
+        )
+        for direction, where in (("lateral", "across"), ("axial", "along"))
+    },
+    **{
+        f"shift_{key}": Measure(("shift_px", key), "px", f"{key} shift in the picture")
         for key in ("mean", "median", "p95", "max")
     },
     **{
-        f"{direction}_resolution{reading}": (
-            (f"{direction}_resolution_mm{reading}",),
-            "mm",
-            f"{direction} resolution, {text}",
+        f"{direction}_resolution{reading}": Measure(
+            (f"{direction}_resolution_mm{reading}",), "mm", f"{direction} resolution, {text}"
         )
         for direction in ("lateral", "axial")
-        for reading, text in (
-            ("", "step to the next pixel"),
-            ("_nn3d", "nearest neighbour in space"),
-            ("_nnxy", "nearest neighbour in the picture's plane"),
+        for reading, text in _READINGS
+    },
+    "incidence_angle": Measure(("incidence_angle_deg",), "degree", "mean angle of incidence"),
+    "coverage": Measure(("coverage",), "1", "area of the faces hit over the area"),
+    "coverage_area": Measure(
+        ("coverage_area",), "1", "area of the pixels' footprints over the area"
+    ),
+}
+
+ENSEMBLE: dict[str, Measure] = {
+    **{
+        f"scatter_{key}": Measure(
+            ("ensemble", "scatter_mm", key),
+            "mm",
+            f"{text} standard deviation of the displacement over the members",
+            method="realization: standard_deviation",
+        )
+        for key, text in _STATISTICS
+    },
+    **{
+        name: Measure(("ensemble", key), "1", text, count=True)
+        for name, key, text in (
+            ("ensemble_members", "members", "members of the ensemble"),
+            ("rays_in_all", "rays_in_all", "rays that count in all members"),
+            ("rays_in_some", "rays_in_some", "rays that count in some members only"),
         )
     },
-    "incidence_angle": (("incidence_angle_deg",), "degree", "mean angle of incidence"),
-    "coverage": (("coverage",), "1", "area of the faces hit over the area"),
-    "coverage_area": (("coverage_area",), "1", "area of the pixels' footprints over the area"),
 }
+"""Of an ensemble only; the other displacements are then those of the members' mean."""
 
-# Of an ensemble only; the other displacements are then those of the members' mean.
-ENSEMBLE_MEASURES: dict[str, tuple[tuple[str, ...], str, str]] = {
-    f"scatter_{key}": (
-        ("ensemble", "scatter_mm", key),
-        "mm",
-        f"{text} standard deviation of the displacement over the members",
-    )
-    for key, text in (
-        ("mean", "mean"),
-        ("median", "median"),
-        ("p95", "95th percentile of the"),
-        ("max", "largest"),
-        ("rms", "root mean square"),
-    )
+RAYS: dict[str, Measure] = {
+    **{
+        f"rays_{key}": Measure(("rays", key), "1", count=True)
+        for key in ("hit", *(status.key for status in Status))
+    },
+    **{
+        f"rays_{key}": Measure(("rays", key), "1", count=True, regional=False)
+        for key in ("launched", "open_boundary")
+    },
 }
-ENSEMBLE_COUNTS = {
-    "ensemble_members": (("ensemble", "members"), "members of the ensemble"),
-    "rays_in_all": (("ensemble", "rays_in_all"), "rays that count in all members"),
-    "rays_in_some": (("ensemble", "rays_in_some"), "rays that count in some members only"),
-}
-MEAN_OVER_MEMBERS = {"cell_methods": "realization: mean"}
-SCATTER_OF_MEMBERS = {"cell_methods": "realization: standard_deviation"}
-"""As the CF conventions (1.11, section 7.3) say it."""
-
-COUNTS = ("hit", *(status.key for status in Status))
-POSE_COUNTS = {
-    "rays_launched": ("rays", "launched"),
-    "rays_open_boundary": ("rays", "open_boundary"),
-    "shell_triangles_in_view": ("shell_triangles_in_view",),
-}
-POSE_NUMBERS = {
-    "every_second_shell_p95": (
+OF_POSES: dict[str, Measure] = {
+    "shell_triangles_in_view": Measure(
+        ("shell_triangles_in_view",), "1", count=True, regional=False
+    ),
+    "every_second_shell_p95": Measure(
         ("every_second_shell", "p95_share"),
         "1",
         "change of the hits without every second shell, 95th percentile, over the displacement's",
+        regional=False,
     ),
+    **{
+        f"time_{stage}": Measure(("time_s", stage), "s", regional=False)
+        for stage in ("straight", "refracted", "metrics", "total")
+    },
 }
-STAGES = ("straight", "refracted", "metrics", "total")
 
 
 def metric_variables(
@@ -95,13 +152,13 @@ def metric_variables(
     *,
     ensemble: bool = False,
 ) -> dict[str, Any]:
-    """What was measured in each pose, as variables of a dataset.
+    """Variables of a dataset from what was measured in each pose.
 
     Parameters
     ----------
     entries : iterable of dict
-        For each pose ``metrics`` (of `iriftrace.image.metrics.pose_metrics`, or None)
-        and ``failure``; only one is in memory at a time.
+        For each pose ``metrics`` (the JSON of a pose, or None) and ``failure``; only one is in
+        memory at a time.
     count : int
         Number of poses.
     region_names : sequence of str
@@ -109,83 +166,28 @@ def metric_variables(
     ensemble : bool
         Whether poses are those of several fields; adds their scatter.
     """
-    shape = (count, 1 + len(region_names))
-    wanted = {**MEASURES, **(ENSEMBLE_MEASURES if ensemble else {})}
-    measures = {name: np.empty(shape) for name in wanted}
-    counts = {f"rays_{key}": np.empty(shape, dtype=np.int64) for key in COUNTS}
-    members = {name: np.empty(shape, dtype=np.int64) for name in ENSEMBLE_COUNTS if ensemble}
-    pose_counts = {name: np.empty(count, dtype=np.int64) for name in POSE_COUNTS}
-    pose_numbers = {name: np.empty(count) for name in POSE_NUMBERS}
-    times = {stage: np.empty(count) for stage in STAGES}
+    measures = {**MEASURES, **(ENSEMBLE if ensemble else {}), **RAYS, **OF_POSES}
+    regions = 1 + len(region_names)
+    values = {
+        name: np.empty(
+            (count, regions) if one.regional else count, dtype=np.int64 if one.count else np.float64
+        )
+        for name, one in measures.items()
+    }
     failures = []
     for pose, entry in enumerate(entries):
         failures.append(entry["failure"])
-        for region, view in enumerate(_views(entry["metrics"], region_names)):
-            for name, (keys, _, _) in wanted.items():
-                measures[name][pose, region] = _number(_at(view, keys))
-            for key in COUNTS:
-                counts[f"rays_{key}"][pose, region] = _count(_at(view, ("rays", key)))
-            for name, values in members.items():
-                values[pose, region] = _count(_at(view, ENSEMBLE_COUNTS[name][0]))
-        for name, keys in POSE_COUNTS.items():
-            pose_counts[name][pose] = _count(_at(entry["metrics"], keys))
-        for name, (keys, _, _) in POSE_NUMBERS.items():
-            pose_numbers[name][pose] = _number(_at(entry["metrics"], keys))
-        for stage in STAGES:
-            times[stage][pose] = _number(_at(entry["metrics"], ("time_s", stage)))
-    both = ("pose", "region")
-    return {
-        **{
-            name: (
-                both,
-                measures[name],
-                {"units": unit, "long_name": text, **_method(name, ensemble)},
-            )
-            for name, (_, unit, text) in wanted.items()
-        },
-        **{
-            name: (both, values, {"units": "1", "long_name": ENSEMBLE_COUNTS[name][1]})
-            for name, values in members.items()
-        },
-        **{name: (both, values, {"units": "1"}) for name, values in counts.items()},
-        **{name: (("pose",), values, {"units": "1"}) for name, values in pose_counts.items()},
-        **{
-            name: (("pose",), pose_numbers[name], {"units": unit, "long_name": text})
-            for name, (_, unit, text) in POSE_NUMBERS.items()
-        },
-        **{f"time_{stage}": (("pose",), times[stage], {"units": "s"}) for stage in STAGES},
-        "failure": (("pose",), np.array(failures, dtype=object)),
-    }
-
-
-def _method(name: str, ensemble: bool) -> dict[str, str]:
-    """What was done over the members of an ensemble."""
-    if not ensemble:
-        return {}
-    if name in ENSEMBLE_MEASURES:
-        return SCATTER_OF_MEMBERS
-    return MEAN_OVER_MEMBERS if name.startswith(("displacement_", "shift_")) else {}
-
-
-def _views(
-    metrics: dict[str, Any] | None, region_names: Sequence[str]
-) -> Iterator[dict[str, Any] | None]:
-    yield metrics
-    for name in region_names:
-        yield None if metrics is None else metrics["regions"].get(name)
-
-
-def _at(values: dict[str, Any] | None, keys: tuple[str, ...]) -> Any:
-    for key in keys:
-        if values is None:
-            return None
-        values = values.get(key)
-    return values
-
-
-def _number(value: Any) -> float:
-    return float("nan") if value is None else float(value)
-
-
-def _count(value: Any) -> int:
-    return -1 if value is None else int(value)
+        whole = entry["metrics"]
+        views = [whole, *((whole or {}).get("regions", {}).get(name) for name in region_names)]
+        for name, one in measures.items():
+            found = [one.value(view) for view in views] if one.regional else one.value(whole)
+            values[name][pose] = found
+    dimensions = ("pose", "region")
+    variables: dict[str, Any] = {}
+    for name, one in measures.items():
+        attributes = one.attributes
+        if ensemble and name.startswith(("displacement_", "shift_")):
+            attributes["cell_methods"] = "realization: mean"
+        variables[name] = (dimensions[: values[name].ndim], values[name], attributes)
+    variables["failure"] = (("pose",), np.array(failures, dtype=object))
+    return variables

@@ -1,4 +1,4 @@
-"""The scene of a sweep, loaded again to render further poses of it as the sweep did."""
+"""Scene, part and outermost shell of a sweep, read again by what its file says of them."""
 
 from __future__ import annotations
 
@@ -130,9 +130,6 @@ def _variant(swept: str | None) -> str:
             stacklevel=3,
         )
         return usual
-
-
-# MERGE sweep_surroundings: The part and the outermost shell of a sweep, found again by what its f
 
 
 @frozen(eq=False)

@@ -146,7 +146,7 @@ def run_series(
     progress : callable, optional
         Called with the number of finished poses and of all poses.
     render : callable, optional
-        Renders the poses, as `iriftrace.sweep.workers.workers` does; by default this process.
+        Renders the poses, as `iriftrace.sweep.workers.pose_workers` does; by default this process.
 
     Returns
     -------

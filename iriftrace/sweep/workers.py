@@ -1,4 +1,4 @@
-"""Who renders a sweep: processes of this machine, or those of a Dask scheduler on several."""
+"""Workers that render a sweep: processes of this machine, or of a Dask scheduler on several."""
 
 from __future__ import annotations
 
@@ -39,6 +39,13 @@ _TASKS_PER_WORKER = 2
 # Ctrl-C reaches all processes of a terminal; the one that asked for the workers ends them.
 _IGNORE_INTERRUPTS = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 
+# A worker that was started with several threads gets several poses at once, but Dr.Jit's arrays,
+# the variant and the scene are those of the process. A pose uses several cores anyway.
+_one_at_a_time = threading.Lock()
+
+# Only the last scene: tasks come scene by scene, and a scene can need gigabytes.
+_loaded: dict[str, LoadedScene] = {}
+
 
 def check_scheduler(scheduler: str, count: int | None = None) -> None:
     """Refuse before the work a scheduler that cannot be meant.
@@ -77,7 +84,7 @@ def check_scheduler(scheduler: str, count: int | None = None) -> None:
 
 
 @contextmanager
-def workers(scheduler: str, count: int | None = None) -> Iterator[RenderPoses]:
+def pose_workers(scheduler: str, count: int | None = None) -> Iterator[RenderPoses]:
     """Workers that render poses, as long as the block lasts.
 
     Each worker loads the scene's files itself and keeps the scene, so workers on other machines
@@ -165,7 +172,6 @@ def _quiet() -> Iterator[None]:
 
 
 def _render(client: Any, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
-
     waiting = iter(tasks)
     running: set[Any] = set()
     completed = import_module("distributed").as_completed(loop=client.loop)
@@ -216,16 +222,6 @@ def _result(future: Any) -> Piece:
             "extra sweep."
         ) from error
     return result
-
-
-# MERGE sweep_worker: What runs in a worker process of a sweep: load the scene once, render pose a
-
-# A worker that was started with several threads gets several poses at once, but Dr.Jit's arrays,
-# the variant and the scene are those of the process. A pose uses several cores anyway.
-_one_at_a_time = threading.Lock()
-
-# Only the last scene: tasks come scene by scene, and a scene can need gigabytes.
-_loaded: dict[str, LoadedScene] = {}
 
 
 def render_on_worker(task: PoseTask, workers_of_host: Mapping[str, int]) -> Piece:

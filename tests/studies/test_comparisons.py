@@ -15,10 +15,10 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.figures.studies import comparison_figure
 from iriftrace.shells.contour import contour_shells
 from iriftrace.studies.accuracy import layers_study, mesh_study, smoothed, smoothing_study
-from iriftrace.studies.hit_comparison import DIFFERENCES, SIZES, run_comparison
 from iriftrace.studies.modes import OURS, PAPERS, Mode
 from iriftrace.studies.picture import View, picture_of_field, picture_of_shells
-from validation.inputs.study_inputs import SOURCE, field_and_view
+from iriftrace.studies.study import DIFFERENCES, SIZES, run_study
+from validation.inputs.study_inputs import field_and_view
 
 FACETS = Mode("facets", normals="facet")
 
@@ -30,19 +30,19 @@ def block(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Index
 
 @pytest.fixture(scope="module")
 def layers(block: tuple[IndexField, View], tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    study = layers_study(*block, [1, 3, 6], [OURS, PAPERS], ["6", "continuous"], SOURCE)
-    return run_comparison(study, tmp_path_factory.mktemp("layers") / "layers.nc")
+    study = layers_study(*block, [1, 3, 6], [OURS, PAPERS], ["6", "continuous"])
+    return run_study(study, tmp_path_factory.mktemp("layers") / "layers.nc")
 
 
-def test_layers_have_every_statistic_with_its_unit(layers: xr.Dataset) -> None:
-    for name, (unit, _) in DIFFERENCES.items():
+def test_layers_have_every_statistic_with_its_unit(layers: xr.Dataset, variant: str) -> None:
+    for name, (unit, *_) in DIFFERENCES.items():
         assert layers[name].dims == ("mode", "layers", "reference")
         assert layers[name].attrs["units"] == unit
-    for name, (unit, _) in SIZES.items():
+    for name, (unit, *_) in SIZES.items():
         assert layers[name].dims == ("mode", "layers")
         assert layers[name].attrs["units"] == unit
     assert json.loads(layers.attrs["modes"])[1]["index_rule"] == "outer"
-    assert layers.attrs["variant"] == SOURCE["variant"]
+    assert layers.attrs["variant"] == variant
 
 
 def test_a_stack_differs_from_itself_by_nothing(layers: xr.Dataset) -> None:
@@ -90,23 +90,21 @@ def test_figures_have_a_column_for_each_reference(layers: xr.Dataset) -> None:
 @pytest.mark.parametrize("name", ["0", "fine", "-3"])
 def test_unknown_references_are_refused(block: tuple[IndexField, View], name: str) -> None:
     with pytest.raises(InputError, match="no reference"):
-        layers_study(*block, [2], [OURS], [name], SOURCE)
+        layers_study(*block, [2], [OURS], [name])
 
 
 def test_no_smoothing_of_the_finest_field_changes_nothing(
     block: tuple[IndexField, View], tmp_path: Path
 ) -> None:
     field, view = block
-    study = smoothing_study(
-        field, field, view, [0, 5], [OURS, FACETS], ["same mode"], SOURCE, layers=3
-    )
-    found = run_comparison(study, tmp_path / "smoothing.nc").sel(reference="same mode")
+    study = smoothing_study(field, field, view, [0, 5], [OURS, FACETS], ["same mode"], layers=3)
+    found = run_study(study, tmp_path / "smoothing.nc").sel(reference="same mode")
     np.testing.assert_array_equal(found["rmse"].sel(iterations=0), 0)
     assert (found["rmse"].sel(iterations=5) > 0).all()
     # Smoothing turns facets; the directions of the gradient stay, so it does less to ours.
     ours, facets = found["median"].sel(iterations=5).values
     assert ours < 0.5 * facets
-    comparison_figure(run_comparison(study, tmp_path / "smoothing.nc"))
+    comparison_figure(run_study(study, tmp_path / "smoothing.nc"))
 
 
 def test_smoothing_keeps_the_gradient_at_each_vertex(block: tuple[IndexField, View]) -> None:
@@ -131,11 +129,10 @@ def test_meshes_are_compared_with_the_last_and_splitting_adds_coplanar_triangles
         view,
         [OURS, FACETS],
         ["same mode"],
-        SOURCE,
         layers=3,
         split=["coarse"],
     )
-    found = run_comparison(study, tmp_path / "mesh.nc").sel(reference="same mode")
+    found = run_study(study, tmp_path / "mesh.nc").sel(reference="same mode")
     assert list(found["field"].values) == ["coarse", "coarse as tetrahedra", "coarse+", "fine"]
     np.testing.assert_array_equal(found["rmse"].sel(field="fine"), 0)
     assert (found["median"].sel(field="coarse") > 0).all()
@@ -145,7 +142,7 @@ def test_meshes_are_compared_with_the_last_and_splitting_adds_coplanar_triangles
     # Vertices are rounded to single precision, which turns facets by 1e-6.
     for name in ("displacement_median", "displacement_p95"):
         assert float(after[name]) == pytest.approx(float(before[name]), rel=2e-3)
-    comparison_figure(run_comparison(study, tmp_path / "mesh.nc"))
+    comparison_figure(run_study(study, tmp_path / "mesh.nc"))
 
 
 def test_a_study_of_meshes_needs_two_fields_and_known_names(
@@ -153,17 +150,16 @@ def test_a_study_of_meshes_needs_two_fields_and_known_names(
 ) -> None:
     field, view = block
     with pytest.raises(InputError, match="at least two fields"):
-        mesh_study({"a": field}, view, [OURS], ["same mode"], SOURCE)
+        mesh_study({"a": field}, view, [OURS], ["same mode"])
     with pytest.raises(InputError, match="no field c to split"):
-        mesh_study({"a": field, "b": field}, view, [OURS], ["same mode"], SOURCE, split=["c"])
+        mesh_study({"a": field, "b": field}, view, [OURS], ["same mode"], split=["c"])
     with pytest.raises(InputError, match="no reference"):
-        mesh_study({"a": field, "b": field}, view, [OURS], ["20"], SOURCE)
+        mesh_study({"a": field, "b": field}, view, [OURS], ["20"])
     with pytest.raises(InputError, match="leaves none"):
         mesh_study(
             {"a": field, "b": field},
             view,
             [evolve(OURS, drop_inner=[0, 3])],
             ["same mode"],
-            SOURCE,
             layers=3,
         )

@@ -14,8 +14,9 @@ from iriftrace.studies import timing
 from iriftrace.studies.cost import polygons_study, rays_study, thinned
 from iriftrace.studies.modes import OURS, PAPERS
 from iriftrace.studies.picture import loaded_shells
-from iriftrace.studies.timing import STAGES, Recording, run_timing
-from validation.inputs.study_inputs import SOURCE, field_and_view
+from iriftrace.studies.study import run_study
+from iriftrace.studies.timing import STAGES, Recording
+from validation.inputs.study_inputs import field_and_view
 
 
 @pytest.fixture(autouse=True)
@@ -25,8 +26,8 @@ def _few_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_rays_are_counted_and_every_stage_takes_time(variant: str, tmp_path: Path) -> None:
     field, view = field_and_view(tmp_path, variant)
-    study = rays_study(field, view, [0.5, 1.0], [OURS], SOURCE, layers=3)
-    found = run_timing(study, tmp_path / "rays.nc")
+    study = rays_study(field, view, [0.5, 1.0], [OURS], layers=3)
+    found = run_study(study, tmp_path / "rays.nc")
     np.testing.assert_array_equal(found["rays"], [[750, 3000]])
     for stage in STAGES:
         if stage != "refraction":
@@ -51,10 +52,8 @@ def test_rays_are_counted_and_every_stage_takes_time(variant: str, tmp_path: Pat
 
 def test_polygons_grow_by_four(variant: str, tmp_path: Path) -> None:
     field, view = field_and_view(tmp_path, variant)
-    study = polygons_study(
-        field, view, [OURS, PAPERS], SOURCE, layers=3, smallest=400, largest=7_000
-    )
-    found = run_timing(study, tmp_path / "polygons.nc")
+    study = polygons_study(field, view, [OURS, PAPERS], layers=3, smallest=400, largest=7_000)
+    found = run_study(study, tmp_path / "polygons.nc")
     triangles = found["triangles"].values
     assert triangles.shape == (2, 3)
     np.testing.assert_array_equal(triangles[:, 1:], 4 * triangles[:, :-1])
@@ -109,8 +108,8 @@ def test_replayed_queries_find_what_the_trace_found(
 def test_ranges_are_checked(variant: str, tmp_path: Path) -> None:
     field, view = field_and_view(tmp_path, variant)
     with pytest.raises(InputError, match="no range"):
-        polygons_study(field, view, [OURS], SOURCE, smallest=5000, largest=400)
+        polygons_study(field, view, [OURS], smallest=5000, largest=400)
     with pytest.raises(InputError, match="each different"):
-        rays_study(field, view, [1.0, 1.0], [OURS], SOURCE)
+        rays_study(field, view, [1.0, 1.0], [OURS])
     with pytest.raises(InputError, match="scale"):
-        rays_study(field, view, [0.0], [OURS], SOURCE)
+        rays_study(field, view, [0.0], [OURS])

@@ -66,9 +66,9 @@ def test_each_pose_holds_the_metrics_of_its_own_rendering(
         metrics = render_scene(
             scene, camera=scene.camera.at(matrix), nearest=False, empty=True
         ).metrics
-        for name, (keys, _, _) in MEASURES.items():
+        for name, measure in MEASURES.items():
             expected = metrics
-            for key in keys:
+            for key in measure.keys:
                 expected = expected[key]
             found = float(dataset[name].sel(region="part")[number])
             assert (np.isnan(found) and expected is None) or found == expected

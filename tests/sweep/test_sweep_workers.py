@@ -24,7 +24,7 @@ from iriftrace.scenes import folder_of
 from iriftrace.sweep import workers as sweep_workers
 from iriftrace.sweep.pose import PoseTask, source_of
 from iriftrace.sweep.sweep import run_sweep
-from iriftrace.sweep.workers import check_scheduler, host_of, workers
+from iriftrace.sweep.workers import check_scheduler, host_of, pose_workers
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_workers_give_the_same_to_the_last_bit_even_if_one_is_killed(
             killed.append(next(iter(cluster.workers.values())).pid)
             os.kill(killed[0], signal.SIGKILL)
 
-    with workers(cluster.scheduler_address) as render:
+    with pose_workers(cluster.scheduler_address) as render:
         dataset = run_sweep(
             scene,
             poses,
@@ -102,7 +102,7 @@ def test_sweep_begun_by_workers_is_finished_without_them(
             raise KeyboardInterrupt
 
     path = tmp_path / "sweep.nc"
-    with pytest.raises(KeyboardInterrupt), workers(cluster.scheduler_address) as render:
+    with pytest.raises(KeyboardInterrupt), pose_workers(cluster.scheduler_address) as render:
         run_sweep(scene, poses, path, progress=stop_after_four, render=render)
     assert untimed(run_sweep(scene, poses, path)).identical(untimed(alone))
 
@@ -121,7 +121,7 @@ def test_workers_that_see_another_scene_are_refused(
         (evolve(source, version="0.0.1", fingerprint="3"), "instead of 0.0.1"),
     ):
         with (
-            workers(cluster.scheduler_address) as render,
+            pose_workers(cluster.scheduler_address) as render,
             pytest.raises(InputError, match=words),
         ):
             list(render([PoseTask(0, wrong, camera, (0,), False, "")]))
@@ -130,7 +130,7 @@ def test_workers_that_see_another_scene_are_refused(
 def test_local_workers_start_and_end(
     scene: LoadedScene, poses: PoseSet, alone: xr.Dataset, tmp_path: Path
 ) -> None:
-    with workers("local", 1) as render:
+    with pose_workers("local", 1) as render:
         dataset = run_sweep(scene, poses.take([0, 5]), tmp_path / "two.nc", render=render)
     for name in ("displacement_median", "coverage", "rays_good", "sightings"):
         assert dataset[name].identical(alone[name].isel(pose=[0, 5]))
@@ -156,7 +156,7 @@ def test_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     with (
         LocalCluster(n_workers=0, dashboard_address="127.0.0.1:0", silence_logs=50) as empty,
         pytest.raises(InputError, match="has no workers; start some with"),
-        workers(empty.scheduler_address),
+        pose_workers(empty.scheduler_address),
     ):
         pass
 

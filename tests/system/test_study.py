@@ -20,7 +20,7 @@ from rich.console import Console
 
 from iriftrace.cli import main
 from iriftrace.cli.study import print_comparison, study
-from iriftrace.studies.cases import read_study
+from iriftrace.studies.study import read_study
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 from validation.inputs.journals import pieces_done

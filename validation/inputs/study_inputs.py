@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
@@ -12,8 +11,6 @@ from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
 from iriftrace.studies.picture import View
 from validation.inputs import hot_block
-
-SOURCE: dict[str, Any] = {"version": "tests", "variant": "llvm_ad_mono"}
 
 
 def field_and_view(folder: Path, variant: str, cells: int = 18) -> tuple[IndexField, View]:

@@ -31,7 +31,7 @@ def draw_faces(swept: Swept, path: Path) -> None:
         values,
         (float(low), float(high)),
     )
-    summary = summarise(swept.dataset, rank_poses(swept.dataset))
+    summary = summarise(swept.dataset)
     write_figure(sweep_face_figure(summary, swept.part, shown), path)
     _halve(path)
 

@@ -1,0 +1,12 @@
+from .accuracy import layers_study as layers_study
+from .accuracy import mesh_study as mesh_study
+from .accuracy import smoothing_study as smoothing_study
+from .cost import polygons_study as polygons_study
+from .cost import rays_study as rays_study
+from .modes import OURS as OURS
+from .modes import PAPERS as PAPERS
+from .modes import Mode as Mode
+from .picture import View as View
+from .study import Study as Study
+from .study import read_study as read_study
+from .study import run_study as run_study
