@@ -280,7 +280,7 @@ def print_views(
 
 
 def print_refined(console: Console, summary: SweepSummary, refined: Refinement) -> None:
-    """What a search around the best pose gained."""
+    """Gain of a search around the best pose."""
     from iriftrace.sweep.diagnostics import setting_of
 
     end = "ended by itself" if refined.converged else "ended with the evaluations"

@@ -49,7 +49,7 @@ MODE = Group(f"Second mode, compared with ours (gradient, {RULES[0]}, refract, 0
 @Parameter(name="*", group=MODE)
 @frozen
 class ModeOptions:
-    """How shells are made and rays refracted in the second mode; by default the paper's.
+    """Shells and refraction of the second mode; by default the paper's.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class ModeOptions:
 @Parameter(name="*")
 @frozen
 class StudyOptions:
-    """How a study reads its fields and its part, and how it traces them.
+    """Reading of fields and part, and tracing.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ def _check(
 
 @contextmanager
 def _renderer(scheduler: str | None, count: int | None) -> Iterator[RenderPoses | None]:
-    """Whoever renders; None is this process."""
+    """Renderer of poses; None is this process."""
     if scheduler is None:
         yield None
         return

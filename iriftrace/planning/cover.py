@@ -194,7 +194,7 @@ def _program(groups: BoolArray, shares: FloatArray, k: int) -> tuple[FloatArray,
 
 
 def _relaxed_bound(groups: BoolArray, shares: FloatArray, k: int) -> float:
-    """What no k poses can exceed, because not even fractions of poses do."""
+    """Upper bound of what k poses see: not even fractions of poses see more."""
     cost, matrix, limits = _program(groups, shares, k)
     # Six to nine times as fast as the simplex method on these tables.
     found = linprog(cost, A_ub=matrix, b_ub=limits, bounds=(0, 1), method="highs-ipm")
@@ -238,7 +238,7 @@ def _view_set(groups: BoolArray, shares: FloatArray, poses: IntArray, bound: flo
 
 @frozen
 class ViewLimits:
-    """How badly a pose may see a face for it to count as seen.
+    """Limits within which a face counts as seen by a pose.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ def _one_of(choices: Any) -> Any:
 
 @frozen
 class Criteria:
-    """How poses are ranked; by default with weights and normalisation of Kern et al. (2025).
+    """Criteria of a ranking; by default weights and normalisation of Kern et al. (2025).
 
     Parameters
     ----------

@@ -248,7 +248,7 @@ def metric_variables(criteria: Criteria) -> dict[str, str]:
 
 @frozen(eq=False)
 class _Candidates:
-    """Which of n poses can be compared.
+    """Metrics of n poses, and the poses that can be compared.
 
     Attributes
     ----------

@@ -22,7 +22,7 @@ _OTHER_DIFFERENCE = 0.05
 
 @frozen(eq=False)
 class Stability:
-    """What becomes of a plan's best pose when the weights vary.
+    """Ranks of a plan's best pose when the weights vary.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What plans, figures and reports show of a sweep: its ranked poses, where they are and saw."""
+"""Summary of a ranked sweep, as plans, figures and reports show it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class SweepSummary:
-    """What is shown of a sweep of n poses.
+    """Summary of a sweep of n poses.
 
     Attributes
     ----------
@@ -337,7 +337,7 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
 
 
 def stability_text(summary: SweepSummary) -> str:
-    """How the best pose fares with other weights, one sentence."""
+    """Ranks of the best pose with other weights, one sentence."""
     varied = stability(summary.plan)
     rivals = len(varied.rivals)
     return (

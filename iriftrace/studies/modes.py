@@ -25,7 +25,7 @@ INSIDE_HITS = ("refract", "drop")
 
 @frozen
 class Mode:
-    """How shells are made of a field, and what happens to a ray that meets them.
+    """Making of shells from a field, and the fate of a ray that meets them.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ from iriftrace.trace.render import Rendering, render_scene
 
 @frozen(eq=False)
 class View:
-    """What all pictures of a study have in common.
+    """Part, camera and variant of the pictures of a study.
 
     Attributes
     ----------

@@ -60,7 +60,7 @@ TIMES: Variables = {
 
 @frozen(eq=False)
 class Axis:
-    """What a study varies.
+    """Quantity that a study varies.
 
     Attributes
     ----------
@@ -322,7 +322,7 @@ def _variables(
     for name, (unit, kind, text) in variables.items():
         missing = -1 if kind is int else np.nan
         values = [missing if row is None else row[name] for row in rows]
-        shaped = np.array(values, dtype=kind).reshape(shape)
+        shaped: Any = np.array(values, dtype=kind).reshape(shape)
         found[name] = (over, shaped, {"units": unit, "long_name": text})
     return found
 
@@ -353,7 +353,7 @@ def read_study(path: str | Path) -> xr.Dataset:
 
 
 def is_study(path: str | Path) -> bool:
-    """Whether a file is a study's and no other netCDF file."""
+    """True if a file is a study's and no other netCDF file."""
     import xarray as xr
 
     try:
@@ -364,7 +364,7 @@ def is_study(path: str | Path) -> bool:
 
 
 def reference_words(reference: str) -> str:
-    """What cases are compared with, as figures and tables call it."""
+    """Name of a reference in figures and tables."""
     if reference.isdecimal():
         return f"{reference} shells of the same mode"
     return {

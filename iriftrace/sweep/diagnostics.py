@@ -59,7 +59,7 @@ def series_of(varied: tuple[Varied, ...], poses: int) -> dict[str, IntArray]:
 
 
 def setting_of(varied: tuple[Varied, ...], pose: int) -> str:
-    """What a pose has and others have not, such as "focal length 8 mm"; empty if nothing."""
+    """Settings of a pose that others do not share, such as "focal length 8 mm"; may be empty."""
     return ", ".join(_value(one.name, one.values[pose]) for one in varied)
 
 

@@ -1,4 +1,4 @@
-"""What a sweep says of each face of the part, in readable units."""
+"""Maps of the part's faces from a sweep, in readable units."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class FaceMap:
 
 
 def has_faces(dataset: xr.Dataset) -> bool:
-    """Whether a sweep says which faces each pose sees; older ones do not."""
+    """True if a sweep says which faces each pose sees; older ones do not."""
     return COUNTS in dataset and "face_times_seen" in dataset
 
 

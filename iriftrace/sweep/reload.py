@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class SweptScene:
-    """What a sweep rendered, and how.
+    """Scene of a sweep, with the options by which it was rendered.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ def _variant(swept: str | None) -> str:
 
 @frozen(eq=False)
 class Surroundings:
-    """What the cameras of a sweep look at.
+    """Surfaces that the cameras of a sweep look at.
 
     Attributes
     ----------

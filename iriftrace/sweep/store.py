@@ -191,7 +191,7 @@ def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
 
 
 def scene_of_pose(dataset: xr.Dataset, pose: int) -> dict[str, Any]:
-    """What the attributes say of the scene of one pose: path, SHA-256, parameters; empty if not."""
+    """Scene of one pose: path, SHA-256, parameters; empty where the attributes do not say."""
     try:
         scenes = json.loads(dataset.attrs.get("scenes", "[]"))
         name = str(dataset["scene"].values[pose])

@@ -200,7 +200,7 @@ def run_series(
 def _request(
     series: Sequence[Series], sources: Sequence[SceneSource], options: SweepOptions
 ) -> str:
-    """What tells one sweep from another."""
+    """Fingerprint of all that the result depends on."""
     content = [
         [source.fingerprint, one.camera.as_dict(), one.stand_off_mm, one.poses.matrices.tolist()]
         for source, one in zip(sources, series, strict=True)
@@ -216,7 +216,7 @@ def _tasks(
     out: Path,
     done: Collection[int],
 ) -> Iterator[PoseTask]:
-    """What is left to do, scene by scene, so that a worker needs one scene at a time."""
+    """Poses that are not done, scene by scene, so that a worker needs one scene at a time."""
     folder = out.with_suffix("").absolute()
     if options.exr:
         folder.mkdir(exist_ok=True)
