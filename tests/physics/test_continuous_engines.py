@@ -16,8 +16,7 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.render import render_scene
-from validation.engines import in_tetrahedra
-from validation.inputs.solved_fields import DATA
+from validation.inputs.solved_fields import DATA, in_tetrahedra
 
 pytestmark = pytest.mark.slow
 

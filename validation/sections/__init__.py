@@ -1,21 +1,17 @@
-"""The sections of the page, in its order."""
-
-from __future__ import annotations
+"""The sections of the page: what is known exactly before what only agrees."""
 
 from validation.sections import (
-    agreement,
     air_effects,
     column,
     exact_continuous,
     exact_shells,
-    fields,
     index_steps,
     ledger,
     naive,
     noise_floor,
     readers,
-    resolutions,
     trouble,
+    two_engines,
 )
 
 SECTIONS = tuple(
@@ -23,16 +19,14 @@ SECTIONS = tuple(
     for module in (
         exact_shells,
         exact_continuous,
-        index_steps,
-        noise_floor,
-        agreement,
-        fields,
-        resolutions,
         column,
-        readers,
+        noise_floor,
+        index_steps,
+        two_engines,
         trouble,
-        ledger,
+        readers,
         air_effects,
+        ledger,
         naive,
     )
 )
