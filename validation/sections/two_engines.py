@@ -147,35 +147,30 @@ def convergence(folder: Path) -> list[Line]:
     ]
 
 
-def of_one_view(case: str, images: Images, layers: Sequence[int]) -> list[Line]:
+def of_one_view(case: str, images: Images) -> list[Line]:
     """How far shells are from the engine, and how far its two readings of the cells are apart."""
     vectors, unmatched = displacements(images)
-    exact = vectors["continuous", "gradient"]
+    exact, shells = vectors["continuous", "gradient"], vectors[USUAL, "gradient"]
     size = np.quantile(np.linalg.norm(exact, axis=1), (0.5, 0.95))
-    open_ = ratios_of_quantiles(vectors["continuous", "facet"], exact)
-    lines = [
+    left_open = ratios_of_quantiles(vectors["continuous", "facet"], exact)
+    share = ratios_of_quantiles(shells, exact)
+    what = f"{case}: {USUAL} shells"
+    return [
         Line(
             f"{case}: displacement, median / p95, of the rays good in all pictures (in some only)",
             "",
             f"{size[0]:.3g} / {size[1]:.3g} µm, {len(exact):,} ({unmatched})",
         ),
-        Line(f"{case}: the engine's two gradients, ratios of quantiles", "", in_short(open_)),
+        Line(f"{case}: the engine's two gradients, ratios of quantiles", "", in_short(left_open)),
+        Line(f"{what}, ray by ray", "0", in_short(ray_by_ray(shells, exact))),
+        Line(
+            f"{what}, ratios of quantiles; the larger over the two gradients'",
+            "0",
+            in_short(share),
+            float(100 * (share / left_open).max()),
+            100.0,
+        ),
     ]
-    for count in layers:
-        shells = vectors[count, "gradient"]
-        share = ratios_of_quantiles(shells, exact)
-        what = f"{case}: {count} shells"
-        lines += [
-            Line(f"{what}, ray by ray", "0", in_short(ray_by_ray(shells, exact))),
-            Line(
-                f"{what}, ratios of quantiles; the larger over the two gradients'",
-                "0",
-                in_short(share),
-                float(100 * (share / open_).max()),
-                100.0,
-            ),
-        ]
-    return lines
 
 
 def _lines(folder: Path) -> list[Line]:
@@ -184,9 +179,9 @@ def _lines(folder: Path) -> list[Line]:
         place = folder / name
         place.mkdir()
         solved = SOLVED[name]
-        found = pictures(place, solved.field(place), solved.part, views, (USUAL, 40))
+        found = pictures(place, solved.field(place), solved.part, views, (USUAL,))
         for view, images in found.items():
-            lines += of_one_view(f"{name.replace('_', ' ')}, {view}", images, (USUAL, 40))
+            lines += of_one_view(f"{name.replace('_', ' ')}, {view}", images)
     return lines
 
 
