@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 from statistics import median
 
-from iriftrace.camera.camera import Camera
 from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.pose import SAMPLE
 from iriftrace.trace.render import render_scene
@@ -23,7 +22,7 @@ def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
             rendering = render_scene(scene)
             rendering.save(Path(folder) / "pose.exr")
             seconds = time.perf_counter() - started
-            ratios.append(seconds / rendering.metrics["time_s"]["refracted"])
+            ratios.append(seconds / rendering.metrics.time_s["refracted"])
     # The first pose compiles the kernels.
     return median(ratios[1:])
 
@@ -36,7 +35,7 @@ def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
         rendering = render_scene(scene, nearest=False)
         shell_resolution(scene, rendering.image, sample=SAMPLE)
         seconds = time.perf_counter() - started
-        time_s = rendering.metrics["time_s"]
+        time_s = rendering.metrics.time_s
         ratios.append(seconds / (time_s["straight"] + time_s["refracted"]))
     # The first pose compiles the kernels.
     return median(ratios[1:])
@@ -61,7 +60,7 @@ def shares(scene: LoadedScene) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         rendering = render_scene(scene)
         rendering.save(Path(folder) / "pose.exr")
-    time_s = rendering.metrics["time_s"]
+    time_s = rendering.metrics.time_s
     stages = ("straight", "refracted", "metrics", "write")
     return {stage: time_s[stage] / time_s["refracted"] for stage in stages}
 
@@ -71,7 +70,7 @@ def kernels_of_second_pose(scene: LoadedScene) -> int:
     import drjit as dr
 
     first = render_scene(scene)
-    camera = Camera.from_dict(first.image.header["camera"])
+    camera = first.image.camera
     matrix = camera.matrix.copy()
     render_scene(scene, camera=camera)
     matrix[:3, 3] += (3.0, -2.0, 5.0)

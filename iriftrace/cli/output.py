@@ -15,6 +15,7 @@ from iriftrace.image.aov_image import Status
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.part_fit import Fit
+    from iriftrace.image.metrics import EnsembleMetrics, PoseMetrics, RayCounts, Statistics
     from iriftrace.shells.report import ShellReport
     from iriftrace.shells.stack import ShellStack
 
@@ -110,101 +111,101 @@ def print_camera(console: Console, camera: Camera, scale: float) -> None:
         console.print(f"Lens distortion {camera.distortion}.")
 
 
-def print_summary(console: Console, metrics: dict[str, Any]) -> None:
+def print_summary(console: Console, metrics: PoseMetrics) -> None:
     """What a metrologist wants to know of one pose."""
     from iriftrace.image.resolution import FRONTAL, seen_frontally
 
     table = Table(title="Displacement by hot air", title_justify="left", show_header=False)
     table.add_column(style="bold")
     table.add_column()
-    displacement, shift = metrics["displacement_mm"], metrics["shift_px"]
+    displacement, shift = metrics.displacement_mm, metrics.shift_px
     table.add_row(
         "displacement",
-        TOO_FEW
-        if displacement["median"] is None
-        else _micrometres(displacement, ("median", "mean", "p95", "max")),
+        TOO_FEW if displacement.median is None else _micrometres(displacement),
     )
     table.add_row(
         "across / along line of sight",
-        f"{_scaled(metrics['displacement_lateral_mm'], 1e3, 'um')} / "
-        f"{_scaled(metrics['displacement_axial_mm'], 1e3, 'um')} (mean)",
+        f"{_scaled(metrics.displacement_lateral_mm, 1e3, 'um')} / "
+        f"{_scaled(metrics.displacement_axial_mm, 1e3, 'um')} (mean)",
     )
     table.add_row(
         "shift in the picture",
-        ", ".join(f"{key} {_scaled(shift[key], 1, 'px')}" for key in ("median", "p95", "max")),
+        ", ".join(
+            f"{key} {_scaled(getattr(shift, key), 1, 'px')}" for key in ("median", "p95", "max")
+        ),
     )
-    if "ensemble" in metrics:
-        _add_ensemble(table, metrics["ensemble"])
-    if "shells_against_field" in metrics:
-        _add_shell_error(table, metrics["shells_against_field"])
+    if metrics.ensemble is not None:
+        _add_ensemble(table, metrics.ensemble)
+    if metrics.shells_against_field is not None:
+        _add_shell_error(table, metrics.shells_against_field)
     table.add_row(
         "coverage",
-        f"{_percent(metrics['coverage'])} of the part's area in faces hit, "
-        f"{_percent(metrics['coverage_area'])} by pixel area",
+        f"{_percent(metrics.coverage)} of the part's area in faces hit, "
+        f"{_percent(metrics.coverage_area)} by pixel area",
     )
-    lateral, axial = metrics["lateral_resolution_mm"], metrics["axial_resolution_mm"]
-    frontal = None not in (lateral, axial) and seen_frontally(lateral, axial)
+    lateral, axial = metrics.lateral_resolution_mm, metrics.axial_resolution_mm
+    frontal = lateral is not None and axial is not None and seen_frontally(lateral, axial)
     table.add_row(
         "resolution",
         f"lateral {_scaled(lateral, 1e3, 'um')}, axial "
         f"{f'0 ({FRONTAL})' if frontal else _scaled(axial, 1e3, 'um')} (step to the next pixel)",
     )
-    rays = metrics["rays"]
-    table.add_row("rays", f"{rays['launched']:,} launched, {rays['hit']:,} hit the part")
+    rays = metrics.rays
+    table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
     for status, meaning in MEANING.items():
-        if rays[status.key]:
+        if rays.of(status):
             share = _out_of_hits(status, rays)
-            table.add_row("", f"{rays[status.key]:,} {meaning}{share}")
-    if rays[Status.INDEX_MISMATCH.key] > MANY_MISMATCHES * max(rays["hit"], 1):
+            table.add_row("", f"{rays.of(status):,} {meaning}{share}")
+    if rays.index_mismatch > MANY_MISMATCHES * max(rays.hit, 1):
         table.add_row(
             "",
             "so many do not add up that shells have holes or are another field's; make the scene "
             "anew, without --triangles if it was thinned out",
         )
-    if rays.get("open_boundary"):
+    if rays.open_boundary:
         table.add_row(
             "",
-            f"{rays['open_boundary']:,} of the good ones pass an open end of the data; "
+            f"{rays.open_boundary:,} of the good ones pass an open end of the data; "
             "the plume beyond is not modelled",
         )
-    regions = metrics["regions"]
-    for name, values in regions.items():
-        median = values["displacement_mm"]["median"]
+    for name, values in metrics.regions.items():
+        median = values.displacement_mm.median
         table.add_row(
             f"region {name}",
             TOO_FEW
             if median is None
-            else f"median {_scaled(median, 1e3, 'um')}, coverage {_percent(values['coverage'])}",
+            else f"median {_scaled(median, 1e3, 'um')}, coverage {_percent(values.coverage)}",
         )
-    time_s = metrics["time_s"]
     table.add_row(
         "time",
-        ", ".join(f"{key} {value:.2f} s" for key, value in time_s.items() if (value or 0) >= 0.005),
+        ", ".join(
+            f"{key} {value:.2f} s"
+            for key, value in metrics.time_s.items()
+            if value and value >= 0.005
+        ),
     )
     console.print(table)
     console.print("Assumptions in force:", style="bold")
-    for key, value in metrics["assumptions"].items():
+    for key, value in metrics.assumptions.items():
         text = ", ".join(value) if isinstance(value, list) else value
         console.print(f"  {key.replace('_', ' ')}: {text}", markup=False, soft_wrap=True)
 
 
-def _add_ensemble(table: Table, values: dict[str, Any]) -> None:
+def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
     """Bias and scatter: the numbers above are those of the mean."""
     table.add_row(
         "bias",
-        f"displacement and shift above are means over {values['members']} fields; they can be "
+        f"displacement and shift above are means over {values.members} fields; they can be "
         "corrected",
     )
-    if values["scatter_mm"]["median"] is not None:
+    if values.scatter_mm.median is not None:
         table.add_row(
             "scatter",
-            _micrometres(values["scatter_mm"], ("median", "mean", "p95", "max"))
-            + " (standard deviation, cannot be corrected)",
+            _micrometres(values.scatter_mm) + " (standard deviation, cannot be corrected)",
         )
     table.add_row(
         "",
-        f"{values['rays_in_all']:,} rays count in all fields, {values['rays_in_some']:,} only in "
-        "some",
+        f"{values.rays_in_all:,} rays count in all fields, {values.rays_in_some:,} only in some",
     )
 
 
@@ -222,14 +223,15 @@ def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
         table.add_row("", "if they were thinned out, leave --triangles out first")
 
 
-def _out_of_hits(status: Status, rays: dict[str, Any]) -> str:
-    if status is Status.MISSED or not rays["hit"]:
+def _out_of_hits(status: Status, rays: RayCounts) -> str:
+    if status is Status.MISSED or not rays.hit:
         return ""
-    return f" ({rays[status.key] / rays['hit']:.2%} of the hits)"
+    return f" ({rays.of(status) / rays.hit:.2%} of the hits)"
 
 
-def _micrometres(values: dict[str, Any], keys: Sequence[str]) -> str:
-    return ", ".join(f"{key} {_scaled(values[key], 1e3, 'um')}" for key in keys)
+def _micrometres(values: Statistics) -> str:
+    keys = ("median", "mean", "p95", "max")
+    return ", ".join(f"{key} {_scaled(getattr(values, key), 1e3, 'um')}" for key in keys)
 
 
 def _scaled(value: float | None, factor: float, unit: str) -> str:

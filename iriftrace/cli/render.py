@@ -63,7 +63,6 @@ def render(
         from it; needs the field.npz likewise.
     """
     from iriftrace.cli.output import print_summary
-    from iriftrace.image.metrics import has_ensemble
     from iriftrace.scene.file import require_scene
 
     check_input(scene)
@@ -74,7 +73,7 @@ def render(
     used = statuses(include)
     rendering, _ = _render(scene, exr, trace, used, figures, check_shells)
     print_summary(out, rendering.metrics)
-    scatter = [_scatter_picture(exr)] if figures and has_ensemble(rendering.image) else []
+    scatter = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
     _list_files(exr, figures, *scatter)
 
 
@@ -106,7 +105,6 @@ def metrics(
     from iriftrace.cli.output import print_summary
     from iriftrace.image.aov_image import read_exr
     from iriftrace.image.metrics import pose_metrics, write_metrics
-    from iriftrace.image.rendered_part import part_of_image
     from iriftrace.trace.render import keep_checks
 
     check_input(image, part)
@@ -114,14 +112,14 @@ def metrics(
     check_output(target, ".json", "out.json", make=False)
     pixels = read_exr(image)
     check_light(wavelength, pixels.header, image)
-    shown = part_of_image(pixels, part)
+    shown = pixels.part_from(part)
     started = time.perf_counter()
     with working("Reducing"):
         result = pose_metrics(pixels, shown, include=statuses(include))
-    result["time_s"]["metrics"] = time.perf_counter() - started
+    result.time_s["metrics"] = time.perf_counter() - started
     with suppress(OSError, ValueError, AttributeError):
         # There may be no report of this image yet.
-        keep_checks(result, json.loads(target.read_text(encoding="utf-8")))
+        result = keep_checks(result, json.loads(target.read_text(encoding="utf-8")))
     write_metrics(target, result)
     print_summary(out, result)
     out.print(f"Metrics in {target}", markup=False, soft_wrap=True)
@@ -188,9 +186,7 @@ def _render(
             started = time.perf_counter()
             for name, figure in pose_figures(rendering.image, exr.stem, include).items():
                 write_figure(figure, exr.with_name(f"{name}.png"))
-            seconds = time.perf_counter() - started
-            rendering.metrics["time_s"]["figures"] = seconds
-            rendering.metrics["time_s"]["total"] += seconds
+            rendering.metrics.add_time("figures", time.perf_counter() - started)
     with working("Writing"):
         rendering.save(exr)
     return rendering, loaded.part
@@ -215,13 +211,12 @@ def _scene_picture(
                 UserWarning,
             )
             return []
-        from iriftrace.camera.camera import Camera
         from iriftrace.figures.scene import scene_figure
         from iriftrace.figures.style import write_figure
         from iriftrace.shells.files import load_shells
 
-        camera = Camera.from_dict(rendering.image.header["camera"])
-        write_figure(scene_figure(part, load_shells(shells_folder), camera), picture)
+        shells = load_shells(shells_folder)
+        write_figure(scene_figure(part, shells, rendering.image.camera), picture)
     return [picture]
 
 

@@ -17,14 +17,13 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask
-from iriftrace.image.metrics import FEWEST_RAYS, has_ensemble
+from iriftrace.image.metrics import FEWEST_RAYS
 from iriftrace.sweep.faces import displacement_limits
 
 UM_PER_MM = 1000.0
@@ -85,7 +84,7 @@ def displacement_figure(
     InputError
         No ray counts, so there is nothing to draw.
     """
-    return _draw(image, include, BIAS if has_ensemble(image) else DISPLACEMENT, view)
+    return _draw(image, include, BIAS if image.is_ensemble else DISPLACEMENT, view)
 
 
 def scatter_figure(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Figure:
@@ -101,7 +100,7 @@ def scatter_figure(image: AovImage, include: Collection[int] = (Status.GOOD,)) -
     InputError
         The image is that of a single field; or as for `displacement_figure`.
     """
-    if not has_ensemble(image):
+    if not image.is_ensemble:
         raise InputError(
             "the image is that of a single field, which has no scatter; render the scene of an "
             "ensemble."
@@ -120,7 +119,7 @@ def pose_figures(
         No ray counts, so there is nothing to draw.
     """
     figures = {name: displacement_figure(image, include)}
-    if has_ensemble(image):
+    if image.is_ensemble:
         figures[f"{name}_scatter"] = scatter_figure(image, include)
     return figures
 
@@ -233,7 +232,7 @@ def _neighbours(pixels: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[
 
 def _distance_and_slope(image: AovImage) -> tuple[FloatArray, FloatArray]:
     """Distance to the straight hit and its largest change to a pixel on the same plane, mm."""
-    camera = Camera.from_dict(image.header["camera"])
+    camera = image.camera
     width, height = image.resolution
     offset = image.vector("straight").reshape(-1, 3) - camera.origin
     if camera.projection == "pinhole":

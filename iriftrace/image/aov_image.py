@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 from enum import IntEnum
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,10 @@ import OpenEXR
 from attrs import field, frozen
 from numpy.typing import NDArray
 
+from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.part.part import Part, read_part
 
 # MERGE channels: Names of the AOV channels, in the order in which the integrator delivers them.
 
@@ -56,6 +59,7 @@ SCHEMA = "iriftrace.aov/1"
 """Value of the header entry ``schema`` of the files this version writes and reads."""
 
 _PREFIX = "iriftrace."
+_NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
 _KNOWN = (*CHANNELS, ERROR_CHANNEL, *SCATTER_CHANNELS)
 # More threads than this gain nothing for RLE: copying the pixels takes longer than packing them.
 _THREADS = min(4, os.cpu_count() or 1)
@@ -117,6 +121,65 @@ class AovImage:
     def status(self) -> NDArray[np.int64]:
         """(height, width) array of the codes of `iriftrace.status.Status`."""
         return np.rint(self.channels["status.code"]).astype(np.int64)
+
+    @property
+    def is_ensemble(self) -> bool:
+        """Whether it holds the mean and the scatter of several fields."""
+        return MEMBERS_CHANNEL in self.channels
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The camera that the picture was taken with, in its pose.
+
+        Raises
+        ------
+        InputError
+            The header does not name it.
+        """
+        self._require("camera")
+        return Camera.from_dict(self.header["camera"])
+
+    @cached_property
+    def part(self) -> Part:
+        """The part in the picture, in the world's frame; see `part_from`."""
+        return self.part_from()
+
+    def part_from(self, path: str | Path | None = None) -> Part:
+        """Read the part in the picture, in the world's frame.
+
+        Parameters
+        ----------
+        path
+            Where the part's file lies now; by default where it lay when the image was rendered.
+
+        Raises
+        ------
+        InputError
+            The header says too little, or the file is gone, or it is not the one that was
+            rendered: its face numbers would not fit.
+        """
+        self._require(*_NEEDED)
+        named = self.header["part"]
+        file = Path(named["path"] if path is None else path)
+        if not file.is_file():
+            raise InputError(
+                f"The part's file {file} is not there, and face areas and regions come from it; "
+                "say where it is with --part."
+            )
+        if sha256_of(file) != named["sha256"]:
+            raise InputError(
+                f"{file} is not the part the image was rendered with (its SHA-256 differs), so "
+                "that face numbers would not fit; give the right file with --part or render again."
+            )
+        return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
+
+    def _require(self, *keys: str) -> None:
+        missing = [key for key in keys if key not in self.header]
+        if missing:
+            raise InputError(
+                f"The image's header has no {', '.join(missing)}: another program wrote it or took "
+                "them away, and they are needed here; render the scene again."
+            )
 
     def vector(self, name: str, where: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """Components of one quantity side by side.

@@ -17,7 +17,6 @@ from typing import Any, Literal
 import numpy as np
 from attrs import frozen
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
@@ -129,7 +128,7 @@ def compare_shift(
     residual = measured.shifts[known] - shift[known]
     motion, reason = None, ""
     try:
-        camera = Camera.from_dict(image.header["camera"])
+        camera = image.camera
         motion = fit_camera_motion(camera, points[known], residual)
     except InputError as error:
         reason = str(error)

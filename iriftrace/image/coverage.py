@@ -127,8 +127,8 @@ def seen_areas(
     InputError
         `include` names rays without a displacement, or a ray has no face.
     """
-    camera = Camera.from_dict(image.header["camera"])
-    return pose_coverage(part, camera, rays_that_count(image, camera, include)).face_footprints
+    rays = rays_that_count(image, image.camera, include)
+    return pose_coverage(part, image.camera, rays).face_footprints
 
 
 def pose_coverage(part: Part, camera: Camera, rays: PoseRays) -> Coverage:

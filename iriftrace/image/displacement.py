@@ -117,8 +117,7 @@ def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,))
         `include` names rays without a displacement.
     """
     good = good_mask(image, include)
-    camera = Camera.from_dict(image.header["camera"])
-    sight = lines_of_sight(camera, image.vector("straight", good))
+    sight = lines_of_sight(image.camera, image.vector("straight", good))
     norm, lateral, axial = (np.zeros(good.shape, dtype=np.float64) for _ in range(3))
     norm[good] = image.channels["displacement.norm"][good]
     lateral[good], axial[good] = split_displacement(image.vector("displacement", good), sight)

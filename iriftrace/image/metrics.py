@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import asdict, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
@@ -29,96 +29,229 @@ from iriftrace.image.resolution import (
 )
 from iriftrace.part.part import Part
 
-# MERGE ray_statistics: Numbers that stand for those of many rays, and from how many on they may.
-
 FEWEST_RAYS = 100
-"""A metric of fewer good rays is null, and a pose with fewer of them counts as empty."""
+"""A metric of fewer good rays is None, and a pose with fewer of them counts as empty."""
 
-STATISTICS = ("mean", "median", "p95", "max")
-"""Keys of `statistics`."""
+SCHEMA = "iriftrace.pose/1"
+"""Value of ``schema`` in the JSON."""
+
+TIMES = ("load", "build", "straight", "refracted", "metrics", "write", "figures", "total")
+"""Keys of `PoseMetrics.time_s`."""
+
+_RAYS_PER_FACE = 4
 
 
-def statistics(values: NDArray[np.float64]) -> dict[str, float]:
-    """Mean, median, 95th percentile and largest of some values, (n,) array with n > 0.
+@frozen
+class Statistics:
+    """Some values in five numbers, all None when there are fewer than `FEWEST_RAYS` values.
 
     A few silhouette rays jump by millimetres and rule the mean, so the median stands beside it.
     """
-    median, p95 = np.percentile(values, (50, 95))
-    return {
-        "mean": float(values.mean()),
-        "median": float(median),
-        "p95": float(p95),
-        "max": float(values.max()),
-    }
+
+    mean: float | None = None
+    median: float | None = None
+    p95: float | None = None
+    max: float | None = None
+    rms: float | None = None
+
+    @classmethod
+    def of(cls, values: NDArray[np.floating[Any]]) -> Statistics:
+        """Statistics of an (n,) array."""
+        if len(values) < FEWEST_RAYS:
+            return cls()
+        exact = values.astype(np.float64)
+        median, p95 = np.percentile(exact, (50, 95))
+        return cls(
+            mean=float(exact.mean()),
+            median=float(median),
+            p95=float(p95),
+            max=float(exact.max()),
+            rms=float(np.sqrt(np.mean(exact**2))),
+        )
 
 
-def root_mean_square(values: NDArray[np.float64]) -> float:
-    """Root of the mean square of some values, (n,) array with n > 0."""
-    return float(np.sqrt(np.mean(values**2)))
+@frozen
+class RayCounts:
+    """Rays by what became of them.
 
-
-# MERGE ensemble.metrics: Numbers of one pose that only an ensemble has: bias, scatter, and how ma
-
-
-def has_ensemble(image: AovImage) -> bool:
-    """Whether an image holds the mean and the scatter of several fields."""
-    return MEMBERS_CHANNEL in image.channels
-
-
-def ensemble_metrics(
-    image: AovImage, pixels: IntArray, hits: IntArray, bias: dict[str, Any]
-) -> dict[str, Any]:
-    """Bias and scatter of some pixels.
-
-    Parameters
+    Attributes
     ----------
-    image : AovImage
-        With the channels of an ensemble.
-    pixels : (n,) array
-        Row-major numbers of the pixels whose rays count.
-    hits : (m,) array
-        Those of all pixels on the part.
-    bias : dict
-        ``displacement_mm`` and ``shift_px`` of the same pixels; of an ensemble's image they are
-        those of the mean.
-
-    Returns
-    -------
-    dict
-        ``members``; ``bias_mm`` and ``bias_px``, statistics over the pixels of the mean, which can
-        be corrected; ``scatter_mm`` and ``scatter_px``, statistics over the pixels of the standard
-        deviation, which cannot; ``rays_in_all`` and ``rays_in_some``, pixels that count in all and
-        only in some of the members. Statistics of fewer than 100 pixels are None.
+    hit
+        Straight rays that end on the part (or the region).
+    good ... blocked
+        Rays of each status, see `Status`; of a region those whose straight ray hits it.
+    launched, open_boundary
+        All rays, and good ones that pass an open end of the data; None for a region, and
+        `open_boundary` where the image does not say it.
     """
-    members = int((image.header.get("ensemble") or {}).get("count") or 0)
-    counted = np.rint(image.channels[MEMBERS_CHANNEL].ravel()[hits]).astype(np.int64)
-    members = members or int(counted.max(initial=0))
-    shift = [image.channels[f"shift.px.std.{a}"].ravel()[pixels].astype(np.float64) for a in "XY"]
-    return {
-        "members": members,
-        "bias_mm": bias["displacement_mm"],
-        "scatter_mm": _statistics(image.channels["displacement.std.norm"].ravel()[pixels]),
-        "bias_px": bias["shift_px"],
-        "scatter_px": _statistics(np.hypot(*shift)),
-        "rays_in_all": int(np.count_nonzero(counted == members)),
-        "rays_in_some": int(np.count_nonzero((counted > 0) & (counted < members))),
-    }
+
+    hit: int
+    good: int
+    missed: int
+    out_of_focus: int
+    refracted_missed: int
+    only_refracted: int
+    index_mismatch: int
+    gave_up: int
+    blocked: int
+    launched: int | None = None
+    open_boundary: int | None = None
+
+    def of(self, status: Status) -> int:
+        """Rays of one status."""
+        return int(getattr(self, status.key))
 
 
-def _statistics(values: NDArray[Any]) -> dict[str, float | None]:
-    if len(values) < FEWEST_RAYS:
-        return dict.fromkeys((*STATISTICS, "rms"))
-    exact = values.astype(np.float64)
-    return {**statistics(exact), "rms": root_mean_square(exact)}
+@frozen
+class EnsembleMetrics:
+    """Scatter over the fields of an ensemble, whose bias is the displacement of the mean image.
+
+    Attributes
+    ----------
+    members
+        Number of fields.
+    scatter_mm, scatter_px
+        Statistics over the pixels of the standard deviation over the fields, of displacement (mm)
+        and shift (px). The bias can be corrected, the scatter cannot.
+    rays_in_all, rays_in_some
+        Pixels that count in all members, and in some only.
+    """
+
+    members: int
+    scatter_mm: Statistics
+    scatter_px: Statistics
+    rays_in_all: int
+    rays_in_some: int
 
 
-SCHEMA = "iriftrace.pose/1"
-"""Value of ``schema`` in the metrics."""
+@frozen(eq=False, kw_only=True, repr=False)
+class ViewMetrics:
+    """Numbers of the part or of one of its regions in one pose.
 
-TIMES = ("load", "build", "straight", "refracted", "metrics", "write", "figures", "total")
-"""Keys of ``time_s``."""
+    Lengths in mm, angles in degrees, shifts in pixels, coverages from 0 to 1. Numbers that rest on
+    fewer than `FEWEST_RAYS` good rays are None.
 
-_RAYS_PER_FACE = 4
+    Attributes
+    ----------
+    rays
+        Counts by status.
+    displacement_mm, shift_px
+        Statistics of the displacement and of the shift in the picture.
+    displacement_lateral_mm, displacement_axial_mm
+        Means of its lengths across and along the line of sight.
+    lateral_resolution_mm, axial_resolution_mm
+        Mean step to the next pixel's hit, across and along the optical axis; with ``_nn3d`` and
+        ``_nnxy`` to the nearest neighbour, see `iriftrace.image.resolution`.
+    incidence_angle_deg
+        Mean angle of incidence.
+    coverage, coverage_area
+        Area of the faces hit, and area of the pixels' footprints, over the whole area.
+    ensemble
+        Scatter, where the image is that of several fields.
+    """
+
+    rays: RayCounts
+    displacement_mm: Statistics = Statistics()
+    displacement_lateral_mm: float | None = None
+    displacement_axial_mm: float | None = None
+    shift_px: Statistics = Statistics()
+    lateral_resolution_mm: float | None = None
+    axial_resolution_mm: float | None = None
+    lateral_resolution_mm_nn3d: float | None = None
+    axial_resolution_mm_nn3d: float | None = None
+    lateral_resolution_mm_nnxy: float | None = None
+    axial_resolution_mm_nnxy: float | None = None
+    incidence_angle_deg: float | None = None
+    coverage: float | None = None
+    coverage_area: float | None = None
+    ensemble: EnsembleMetrics | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, as in the file."""
+        values = {key: _plain(getattr(self, key)) for key in _VIEW_KEYS}
+        del values["shift_px"]["rms"], values["rays"]["launched"], values["rays"]["open_boundary"]
+        if self.ensemble is None:
+            del values["ensemble"]
+        else:
+            values["ensemble"]["bias_mm"] = dict(values["displacement_mm"])
+            values["ensemble"]["bias_px"] = dict(values["shift_px"])
+        return values
+
+    def __repr__(self) -> str:
+        moved, name = self.displacement_mm, type(self).__name__
+        if moved.median is None or moved.p95 is None:
+            return f"{name}({self.rays.good} good rays, fewer than {FEWEST_RAYS}: no numbers)"
+        return (
+            f"{name}({self.rays.good} good rays, displacement median {1e3 * moved.median:.4g} um, "
+            f"p95 {1e3 * moved.p95:.4g} um)"
+        )
+
+
+_VIEW_KEYS = tuple(ViewMetrics.__annotations__)
+
+
+@frozen(eq=False, kw_only=True, repr=False)
+class PoseMetrics(ViewMetrics):
+    """Numbers of one pose: those of the whole part, of each region, and where they come from.
+
+    Attributes
+    ----------
+    shell_triangles_in_view
+        Triangles of shells that the rays crossed, where the image says it.
+    time_s
+        Seconds of each stage in `TIMES`; None for those not measured. Stages after the reduction
+        are entered by `add_time`.
+    wavelength_nm
+        Wavelength, nm, where the image says it.
+    camera
+        Camera and pose.
+    assumptions
+        What the numbers rest on, in words.
+    regions
+        Numbers of each region of the part.
+    every_second_shell, shells_against_field
+        What a check of the shells found, plain values; None where none was made.
+    """
+
+    shell_triangles_in_view: int | None
+    time_s: dict[str, float | None]
+    wavelength_nm: float | None
+    camera: Camera
+    assumptions: dict[str, Any]
+    regions: dict[str, ViewMetrics]
+    shells_against_field: dict[str, Any] | None = None
+    every_second_shell: dict[str, Any] | None = None
+
+    def add_time(self, stage: str, seconds: float) -> None:
+        """Enter what a stage after the reduction took, and add it to the total."""
+        self.time_s[stage] = seconds
+        self.time_s["total"] = (self.time_s["total"] or 0.0) + seconds
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values of schema `SCHEMA`."""
+        whole = super().as_dict()
+        whole["rays"] = {"launched": self.rays.launched, **whole["rays"]}
+        whole["rays"]["open_boundary"] = self.rays.open_boundary
+        checks = {key: getattr(self, key) for key in ("shells_against_field", "every_second_shell")}
+        return {
+            "schema": SCHEMA,
+            **whole,
+            "shell_triangles_in_view": self.shell_triangles_in_view,
+            "time_s": dict(self.time_s),
+            "wavelength_nm": self.wavelength_nm,
+            "camera": self.camera.as_dict(),
+            "pose": {
+                "origin_mm": self.camera.origin.tolist(),
+                "matrix": self.camera.matrix.tolist(),
+            },
+            "assumptions": dict(self.assumptions),
+            "regions": {name: view.as_dict() for name, view in self.regions.items()},
+            **{key: value for key, value in checks.items() if value is not None},
+        }
+
+
+def _plain(value: Any) -> Any:
+    return asdict(value) if hasattr(value, "__attrs_attrs__") else value
 
 
 @frozen(eq=False)
@@ -127,41 +260,29 @@ class _Values:
 
     bending: Bending
     incidence: FloatArray
-    step: Spacing
-    space: Spacing | None
-    plane: Spacing | None
+    spacing: dict[str, Spacing]
 
 
 def pose_metrics(
     image: AovImage,
-    part: Part,
+    part: Part | None = None,
     *,
     include: Collection[int] = (Status.GOOD,),
     nearest: bool = True,
-) -> dict[str, Any]:
-    """Metrics of one pose, ready for JSON.
+) -> PoseMetrics:
+    """Reduce the image of one pose to metrics.
 
     Parameters
     ----------
     image
         AOV image of the pose.
     part
-        The part that the image shows.
+        The part that the image shows; by default the file that the image names.
     include
         Status codes of the rays that count; 0 and 5 are possible.
     nearest
         Whether to search nearest neighbours for the resolutions ``*_nn3d`` and ``*_nnxy``, which
         takes longer than all the rest; without, they are None.
-
-    Returns
-    -------
-    dict
-        Schema `SCHEMA`. Lengths in mm, angles in degrees, shifts in pixels, coverages from 0 to 1.
-        ``displacement_lateral_mm`` and ``displacement_axial_mm`` are the means of the lengths
-        across and along the line of sight. ``regions`` holds the same numbers for each region of
-        the part, with ``rays`` counted by the region that the straight ray hits. Numbers that rest
-        on fewer than 100 good rays are None. The image of an ensemble gives the key ``ensemble``
-        too; see `iriftrace.image.metrics.ensemble_metrics`.
 
     Raises
     ------
@@ -173,72 +294,82 @@ def pose_metrics(
     IriftraceWarning
         The part's file changed since the rendering, or its faces are too small for the rays.
     """
+    if part is None:
+        part = image.part
     status = np.rint(image.channels["status.code"].ravel()).astype(np.uint8)
     face_plus_one = image.channels["part.face"].ravel()
     hits = np.flatnonzero(face_plus_one > 0)
     hit_face = np.rint(face_plus_one[hits]).astype(np.int64) - 1
     _check_part(image, part, hit_face)
-    camera = Camera.from_dict(image.header["camera"])
-    rays = rays_that_count(image, camera, include)
-    count = len(rays.face)
-    coverage = pose_coverage(part, camera, rays)
-    _check_sampling(count, coverage.visible_faces)
+    rays = rays_that_count(image, image.camera, include)
+    coverage = pose_coverage(part, image.camera, rays)
+    _check_sampling(len(rays.face), coverage.visible_faces)
+    values = _values(image, part, rays, nearest) if len(rays.face) >= FEWEST_RAYS else None
 
-    values = _values(image, part, camera, rays, nearest) if count >= FEWEST_RAYS else None
+    def view(members: IntArray, own_hits: IntArray, regions: slice) -> dict[str, Any]:
+        numbers = {} if values is None or len(members) < FEWEST_RAYS else _numbers(values, members)
+        if numbers:
+            numbers |= _covered(coverage, regions)
+        if image.is_ensemble:
+            numbers["ensemble"] = ensemble_metrics(image, rays.pixels[members], own_hits)
+        return numbers
+
     region_of_ray = part.region_of_face[rays.face]
     region_of_hit = part.region_of_face[hit_face]
-    status_of_hit = status[hits]
-    everything = slice(None)
+    regions = {}
+    for i, name in enumerate(part.region_names):
+        of_region = region_of_hit == i
+        members = np.flatnonzero(region_of_ray == i)
+        regions[name] = ViewMetrics(
+            rays=RayCounts(hit=int(of_region.sum()), **_by_status(status[hits][of_region])),
+            **view(members, hits[of_region], slice(i, i + 1)),
+        )
     counts = image.header.get("counts") or {}
     times = image.header.get("time_s") or {}
     included = [Status(code).key for code in sorted(include)]
-    whole = _numbers(values, everything, count)
-    return {
-        "schema": SCHEMA,
-        "rays": {
-            "launched": int(status.size),
-            "hit": len(hits),
+    return PoseMetrics(
+        rays=RayCounts(
+            hit=len(hits),
             **_by_status(status),
-            "open_boundary": counts.get("open_boundary"),
-        },
-        **whole,
-        **_covered(coverage, everything, count),
-        **_ensemble(image, rays.pixels, hits, whole),
-        "shell_triangles_in_view": counts.get("shell_triangles_in_view"),
-        "time_s": {key: times.get(key) for key in TIMES},
-        "wavelength_nm": image.header.get("wavelength_nm"),
-        "camera": image.header["camera"],
-        "pose": image.header.get("pose"),
-        "assumptions": {**(image.header.get("assumptions") or {}), "included_rays": included},
-        "regions": {
-            name: {
-                "rays": {
-                    "hit": int(np.count_nonzero(region_of_hit == i)),
-                    **_by_status(status_of_hit[region_of_hit == i]),
-                },
-                **(
-                    numbers := _numbers(
-                        values, members := np.flatnonzero(region_of_ray == i), len(members)
-                    )
-                ),
-                **_covered(coverage, slice(i, i + 1), len(members)),
-                **_ensemble(image, rays.pixels[members], hits[region_of_hit == i], numbers),
-            }
-            for i, name in enumerate(part.region_names)
-        },
-    }
+            launched=int(status.size),
+            open_boundary=counts.get("open_boundary"),
+        ),
+        **view(np.arange(len(rays.face)), hits, slice(None)),
+        shell_triangles_in_view=counts.get("shell_triangles_in_view"),
+        time_s={key: times.get(key) for key in TIMES},
+        wavelength_nm=image.header.get("wavelength_nm"),
+        camera=image.camera,
+        assumptions={**(image.header.get("assumptions") or {}), "included_rays": included},
+        regions=regions,
+    )
 
 
-def _ensemble(
-    image: AovImage, pixels: IntArray, hits: IntArray, numbers: dict[str, Any]
-) -> dict[str, Any]:
-    """What only the image of several fields has."""
-    if not has_ensemble(image):
-        return {}
-    return {"ensemble": ensemble_metrics(image, pixels, hits, numbers)}
+def ensemble_metrics(image: AovImage, pixels: IntArray, hits: IntArray) -> EnsembleMetrics:
+    """Scatter of some pixels.
+
+    Parameters
+    ----------
+    image
+        With the channels of an ensemble.
+    pixels
+        (n,) row-major numbers of the pixels whose rays count.
+    hits
+        (m,) those of all pixels on the part.
+    """
+    members = int((image.header.get("ensemble") or {}).get("count") or 0)
+    counted = np.rint(image.channels[MEMBERS_CHANNEL].ravel()[hits]).astype(np.int64)
+    members = members or int(counted.max(initial=0))
+    shift = [image.channels[f"shift.px.std.{a}"].ravel()[pixels].astype(np.float64) for a in "XY"]
+    return EnsembleMetrics(
+        members=members,
+        scatter_mm=Statistics.of(image.channels["displacement.std.norm"].ravel()[pixels]),
+        scatter_px=Statistics.of(np.hypot(*shift)),
+        rays_in_all=int(np.count_nonzero(counted == members)),
+        rays_in_some=int(np.count_nonzero((counted > 0) & (counted < members))),
+    )
 
 
-def write_metrics(path: str | Path, metrics: dict[str, Any]) -> None:
+def write_metrics(path: str | Path, metrics: PoseMetrics) -> None:
     """Write metrics as JSON; an existing file is replaced when the new one is complete.
 
     Raises
@@ -247,71 +378,51 @@ def write_metrics(path: str | Path, metrics: dict[str, Any]) -> None:
         The folder does not exist, or a value is not plain JSON.
     """
     try:
-        text = json.dumps(metrics, indent=2, allow_nan=False, ensure_ascii=False)
+        text = json.dumps(metrics.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)
     except (TypeError, ValueError) as error:
         raise InputError(f"the metrics for {path} are not plain JSON: {error}.") from error
     with whole_file(path) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def _values(image: AovImage, part: Part, camera: Camera, rays: PoseRays, nearest: bool) -> _Values:
-    points = rays.position.T
+def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> _Values:
+    camera, points = image.camera, rays.position.T
     grid = pixel_grid(rays.pixels, camera.resolution)
-    # The search in the plane takes as long as all the rest; SciPy lets go of Python meanwhile.
-    with ThreadPoolExecutor(max_workers=1) as pool:
-        plane = pool.submit(nearest_in_plane, points, grid, camera) if nearest else None
-        return _Values(
-            bending=bending(image, camera, rays),
-            incidence=np.degrees(rays.incidence),
-            step=step_spacing(points, grid, part.smooth_group[rays.face]),
-            space=nearest_in_space(points, grid, camera).spacing(points) if nearest else None,
-            plane=None if plane is None else plane.result().spacing(points),
-        )
+    spacing = {"": step_spacing(points, grid, part.smooth_group[rays.face])}
+    if nearest:
+        # The search in the plane takes as long as all the rest; SciPy lets go of Python meanwhile.
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            plane = pool.submit(nearest_in_plane, points, grid, camera)
+            spacing["_nn3d"] = nearest_in_space(points, grid, camera).spacing(points)
+            spacing["_nnxy"] = plane.result().spacing(points)
+    return _Values(bending(image, camera, rays), np.degrees(rays.incidence), spacing)
 
 
-def _numbers(values: _Values | None, members: IntArray | slice, count: int) -> dict[str, Any]:
-    """Metrics of some of the rays; all None when they are too few."""
-    if values is None or count < FEWEST_RAYS:
-        return {
-            "displacement_mm": dict.fromkeys((*STATISTICS, "rms")),
-            "displacement_lateral_mm": None,
-            "displacement_axial_mm": None,
-            "shift_px": dict.fromkeys(STATISTICS),
-            **dict.fromkeys(
-                f"{direction}_resolution_mm{reading}"
-                for reading in ("", "_nn3d", "_nnxy")
-                for direction in ("lateral", "axial")
-            ),
-            "incidence_angle_deg": None,
-        }
-    norm = values.bending.norm[members]
+def _numbers(values: _Values, members: IntArray) -> dict[str, Any]:
+    """Metrics of some of the rays."""
+    resolution = {
+        f"{direction}_resolution_mm{reading}": _mean(getattr(spacing, direction)[members])
+        for reading, spacing in values.spacing.items()
+        for direction in ("lateral", "axial")
+    }
     return {
-        "displacement_mm": {**statistics(norm), "rms": root_mean_square(norm)},
+        "displacement_mm": Statistics.of(values.bending.norm[members]),
         "displacement_lateral_mm": float(values.bending.lateral[members].mean()),
         "displacement_axial_mm": float(values.bending.axial[members].mean()),
-        "shift_px": statistics(values.bending.shift[members]),
-        **_resolution(values.step, members, ""),
-        **_resolution(values.space, members, "_nn3d"),
-        **_resolution(values.plane, members, "_nnxy"),
+        "shift_px": Statistics.of(values.bending.shift[members]),
+        **resolution,
         "incidence_angle_deg": float(values.incidence[members].mean()),
     }
 
 
-def _resolution(spacing: Spacing | None, members: IntArray | slice, reading: str) -> dict[str, Any]:
-    if spacing is None:
-        return {f"{direction}_resolution_mm{reading}": None for direction in ("lateral", "axial")}
-    lateral, axial = spacing.lateral[members], spacing.axial[members]
-    known = np.isfinite(lateral)
-    some = bool(known.any())
-    return {
-        f"lateral_resolution_mm{reading}": float(lateral[known].mean()) if some else None,
-        f"axial_resolution_mm{reading}": float(axial[known].mean()) if some else None,
-    }
+def _mean(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else None
 
 
-def _covered(coverage: Coverage, regions: slice, rays: int) -> dict[str, float | None]:
+def _covered(coverage: Coverage, regions: slice) -> dict[str, float | None]:
     total = float(coverage.total[regions].sum())
-    if rays < FEWEST_RAYS or total == 0:
+    if total == 0:
         return {"coverage": None, "coverage_area": None}
     return {
         "coverage": float(coverage.faces[regions].sum()) / total,

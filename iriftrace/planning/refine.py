@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -269,18 +269,15 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
     except InputError:
         return None
     whole = rendering.metrics
-    view: dict[str, Any] = whole if criteria.region == "part" else whole["regions"][criteria.region]
-    if (
-        view["rays"]["good"] < criteria.min_hits
-        or (view["coverage"] or 0.0) < criteria.min_coverage
-    ):
+    view = whole if criteria.region == "part" else whole.regions[criteria.region]
+    if view.rays.good < criteria.min_hits or (view.coverage or 0.0) < criteria.min_coverage:
         return None
     reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
     values = (
-        view["displacement_mm"][criteria.statistic],
-        view["coverage"],
-        view[f"axial_resolution_mm{reading}"],
-        view[f"lateral_resolution_mm{reading}"],
+        getattr(view.displacement_mm, criteria.statistic),
+        view.coverage,
+        getattr(view, f"axial_resolution_mm{reading}"),
+        getattr(view, f"lateral_resolution_mm{reading}"),
     )
     return {
         name: math.nan if value is None else float(value)

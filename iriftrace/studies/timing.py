@@ -46,7 +46,7 @@ def times(scene: LoadedScene) -> dict[str, float | int]:
             picture.save(Path(folder) / "picture.exr")
             pictures.append(picture.metrics)
     fastest = {
-        f"time_{stage}": min(metrics["time_s"][stage] for metrics in pictures[1:])
+        f"time_{stage}": min(metrics.time_s[stage] or 0.0 for metrics in pictures[1:])
         for stage in _IN_METRICS
     }
     recording = Recording(scene)
@@ -59,7 +59,7 @@ def times(scene: LoadedScene) -> dict[str, float | int]:
         "time_search": share * trace,
         "time_refraction": (1.0 - share) * trace,
         "search_share": share,
-        "rays": pictures[0]["rays"]["launched"],
+        "rays": pictures[0].rays.launched or 0,
         "rays_refracted": recording.rays,
         "process": os.getpid(),
     }

@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -23,9 +23,9 @@ from iriftrace.scene.file import read_scene_file
 from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.trace.render import render_scene
-from iriftrace.trace.shell_convergence import EVERY_SECOND_SHELL, shell_resolution
+from iriftrace.trace.shell_convergence import shell_resolution
 
-_KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions", "ensemble", EVERY_SECOND_SHELL)
+_KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions", "ensemble", "every_second_shell")
 
 SAMPLE = 1000
 """Rays of each pose by which its shells are judged: enough to find poses, not to measure them."""
@@ -176,11 +176,14 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
             return Piece(task.number, {"metrics": None, "failure": str(error)})
     resolution = shell_resolution(scene, rendering.image, task.camera, SAMPLE)
     if resolution is not None:
-        rendering.metrics[EVERY_SECOND_SHELL] = resolution.as_dict()
+        checked = evolve(rendering.metrics, every_second_shell=resolution.as_dict())
+        rendering = evolve(rendering, metrics=checked)
     if task.exr:
         rendering.save(task.exr)
     measured = {
-        key: value for key, value in rendering.metrics.items() if key in _KEPT or _is_measure(key)
+        key: value
+        for key, value in rendering.metrics.as_dict().items()
+        if key in _KEPT or _is_measure(key)
     }
     seen = sight_faces(rendering.image, task.include).as_rows()
     return Piece(task.number, {"metrics": measured, "failure": ""}, seen)

@@ -9,27 +9,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status, write_exr
-from iriftrace.image.metrics import pose_metrics, write_metrics
+from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.trace.field_reference import shell_error
 from iriftrace.trace.pose_image import pose_image
-from iriftrace.trace.shell_convergence import (
-    EVERY_SECOND_SHELL,
-    shell_resolution,
-    warn_of_coarse_shells,
-)
-
-SHELLS_AGAINST_FIELD = "shells_against_field"
-CHECKS = (EVERY_SECOND_SHELL, SHELLS_AGAINST_FIELD)
-"""Keys of metrics that say how far the shells can be relied on."""
+from iriftrace.trace.shell_convergence import shell_resolution, warn_of_coarse_shells
 
 
 @frozen(eq=False)
@@ -37,15 +29,14 @@ class Rendering:
     """One pose's image and its metrics."""
 
     image: AovImage
-    metrics: dict[str, Any]
+    metrics: PoseMetrics
 
     def save(self, path: str | Path) -> tuple[Path, Path]:
         """Write the AOV EXR and, beside it, the metrics JSON; returns both names."""
         exr = Path(path)
         started = time.perf_counter()
         write_exr(exr, self.image)
-        self.metrics["time_s"]["write"] = time.perf_counter() - started
-        self.metrics["time_s"]["total"] += self.metrics["time_s"]["write"]
+        self.metrics.add_time("write", time.perf_counter() - started)
         report = exr.with_suffix(".json")
         write_metrics(report, self.metrics)
         return exr, report
@@ -137,7 +128,7 @@ def render_scene(
         no ray hits the part in focus.
     """
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
-    checks = {SHELLS_AGAINST_FIELD: shell_error(loaded).as_dict()} if check_field else {}
+    against_field = shell_error(loaded).as_dict() if check_field else None
     started = time.perf_counter()
     traced = pose_image(loaded, camera, include)
     image, time_s = traced.image, traced.time_s
@@ -146,7 +137,7 @@ def render_scene(
     reduced = time.perf_counter()
     metrics = pose_metrics(image, loaded.part, include=tuple(include), nearest=nearest)
     done = time.perf_counter()
-    metrics["time_s"] = {
+    times: dict[str, float | None] = {
         **time_s,
         "metrics": done - reduced,
         "write": 0.0,
@@ -157,27 +148,38 @@ def render_scene(
     resolution = shell_resolution(loaded, image, camera) if check_shells else None
     if resolution is not None:
         warn_of_coarse_shells(resolution)
-        checks[EVERY_SECOND_SHELL] = resolution.as_dict()
-    return Rendering(image, metrics | checks)
+    return Rendering(
+        image,
+        evolve(
+            metrics,
+            time_s=times,
+            shells_against_field=against_field,
+            every_second_shell=None if resolution is None else resolution.as_dict(),
+        ),
+    )
 
 
-def keep_checks(metrics: dict[str, Any], earlier: Mapping[str, Any]) -> None:
+def keep_checks(metrics: PoseMetrics, earlier: Mapping[str, Any]) -> PoseMetrics:
     """Fill in times and checks of the shells that only rendering knew.
 
     Parameters
     ----------
-    metrics : dict
+    metrics : PoseMetrics
         Of an image, reduced again.
     earlier : mapping
-        Metrics written when the image was rendered.
+        JSON values written when the image was rendered; those of another pose are not used.
     """
     known = earlier.get("time_s")
-    if earlier.get("pose") != metrics["pose"] or not isinstance(known, Mapping):
-        return
-    for key, value in metrics["time_s"].items():
-        if value is None:
-            metrics["time_s"][key] = known.get(key)
-    metrics.update({key: earlier[key] for key in CHECKS if key in earlier})
+    if earlier.get("pose") != metrics.as_dict()["pose"] or not isinstance(known, Mapping):
+        return metrics
+    return evolve(
+        metrics,
+        time_s={
+            key: known.get(key) if value is None else value for key, value in metrics.time_s.items()
+        },
+        shells_against_field=earlier.get("shells_against_field"),
+        every_second_shell=earlier.get("every_second_shell"),
+    )
 
 
 def trace_rays(
@@ -300,7 +302,7 @@ def _refuse_empty(image: AovImage) -> None:
             "No ray of the camera hits the part; point the camera at it (lookat in the scene file)."
         )
     if np.isin(status, (Status.MISSED, Status.OUT_OF_FOCUS, Status.BLOCKED)).all():
-        camera = Camera.from_dict(image.header["camera"])
+        camera = image.camera
         hit = status == Status.OUT_OF_FOCUS
         if not hit.any():
             raise InputError("Another object hides the part from every pixel; move the camera.")

@@ -24,9 +24,6 @@ SAMPLE = 5000
 
 SHARES = 0.5, 0.95
 
-EVERY_SECOND_SHELL = "every_second_shell"
-"""Key of the metrics."""
-
 FEWEST = 100
 """As for the metrics: fewer good rays give no numbers."""
 

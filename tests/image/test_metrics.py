@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from attrs import evolve
 from rich.console import Console
 
 from iriftrace.camera.camera import Camera
@@ -47,7 +48,7 @@ def metrics_of(status: Any = None, **options: Any) -> dict[str, Any]:
     vector = AMOUNT[..., None] * np.array([0.6, 0.0, -0.8])
     shift = AMOUNT[..., None] * np.array([3.0, 4.0])
     image = make_image(CAMERA, PART, displacement=vector, shift=shift, status=status, header=HEADER)
-    return pose_metrics(image, PART, **options)
+    return pose_metrics(image, PART, **options).as_dict()
 
 
 def test_statistics_of_displacement_and_shift() -> None:
@@ -86,7 +87,7 @@ def test_summary_says_why_an_axial_resolution_is_0(tilt: float, text: str) -> No
     header = {**HEADER, "part": {"path": "by hand", "sha256": part.sha256}}
     moved = (3e-6, 0, 0)
     metrics = pose_metrics(make_image(CAMERA, part, displacement=moved, header=header), part)
-    metrics["time_s"] = dict.fromkeys(TIMES, 1.0)
+    metrics.time_s.update(dict.fromkeys(TIMES, 1.0))
     console = Console(width=200, file=io.StringIO())
     print_summary(console, metrics)
     assert f"lateral 1000 um, axial {text} (step to the next pixel)" in console.file.getvalue()
@@ -164,7 +165,7 @@ def test_regions_hold_the_numbers_of_their_own_rays() -> None:
         displacement=np.stack([0 * column, 0 * column, 1e-3 * (1 + column)], axis=-1),
         header=HEADER,
     )
-    metrics = pose_metrics(image, PART)
+    metrics = pose_metrics(image, PART).as_dict()
     left, right = metrics["regions"]["left"], metrics["regions"]["right"]
     assert left["displacement_mm"]["mean"] == pytest.approx(1e-3 * (1 + np.arange(2, 20).mean()))
     assert right["displacement_mm"]["max"] == pytest.approx(1e-3 * 38)
@@ -204,14 +205,14 @@ def test_damaged_image_is_refused() -> None:
 
 
 def test_json_is_plain_and_written_whole(tmp_path: Path) -> None:
-    metrics = metrics_of()
+    metrics = pose_metrics(make_image(CAMERA, PART, header=HEADER), PART)
     path = tmp_path / "pose.json"
     write_metrics(path, metrics)
-    assert json.loads(path.read_text(encoding="utf-8")) == metrics
+    assert json.loads(path.read_text(encoding="utf-8")) == metrics.as_dict()
     before = path.read_bytes()
     for bad in (float("nan"), np.float64, object()):
         with pytest.raises(InputError, match="plain JSON"):
-            write_metrics(path, {**metrics, "bad": bad})
+            write_metrics(path, evolve(metrics, assumptions={"bad": bad}))
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 

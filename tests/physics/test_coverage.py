@@ -75,9 +75,9 @@ def test_tilted_plate_is_covered_once(angle: float, projection: str) -> None:
     if projection == "orthographic":
         view = Camera(sensor_mm=(24, 24), resolution=(240, 480), projection=projection)
     metrics = pose_metrics(make_image(view, part), part)
-    assert metrics["coverage"] == 1.0
-    assert metrics["coverage_area"] == pytest.approx(1.0, abs=0.5 / 35)
-    assert metrics["coverage_area"] <= 1.0 + 1e-12
+    assert metrics.coverage == 1.0
+    assert metrics.coverage_area == pytest.approx(1.0, abs=0.5 / 35)
+    assert metrics.coverage_area <= 1.0 + 1e-12
 
 
 def test_plate_that_leaves_the_picture_is_covered_in_part() -> None:
@@ -88,8 +88,8 @@ def test_plate_that_leaves_the_picture_is_covered_in_part() -> None:
     part = plate((50, 0, 0), (0, 40, 0), (0, 0, 60))
     view = Camera(focal_length_mm=10, sensor_mm=(6.7, 5.6), resolution=(60, 50))
     metrics = pose_metrics(make_image(view, part), part)
-    assert metrics["coverage_area"] == pytest.approx(40.2 * 33.6 / (100 * 80), rel=1e-3)
-    assert metrics["coverage"] == 1.0, "both triangles are hit, which is what the paper counts"
+    assert metrics.coverage_area == pytest.approx(40.2 * 33.6 / (100 * 80), rel=1e-3)
+    assert metrics.coverage == 1.0, "both triangles are hit, which is what the paper counts"
 
 
 def test_box_shows_three_sides_and_each_region_its_own_share() -> None:
@@ -102,12 +102,12 @@ def test_box_shows_three_sides_and_each_region_its_own_share() -> None:
         groups=np.unique(np.round(mesh.face_normals), axis=0, return_inverse=True)[1].ravel(),
     )
     metrics = pose_metrics(make_image(camera(200, 170, (60, 50, 45)), part), part)
-    assert metrics["coverage"] == pytest.approx(0.5)
-    assert metrics["coverage_area"] == pytest.approx(0.5, rel=0.01)
-    assert metrics["regions"]["towards"]["coverage"] == pytest.approx(1.0)
-    assert metrics["regions"]["towards"]["coverage_area"] == pytest.approx(1.0, rel=0.01)
-    assert metrics["regions"]["away"]["coverage"] is None
-    assert metrics["regions"]["away"]["rays"]["hit"] == 0
+    assert metrics.coverage == pytest.approx(0.5)
+    assert metrics.coverage_area == pytest.approx(0.5, rel=0.01)
+    assert metrics.regions["towards"].coverage == pytest.approx(1.0)
+    assert metrics.regions["towards"].coverage_area == pytest.approx(1.0, rel=0.01)
+    assert metrics.regions["away"].coverage is None
+    assert metrics.regions["away"].rays.hit == 0
 
 
 def test_filling_pixels_hits_what_brute_force_hits() -> None:
@@ -134,7 +134,7 @@ def test_ball_shows_the_cap_below_its_horizon(distance: float, error: float) -> 
     shares = []
     for origin in distance * towards / np.linalg.norm(towards, axis=1, keepdims=True):
         image = look(camera(306, 256, tuple(origin)), part)
-        share = pose_metrics(image, part, nearest=False)["coverage_area"]
+        share = pose_metrics(image, part, nearest=False).coverage_area
         assert share * part.area <= area_facing(part, origin) * (1 + 1e-12)
         shares.append(share / ((1 - 20 / distance) / 2))
     assert min(shares) > 1 - error
@@ -150,7 +150,7 @@ def test_cube_shows_every_side_that_faces_the_camera(origin: tuple[float, float,
     """
     part = cube()
     image = look(camera(306, 256, origin), part)
-    share = pose_metrics(image, part)["coverage_area"]
+    share = pose_metrics(image, part).coverage_area
     assert share == pytest.approx(area_facing(part, np.array(origin)) / part.area, rel=0.014)
 
 
@@ -218,12 +218,12 @@ def test_area_does_not_depend_on_the_tessellation(
         seen = seen_areas(image, part)
         assert (seen <= part.face_areas).all()
         results.append(pose_metrics(image, part, nearest=False))
-        assert seen.sum() == pytest.approx(results[-1]["coverage_area"] * part.area, rel=1e-12)
+        assert seen.sum() == pytest.approx(results[-1].coverage_area * part.area, rel=1e-12)
         part, face = finer(part, face, points)
-    areas = [metrics["coverage_area"] for metrics in results]
+    areas = [metrics.coverage_area for metrics in results]
     np.testing.assert_allclose(areas[1:], areas[0], rtol=0.002)
-    for name in results[0]["regions"]:
-        region = [metrics["regions"][name]["coverage_area"] for metrics in results]
+    for name in results[0].regions:
+        region = [metrics.regions[name].coverage_area for metrics in results]
         if region[0] is not None:
             np.testing.assert_allclose(region[1:], region[0], rtol=0.002)
 
@@ -240,7 +240,7 @@ def test_paper_coverage_depends_on_the_tessellation() -> None:
     for _ in range(2):
         part, face = finer(part, face, points)
     after = pose_metrics(image_of_hits(view, part, distance, face), part, nearest=False)
-    assert after["coverage"] < 0.5 * before["coverage"]
+    assert after.coverage < 0.5 * before.coverage
 
 
 def test_faces_between_the_rows_of_pixels_are_seen_too() -> None:

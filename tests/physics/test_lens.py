@@ -89,7 +89,7 @@ def test_plate_that_leaves_the_picture_is_covered_as_far_as_it_is_seen(lens: Dis
     _, directions = view.rays(border)
     x, y, _ = (60 * directions / directions[:, 2:]).T
     seen = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    assert metrics["coverage_area"] == pytest.approx(seen / 120**2, rel=1e-3)
+    assert metrics.coverage_area == pytest.approx(seen / 120**2, rel=1e-3)
 
 
 @lenses

@@ -93,9 +93,9 @@ def test_rays_that_run_down_along_the_plume_are_counted_right(
     elevation = np.radians(elevation_deg)
     origin = (310 * np.cos(elevation), 0.0, 238.5 * np.sin(elevation))
     camera = scene.camera.at(look_at(origin, (0.0, 0.0, 0.0)))
-    rays = render_scene(scene, camera=camera, nearest=False, empty=True).metrics["rays"]
-    assert rays["hit"] > 20_000
-    assert rays["index_mismatch"] == 0
+    rays = render_scene(scene, camera=camera, nearest=False, empty=True).metrics.rays
+    assert rays.hit > 20_000
+    assert rays.index_mismatch == 0
 
 
 VIEWS = {

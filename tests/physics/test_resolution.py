@@ -66,8 +66,8 @@ def test_plane_in_a_parallel_camera(angle: float, axis: tuple[float, float]) -> 
     lateral = (inner * max(px, py) + row * px + column * py) / count
     right, down = abs(gx) * px, abs(gy) * py
     axial = (inner * max(right, down) + row * right + column * down) / count
-    assert metrics["lateral_resolution_mm"] == pytest.approx(lateral, abs=tolerance)
-    assert metrics["axial_resolution_mm"] == pytest.approx(axial, abs=tolerance)
+    assert metrics.lateral_resolution_mm == pytest.approx(lateral, abs=tolerance)
+    assert metrics.axial_resolution_mm == pytest.approx(axial, abs=tolerance)
 
     steps = np.array([(i * px, j * py) for i in range(-9, 10) for j in range(-9, 10) if i or j])
     depth = steps @ (gx, gy)
@@ -75,10 +75,10 @@ def test_plane_in_a_parallel_camera(angle: float, axis: tuple[float, float]) -> 
     in_plane = np.argmin((steps**2).sum(axis=1))
     for reading, nearest in (("_nn3d", in_space), ("_nnxy", in_plane)):
         # At the border the nearest neighbour may be missing; that concerns few points.
-        found = metrics[f"lateral_resolution_mm{reading}"]
+        found = getattr(metrics, f"lateral_resolution_mm{reading}")
         border = 0.0 if reading == "_nnxy" or abs(gx * gy) < 1e-9 else 0.06
         assert found == pytest.approx(np.hypot(*steps[nearest]), rel=border, abs=tolerance)
-        found = metrics[f"axial_resolution_mm{reading}"]
+        found = getattr(metrics, f"axial_resolution_mm{reading}")
         assert found == pytest.approx(
             abs(depth[nearest]), rel=0, abs=tolerance + border * np.hypot(px, py) * 4
         )
@@ -90,8 +90,8 @@ def test_papers_readings_degenerate_where_the_step_does_not() -> None:
     part = plate((2, 0, 2 * gx), (0, 2, 2 * gy), (0, 0, 20))
     metrics = pose_metrics(make_image(PARALLEL, part), part)
     for reading in ("_nn3d", "_nnxy"):
-        assert metrics[f"axial_resolution_mm{reading}"] < 1e-5
-    assert metrics["axial_resolution_mm"] > 3.7 * PITCH[1] * 0.95
+        assert getattr(metrics, f"axial_resolution_mm{reading}") < 1e-5
+    assert metrics.axial_resolution_mm > 3.7 * PITCH[1] * 0.95
 
 
 @pytest.mark.parametrize(("angle", "axis"), TILTS)
@@ -114,8 +114,8 @@ def test_plane_in_a_pinhole_camera(angle: float, axis: tuple[float, float]) -> N
         lateral[here] = np.maximum(lateral[here], across)
         axial[here] = np.maximum(axial[here], np.abs(z[there] - z[here]))
     known = lateral > 0
-    assert metrics["lateral_resolution_mm"] == pytest.approx(lateral[known].mean(), rel=1e-4)
-    assert metrics["axial_resolution_mm"] == pytest.approx(axial[known].mean(), rel=1e-4, abs=1e-5)
+    assert metrics.lateral_resolution_mm == pytest.approx(lateral[known].mean(), rel=1e-4)
+    assert metrics.axial_resolution_mm == pytest.approx(axial[known].mean(), rel=1e-4, abs=1e-5)
 
 
 def test_steps_from_one_patch_to_another_do_not_count() -> None:
@@ -125,9 +125,9 @@ def test_steps_from_one_patch_to_another_do_not_count() -> None:
     faces = np.concatenate((near.faces, far.faces + len(near.vertices)))
     apart = make_part(vertices, faces, groups=[0, 0, 1, 1])
     metrics = pose_metrics(make_image(PARALLEL, apart), apart)
-    assert metrics["axial_resolution_mm"] == pytest.approx(0, abs=1e-9)
+    assert metrics.axial_resolution_mm == pytest.approx(0, abs=1e-9)
     together = make_part(vertices, faces)
-    jump = pose_metrics(make_image(PARALLEL, together), together)["axial_resolution_mm"]
+    jump = pose_metrics(make_image(PARALLEL, together), together).axial_resolution_mm
     # One pixel of each row but the last column's steps over the edge.
     assert jump == pytest.approx(5 * SIZE[1] / (SIZE[0] * SIZE[1] - 1), rel=1e-3)
 
@@ -221,7 +221,7 @@ def test_equal_points_are_each_others_nearest() -> None:
 def bundled_hits(name: str) -> tuple[FloatArray, PixelGrid, Camera]:
     scene = load_scene(folder_of(name) / "scene.xml", {"scale": 0.25}, variant="llvm_ad_mono")
     image = render_scene(scene, nearest=False).image
-    camera = Camera.from_dict(image.header["camera"])
+    camera = image.camera
     rays = rays_that_count(image, camera, (0,))
     return rays.position.T, pixel_grid(rays.pixels, camera.resolution), camera
 

@@ -42,13 +42,13 @@ class Hill:
         self.rendered.append(pose)
         if pose[2, 3] > self.forbidden_z:
             raise InputError("The camera stands inside the hot air.")
-        view = {
-            "rays": {"good": self.good},
-            "displacement_mm": {"mean": self.displacement(pose)},
-            "coverage": 0.3,
-            "axial_resolution_mm": 0.1,
-            "lateral_resolution_mm": 0.1,
-        }
+        view = SimpleNamespace(
+            rays=SimpleNamespace(good=self.good),
+            displacement_mm=SimpleNamespace(mean=self.displacement(pose)),
+            coverage=0.3,
+            axial_resolution_mm=0.1,
+            lateral_resolution_mm=0.1,
+        )
         return SimpleNamespace(metrics=view)
 
 
@@ -93,7 +93,7 @@ class Fog(Hill):
 
     def render(self, matrix: Any, *, nearest: bool = False) -> Any:
         rendering = super().render(matrix, nearest=nearest)
-        rendering.metrics["coverage"] = 0.3 if matrix[2, 3] <= 5.0 else 0.1
+        rendering.metrics.coverage = 0.3 if matrix[2, 3] <= 5.0 else 0.1
         return rendering
 
 

@@ -32,7 +32,7 @@ from iriftrace.image.aov_image import (
     read_exr,
     write_exr,
 )
-from iriftrace.image.metrics import ensemble_metrics
+from iriftrace.image.metrics import Statistics, ensemble_metrics
 from iriftrace.part.part import save_part
 from iriftrace.scene import load as loaded_members
 from iriftrace.scene.ensemble import read_members
@@ -157,14 +157,12 @@ def test_metrics_tell_bias_from_scatter() -> None:
         statistics.add(image)
     found = statistics.image({"ensemble": {"count": 5}})
     pixels = np.flatnonzero(found.channels["part.face"])
-    numbers = {"displacement_mm": {"mean": 1.0}, "shift_px": {"mean": 2.0}}
-    metrics = ensemble_metrics(found, pixels, pixels, numbers)
-    assert metrics["members"] == metrics["rays_in_all"] // len(pixels) * 5
-    assert (metrics["bias_mm"], metrics["bias_px"]) == ({"mean": 1.0}, {"mean": 2.0})
+    metrics = ensemble_metrics(found, pixels, pixels)
+    assert metrics.members == metrics.rays_in_all // len(pixels) * 5
     # Three independent components of 1 um each.
-    assert metrics["scatter_mm"]["rms"] == pytest.approx(np.sqrt(3) * 1e-3, rel=0.05)
-    few = ensemble_metrics(found, pixels[:99], pixels, numbers)
-    assert few["scatter_mm"] == dict.fromkeys(("mean", "median", "p95", "max", "rms"))
+    assert metrics.scatter_mm.rms == pytest.approx(np.sqrt(3) * 1e-3, rel=0.05)
+    few = ensemble_metrics(found, pixels[:99], pixels)
+    assert few.scatter_mm == Statistics()
 
 
 # Scenes ----------------------------------------------------------------------------------------
@@ -320,17 +318,17 @@ def test_results_name_every_field(ten: Path) -> None:
     header = rendering.image.header
     assert header["ensemble"]["count"] == 10
     assert [m["label"] for m in header["ensemble"]["members"]] == [f"share {s}" for s in SHARES]
-    assumptions = rendering.metrics["assumptions"]
+    metrics = rendering.metrics.as_dict()
+    assumptions = metrics["assumptions"]
     assert assumptions["ensemble"].startswith("displacements are means over 10 fields")
     two = "index from share -0.09; index from share -0.07"
     assert assumptions["field_source"] == f"{two}; and 8 more"
     assert assumptions["field_origin"] == "synthetic: slab"
-    assert rendering.metrics["ensemble"]["members"] == 10
-    assert rendering.metrics["ensemble"]["bias_mm"] == {
-        key: rendering.metrics["displacement_mm"][key]
-        for key in ("mean", "median", "p95", "max", "rms")
+    assert metrics["ensemble"]["members"] == 10
+    assert metrics["ensemble"]["bias_mm"] == {
+        key: metrics["displacement_mm"][key] for key in ("mean", "median", "p95", "max", "rms")
     }
-    for region in rendering.metrics["regions"].values():
+    for region in metrics["regions"].values():
         assert region["ensemble"]["members"] == 10
 
 
@@ -426,7 +424,8 @@ def test_sweep_has_the_scatter_of_each_pose(ten: Path, tmp_path: Path) -> None:
     dataset = run_sweep(scene, poses, path, progress=lambda done, total: rendered.append(done))
     assert rendered == [1, 2]
     for number, matrix in enumerate(poses.matrices):
-        metrics = render_scene(scene, camera=scene.camera.at(matrix), nearest=False).metrics
+        rendering = render_scene(scene, camera=scene.camera.at(matrix), nearest=False)
+        metrics = rendering.metrics.as_dict()
         part = dataset.sel(region="part").isel(pose=number)
         for key in ("mean", "median", "p95", "max", "rms"):
             assert float(part[f"scatter_{key}"]) == metrics["ensemble"]["scatter_mm"][key]

@@ -394,7 +394,7 @@ def test_stock_sensors_in_the_xml_work(xml: Path) -> None:
     xml.write_text(text.replace('<default name="scale" value="1.0"/>', ""))
     rendering = render_scene(xml)
     assert rendering.image.resolution == (38, 32)
-    assert rendering.metrics["rays"]["good"] > 100
+    assert rendering.metrics.rays.good > 100
 
 
 @pytest.mark.usefixtures("variant")

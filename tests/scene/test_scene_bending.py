@@ -64,7 +64,7 @@ def said(xml: Path, values: Mapping[str, str] | None = None, engine: str | None 
         scene.bending,
         header["bending"],
         header["assumptions"]["bending"],
-        rendering.metrics["assumptions"]["bending"],
+        rendering.metrics.assumptions["bending"],
     }
     (one,) = found
     return one

@@ -63,9 +63,8 @@ def test_each_pose_holds_the_metrics_of_its_own_rendering(
     dataset = swept[1]
     assert dataset.sizes["pose"] == len(poses) == 7
     for number, matrix in enumerate(poses.matrices):
-        metrics = render_scene(
-            scene, camera=scene.camera.at(matrix), nearest=False, empty=True
-        ).metrics
+        rendering = render_scene(scene, camera=scene.camera.at(matrix), nearest=False, empty=True)
+        metrics = rendering.metrics.as_dict()
         for name, measure in MEASURES.items():
             expected = metrics
             for key in measure.keys:

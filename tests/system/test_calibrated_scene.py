@@ -14,7 +14,6 @@ import pytest
 import xarray as xr
 from conftest import Failing
 
-from iriftrace.camera.camera import Camera
 from iriftrace.cli import main
 from iriftrace.image.aov_image import read_exr
 from iriftrace.scene.load import load_scene
@@ -49,7 +48,7 @@ def test_calibration_goes_through_to_the_results(
     assert main(["render", str(xml)]) == 0
     image = read_exr(xml.with_suffix(".exr"))
     assert image.header["assumptions"]["camera"].startswith("distorted: pinhole with Brown-Conrady")
-    camera = Camera.from_dict(image.header["camera"])
+    camera = image.camera
     assert camera.focal_length_mm == pytest.approx(400 * 0.005)
     good = image.status == 0
     assert good.sum() > 500
@@ -144,7 +143,7 @@ def test_a_scene_reads_its_calibration_and_no_other(
     """Mitsuba alone would take one from the current folder where the scene's is missing."""
     xml = with_calibration(hot, tmp_path / "scene")
     assert main(["render", str(xml), "-o", "out.exr", "--no-figures"]) == 0
-    camera = Camera.from_dict(read_exr("out.exr").header["camera"])
+    camera = read_exr("out.exr").camera
     assert camera.focal_length_mm == pytest.approx(400 * 0.05)
     assert camera.distortion is not None
     (xml.parent / "camera.yaml").rename(tmp_path / "camera.yaml")

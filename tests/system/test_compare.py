@@ -12,7 +12,6 @@ import pytest
 from conftest import Failing
 from scipy.spatial.transform import Rotation
 
-from iriftrace.camera.camera import Camera
 from iriftrace.cli import main
 from iriftrace.cli.compare import _with_deviation
 from iriftrace.image.aov_image import read_exr
@@ -25,7 +24,7 @@ NOISE = 5e-4
 def measurement(image_path: Path, seed: int = 1) -> np.ndarray:
     """(h, w, 2) map: the rendering's shift, a rigid motion of the camera, and noise."""
     image = read_exr(image_path)
-    camera = Camera.from_dict(image.header["camera"])
+    camera = image.camera
     good = image.status == 0
     hits = image.vector("refracted", good)
     step = np.eye(4)

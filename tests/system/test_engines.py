@@ -66,7 +66,7 @@ def test_sweep_bends_rays_through_the_field(hot: HotBlock, tmp_path: Path) -> No
     assert swept.scene.variant == alone.variant
     for pose, matrix in enumerate(dataset["matrix"].values):
         rendering = render_scene(alone, camera=alone.camera.at(matrix))
-        assert median[pose] == rendering.metrics["displacement_mm"]["median"]
+        assert median[pose] == rendering.metrics.displacement_mm.median
         again = swept.render(matrix).image
         np.testing.assert_array_equal(
             again.channels["displacement.norm"], rendering.image.channels["displacement.norm"]

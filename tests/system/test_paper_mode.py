@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from conftest import Failing
 
-from iriftrace.camera.camera import Camera
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
@@ -39,7 +38,7 @@ def test_scene_in_the_papers_mode_gives_the_studies_hits(
 
     mode = Mode("paper's", "facet", "outer", "drop", (2,))
     stack = some_shells_of(read_field(hot.field), 6, mode)
-    view = View(read_part(hot.part), Camera.from_dict(image.header["camera"]), variant)
+    view = View(read_part(hot.part), image.camera, variant)
     hits = picture_of_shells(view, stack, mode)
     np.testing.assert_array_equal(image.status.ravel() == Status.GOOD, hits.good)
     np.testing.assert_array_equal(

@@ -29,13 +29,13 @@ def expected_counts() -> dict[str, dict[str, int]]:
 @pytest.mark.usefixtures("variant")
 def test_rays_by_status_are_those_of_the_readme(name: str) -> None:
     metrics = render_scene(folder_of(name) / "scene.xml").metrics
-    rays = metrics["rays"]
+    rays = metrics.rays
     for key, count in expected_counts()[name].items():
-        assert rays[key] == pytest.approx(count, abs=max(3, 1e-5 * rays["launched"]))
-    assert rays["gave_up"] == rays["blocked"] == rays["only_refracted"] == 0
+        assert getattr(rays, key) == pytest.approx(count, abs=max(3, 1e-5 * rays.launched))
+    assert rays.gave_up == rays.blocked == rays.only_refracted == 0
     line = (folder_of(name) / "README.md").read_text(encoding="utf-8")
     median_um = float(re.search(r"median displacement ([\d.]+) um", line)[1])
-    assert metrics["displacement_mm"]["median"] * 1e3 == pytest.approx(median_um, abs=0.06)
+    assert metrics.displacement_mm.median * 1e3 == pytest.approx(median_um, abs=0.06)
 
 
 @pytest.mark.parametrize("name", names())

@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from attrs import evolve
 from conftest import Failing
 from rich.console import Console
 
 from iriftrace.cli import main
 from iriftrace.cli.output import print_summary
-from iriftrace.image.aov_image import Status
+from iriftrace.image.aov_image import read_exr
+from iriftrace.image.metrics import pose_metrics
 from iriftrace.scene.load import load_scene
 from iriftrace.trace import field_reference as shell_check
 from iriftrace.trace.field_reference import ShellError, shell_error
@@ -80,10 +82,10 @@ def test_render_says_it_and_metrics_keeps_it(
 def test_a_summary_says_when_more_than_single_rays_do_not_add_up(
     hot: HotBlock, mismatches: int, said: bool
 ) -> None:
-    metrics = json.loads(hot.image.with_suffix(".json").read_text())
-    metrics["rays"] |= {"hit": 100_000, Status.INDEX_MISMATCH.key: mismatches}
+    metrics = pose_metrics(read_exr(hot.image))
+    rays = evolve(metrics.rays, hit=100_000, index_mismatch=mismatches)
     text = io.StringIO()
-    print_summary(Console(file=text, width=200), metrics)
+    print_summary(Console(file=text, width=200), evolve(metrics, rays=rays))
     assert ("shells have holes or are another field's" in text.getvalue()) == said
 
 

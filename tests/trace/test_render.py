@@ -68,7 +68,7 @@ def test_camera_of_the_scene_and_a_camera_given_agree(scene: LoadedScene) -> Non
     the lookat in the file."""
     own = render_scene(scene)
     given = render_scene(scene, camera=CAMERA)
-    assert own.metrics["rays"] == given.metrics["rays"]
+    assert own.metrics.rays == given.metrics.rays
     for name in CHANNELS:
         np.testing.assert_allclose(
             given.image.channels[name], own.image.channels[name], rtol=1e-5, atol=1e-6
@@ -93,10 +93,10 @@ def test_two_runs_are_identical(xml: Path, tmp_path: Path) -> None:
 
 
 def test_rays_by_status_sum_to_launched(scene: LoadedScene) -> None:
-    rays = render_scene(scene).metrics["rays"]
-    assert rays["launched"] == 152 * 128
-    assert sum(rays[status.key] for status in Status) == rays["launched"]
-    assert rays["good"] == rays["hit"] > 1000
+    rays = render_scene(scene).metrics.rays
+    assert rays.launched == 152 * 128
+    assert sum(rays.of(status) for status in Status) == rays.launched
+    assert rays.good == rays.hit > 1000
 
 
 def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path) -> None:
@@ -114,7 +114,7 @@ def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path)
 
 
 def test_times_add_up(scene: LoadedScene) -> None:
-    times = render_scene(scene).metrics["time_s"]
+    times = render_scene(scene).metrics.time_s
     stages = sum(times[k] for k in ("load", "build", "straight", "refracted", "metrics"))
     assert all(value >= 0 for value in times.values())
     assert stages <= times["total"]
@@ -277,7 +277,7 @@ def test_loaded_scene_serves_many_poses(scene: LoadedScene) -> None:
 
 
 def test_include_takes_only_codes_with_a_displacement(scene: LoadedScene) -> None:
-    assert render_scene(scene, include=(0, 5)).metrics["rays"]["good"] > 1000
+    assert render_scene(scene, include=(0, 5)).metrics.rays.good > 1000
     with pytest.raises(InputError, match="status 3"):
         render_scene(scene, include=(0, 3))
 
@@ -298,6 +298,6 @@ def test_a_crop_window_is_a_piece_of_the_whole_picture(tmp_path: Path) -> None:
     rendering = render_scene(load_scene(xml, {"scale": 1}))
     piece = rendering.image.channels["displacement.norm"]
     np.testing.assert_allclose(piece, whole[900:1050, 1100:1300], rtol=0, atol=1e-9)
-    assert rendering.metrics["camera"]["resolution"] == [200, 150]
-    assert 0 < rendering.metrics["coverage_area"] < 0.1
+    assert rendering.metrics.camera.resolution == (200, 150)
+    assert 0 < rendering.metrics.coverage_area < 0.1
     rendering.save(tmp_path / "piece.exr")

@@ -30,7 +30,7 @@ def median_um(folder: Path, air: Air) -> float:
     shells = contour_shells(read_field(cylinder / "field.vtu", air=air))
     scene = write_scene(folder, read_part(cylinder / "part.ply"), shells, camera, paraview=False)
     metrics = render_scene(load_scene(scene, {"scale": 0.25}), nearest=False).metrics
-    return 1e3 * float(metrics["displacement_mm"]["median"])
+    return 1e3 * float(metrics.displacement_mm.median)
 
 
 def _lines(folder: Path) -> list[Line]:

@@ -17,15 +17,15 @@ def _lines(folder: Path) -> list[Line]:
     lines = []
     for name in names():
         scene = load_scene(folder_of(name) / "scene.xml")
-        rays = render_scene(scene, nearest=False).metrics["rays"]
-        counts = {status.key: rays[status.key] for status in Status}
+        rays = render_scene(scene, nearest=False).metrics.rays
+        counts = {status.key: rays.of(status) for status in Status}
         ending = ", ".join(f"{count:,} {key}" for key, count in counts.items())
         lines.append(
             Line(
                 f"{name}: rays without a status",
-                f"{rays['launched']:,} launched",
+                f"{rays.launched:,} launched",
                 ending,
-                rays["launched"] - sum(counts.values()),
+                rays.launched - sum(counts.values()),
                 0,
                 "rays",
             )

@@ -18,6 +18,7 @@ from iriftrace.field.read import read_field
 from iriftrace.geometry.triangles import polydata
 from iriftrace.image.aov_image import Status
 from iriftrace.image.differences import Differences, Hits, compare, hits_of, own_size
+from iriftrace.image.metrics import RayCounts
 from iriftrace.part.part import read_part
 from iriftrace.runtime.variant import ensure
 from iriftrace.scenes import folder_of
@@ -75,18 +76,18 @@ class Outcome:
     """One picture: its hits, the rays by their end, and which of them do not add up (status 5)."""
 
     hits: Hits
-    rays: dict[str, int]
+    rays: RayCounts
     mismatched: NDArray[np.bool_]
 
     @property
     def unaccounted(self) -> int:
         """Rays that were launched and have no status."""
-        return self.rays["launched"] - sum(self.rays[status.key] for status in Status)
+        return self.rays.launched - sum(self.rays.of(status) for status in Status)
 
     @property
     def miscounted(self) -> int:
         """Hits that gave up, or whose index steps do not add up."""
-        return self.rays[Status.GAVE_UP.key] + self.rays[Status.INDEX_MISMATCH.key]
+        return self.rays.gave_up + self.rays.index_mismatch
 
 
 def troubles() -> list[Trouble]:
@@ -137,7 +138,7 @@ def outcome(loaded: Any) -> Outcome:
     rendering = rendered(loaded)
     image = rendering.image
     mismatched = image.status.ravel() == Status.INDEX_MISMATCH
-    return Outcome(hits_of(image), rendering.metrics["rays"], mismatched)
+    return Outcome(hits_of(image), rendering.metrics.rays, mismatched)
 
 
 def through_field(trouble: Trouble, normals: str) -> Outcome:
@@ -180,13 +181,14 @@ def shares(here: Outcome, reference: Outcome) -> tuple[Differences, float, float
 
 def ledger(case: str, found: Outcome) -> list[Line]:
     """Every ray has an end, and how many of the hits do not add up."""
-    keys = [*(status.key for status in Status), "open_boundary"]
-    ending = ", ".join(f"{found.rays[key]:,} {key}" for key in keys if found.rays[key])
-    share = 100 * found.miscounted / found.rays["hit"]
+    counts = {status.key: found.rays.of(status) for status in Status}
+    counts["open_boundary"] = found.rays.open_boundary or 0
+    ending = ", ".join(f"{count:,} {key}" for key, count in counts.items() if count)
+    share = 100 * found.miscounted / found.rays.hit
     return [
         Line(
             f"{case}: rays without a status",
-            f"{found.rays['launched']:,} launched",
+            f"{found.rays.launched:,} launched",
             ending,
             found.unaccounted,
             0,
@@ -195,7 +197,7 @@ def ledger(case: str, found: Outcome) -> list[Line]:
         Line(
             f"{case}: hits given up, or with index steps that do not add up",
             "0",
-            f"{found.miscounted} of {found.rays['hit']:,}",
+            f"{found.miscounted} of {found.rays.hit:,}",
             share,
             MISCOUNTED_BOUND,
         ),
