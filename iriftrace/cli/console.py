@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, Literal
 
 from rich.console import Console
 from rich.progress import (
@@ -37,6 +37,18 @@ _watching = threading.Event()
 _noticed = threading.Event()
 _pending = threading.Event()
 _first_signal = [signal.SIGINT]
+
+
+def say(text: str) -> None:
+    """Print a result as it is, on one line however long: a terminal breaks it, a file keeps it."""
+    out.print(text, markup=False, soft_wrap=True)
+
+
+def say_finding(state: Literal["ok", "warn", "error"], name: str, text: str) -> None:
+    """Print what was found of a part of this machine's installation."""
+    colour = {"ok": "green", "warn": "yellow", "error": "red"}[state]
+    out.print(f"[{colour}]{state:5}[/] [bold]{name}[/]", end="  ")
+    say(text)
 
 
 def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:

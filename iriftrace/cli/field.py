@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import App, Parameter
 
-from iriftrace.cli.console import out, working
+from iriftrace.cli.console import out, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.options import (
     Length,
@@ -112,7 +112,7 @@ def check(
     _print(result, field)
     if output is not None:
         result.save(output)
-        out.print(f"Numbers in {output}", markup=False, soft_wrap=True)
+        say(f"Numbers in {output}")
 
 
 def _print(result: FieldCheck, field: Path) -> None:
@@ -128,7 +128,7 @@ def _print(result: FieldCheck, field: Path) -> None:
         )
     out.print(table)
     if result.field["origin"]:
-        out.print(f"Field: {result.field['origin']}.", markup=False, soft_wrap=True)
+        say(f"Field: {result.field['origin']}.")
 
 
 def synthetic(
@@ -195,17 +195,15 @@ def synthetic(
     with working("Meshing the air"):
         grid = write_synthetic_field(output, air, size, gradient=gradient)
     _print_field(air, size, grid)
-    out.print(
+    say(
         f"Field in {output}; now run:  iriftrace scene {output} {part} -o scene/scene.xml "
-        f'--ambient "{celsius(ambient)}"',
-        markup=False,
-        soft_wrap=True,
+        f'--ambient "{celsius(ambient)}"'
     )
 
 
 def _print_field(air: SyntheticAir, size: AirMesh, grid: pv.UnstructuredGrid) -> None:
     temperature = np.asarray(grid.point_data["T"])
-    out.print(air.origin, markup=False, soft_wrap=True)
+    say(air.origin)
     out.print(
         f"  {grid.n_points:,} points, {grid.n_cells:,} cells, {size.cell_mm:.3g} mm at the wall; "
         f"air {size.sides_mm:.3g} mm beside and below the part and {size.height_mm:.3g} mm above",

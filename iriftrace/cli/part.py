@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from iriftrace.cli.console import out, working
+from iriftrace.cli.console import say, working
 from iriftrace.cli.options import Length, Whole, check_output
 
 if TYPE_CHECKING:
@@ -48,15 +49,16 @@ def cylinder(
     """
     from iriftrace.part.shapes.cylinder import cylinder as make
 
-    _check(output)
-    with working("Making the cylinder"):
-        made = make(
+    _write(
+        output,
+        "cylinder",
+        lambda: make(
             diameter,
             length,
             segments=segments,
             stations=stations,
-        )
-    _save(made, output)
+        ),
+    )
 
 
 @part.command
@@ -85,17 +87,18 @@ def hybrid(
     """
     from iriftrace.part.shapes.cylinder import hybrid_cylinder
 
-    _check(output)
-    with working("Making the hybrid cylinder"):
-        made = hybrid_cylinder(
+    _write(
+        output,
+        "hybrid cylinder",
+        lambda: hybrid_cylinder(
             diameter,
             length,
             transition_mm=transition,
             interface_mm=interface,
             segments=segments,
             stations=stations,
-        )
-    _save(made, output)
+        ),
+    )
 
 
 @part.command
@@ -140,9 +143,10 @@ def gear(
     """
     from iriftrace.part.shapes.bevel_gear import bevel_gear
 
-    _check(output)
-    with working("Making the gear"):
-        made = bevel_gear(
+    _write(
+        output,
+        "gear",
+        lambda: bevel_gear(
             teeth,
             module,
             pitch_angle_deg=pitch_angle,
@@ -153,8 +157,8 @@ def gear(
             hub_length_mm=hub_length,
             rim_mm=rim,
             tooth=tooth,
-        )
-    _save(made, output)
+        ),
+    )
 
 
 @part.command
@@ -198,9 +202,10 @@ def wishbone(
     """
     from iriftrace.part.shapes.wishbone import wishbone as make
 
-    _check(output)
-    with working("Making the wishbone"):
-        made = make(
+    _write(
+        output,
+        "wishbone",
+        lambda: make(
             bush_distance,
             depth,
             rise_mm=rise,
@@ -210,32 +215,25 @@ def wishbone(
             bush_diameter_mm=bush,
             bush_bore_mm=bush_bore,
             spacing_mm=spacing,
-        )
-    _save(made, output)
+        ),
+    )
 
 
-def _check(path: Path) -> None:
-    """Refuse an output that could not be written, before the work."""
+def _write(path: Path, name: str, make: Callable[[], Part]) -> None:
+    """Make a part, write it and say what it is; an output that cannot be written is refused."""
     from iriftrace.part.files import check_part_name
+    from iriftrace.part.part import save_part
 
     check_part_name(path)
     check_output(path, path.suffix.lower(), "part.ply", make=False)
-
-
-def _save(made: Part, path: Path) -> None:
-    """Write the part and say what it is."""
-    from iriftrace.part.part import save_part
-
+    with working(f"Making the {name}"):
+        made = make()
     save_part(made, path)
     extent = " x ".join(f"{high - low:.5g}" for low, high in made.bounds.T)
-    out.print(
-        f"{path}: {extent} mm, {made.volume:.6g} mm^3, {len(made.faces):,} triangles",
-        markup=False,
-        soft_wrap=True,
-    )
+    say(f"{path}: {extent} mm, {made.volume:.6g} mm^3, {len(made.faces):,} triangles")
     areas = zip(made.region_names, made.region_areas, strict=True)
     regions = ", ".join(f"{name} ({area:.5g} mm^2)" for name, area in areas)
     kept = (
         "" if path.suffix.lower() == ".ply" else "; an STL has no room for them, a .ply keeps them"
     )
-    out.print(f"Regions: {regions}{kept}.", markup=False, soft_wrap=True)
+    say(f"Regions: {regions}{kept}.")

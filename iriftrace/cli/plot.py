@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from iriftrace.cli.console import notes, out, working
+from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import (
     Wavelength,
     Whole,
@@ -65,11 +65,7 @@ def plot(
             plots = draw(result, criteria=ranking, name=file.stem)
             pictures = plots.save(output)
     _print_missing(plots.missing)
-    out.print(
-        f"Pictures in {output}: {', '.join(path.name for path in pictures)}",
-        markup=False,
-        soft_wrap=True,
-    )
+    say(f"Pictures in {output}: {', '.join(path.name for path in pictures)}")
 
 
 def report(
@@ -107,7 +103,7 @@ def report(
     with working("Writing the report"):
         missing = write_report(output, sweep, dataset, summary, top=top)
     _print_missing(missing)
-    out.print(f"Report in {output}", markup=False, soft_wrap=True)
+    say(f"Report in {output}")
 
 
 def _print_missing(sentences: tuple[str, ...]) -> None:

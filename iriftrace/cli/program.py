@@ -11,7 +11,7 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, MissingArgumentError
 from cyclopts.exceptions import UnusedCliTokensError
 
-from iriftrace.cli.console import notes, out, raise_if_noticed, show_warning
+from iriftrace.cli.console import notes, raise_if_noticed, say, say_finding, show_warning
 from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning
 
 app = App(
@@ -118,14 +118,10 @@ def doctor() -> int:
     from iriftrace.runtime.doctor import diagnose
 
     diagnosis = diagnose()
-    colours = {"ok": "green", "warn": "yellow", "error": "red"}
     for finding in diagnosis.findings:
-        out.print(
-            f"[{colours[finding.state]}]{finding.state:5}[/] [bold]{finding.name}[/]", end="  "
-        )
-        out.print(finding.text, markup=False, soft_wrap=True)
+        say_finding(finding.state, finding.name, finding.text)
         if finding.remedy:
-            out.print(f"      {finding.remedy}", markup=False, soft_wrap=True)
+            say(f"      {finding.remedy}")
     if not diagnosis.ok:
         raise InputError("Something that iriftrace needs is missing; see the lines marked error.")
     return 0

@@ -12,7 +12,7 @@ from attrs import evolve, frozen
 from cyclopts import Group, Parameter
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from iriftrace.cli.console import notes, out, working
+from iriftrace.cli.console import notes, out, say, say_finding, working
 from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.options import (
     Duration,
@@ -157,13 +157,13 @@ def simulation_progress() -> Iterator[Display]:
     with Progress(*columns, console=notes, transient=True) as bar:
         task = bar.add_task("Case", total=None, flow="")
 
-        def say(text: str) -> None:
+        def describe(text: str) -> None:
             bar.update(task, description=text)
 
         def watch(state: State) -> None:
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 
-        yield Display(say, watch)
+        yield Display(describe, watch)
 
 
 def flow_text(state: State) -> str:
@@ -230,17 +230,17 @@ def simulate(
         check_solver(installation)
     measured = hot_part(part_options, simulation).read(part)
     case = simulation.case(measured, processes)
-    _print_case(case, simulation)
+    _print_case(case)
     known = prepare(case, output)
     if installation is None:
-        out.print(f"Case {'is there already' if known else 'written'}: {output}", soft_wrap=True)
+        say(f"Case {'is there already' if known else 'written'}: {output}")
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     if known:
-        out.print(f"Going on with the case in {output}", markup=False, soft_wrap=True)
+        say(f"Going on with the case in {output}")
     with simulation_progress() as display:
         result = run(case, output, target, installation, display)
-    _print_simulation(result, case, part)
+    _print_simulation(result, part)
 
 
 def doctor(*, mend: Annotated[bool, Parameter(negative=())] = False) -> None:
@@ -261,12 +261,12 @@ def doctor(*, mend: Annotated[bool, Parameter(negative=())] = False) -> None:
     from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, build_solver, try_solver
 
     installation = find_openfoam()
-    _print_finding(True, "OpenFOAM", installation.folder or "on the search path")
+    say_finding("ok", "OpenFOAM", installation.folder or "on the search path")
     verdict = try_solver(installation)
     _print_solver(installation, verdict)
     if verdict != TRIAL_PASSED and mend:
         target = mended_solver(installation.installed)
-        out.print(f"Building it anew as {target}", markup=False, soft_wrap=True)
+        say(f"Building it anew as {target}")
         with working("Fetching the source and compiling"):
             build_solver(target)
         installation = find_openfoam()
@@ -283,48 +283,32 @@ def doctor(*, mend: Annotated[bool, Parameter(negative=())] = False) -> None:
 def _print_solver(installation: Installation, verdict: str) -> None:
     said = verdict or "three steps on a mesh with inclined faces came out right"
     built = f", built in place of {installation.installed}" if installation.mended else ""
-    _print_finding(not verdict, "solver", f"{installation.solver}{built}: {said}")
+    say_finding("error" if verdict else "ok", "solver", f"{installation.solver}{built}: {said}")
 
 
-def _print_finding(good: bool, name: str, text: str) -> None:
-    """One line as those of `iriftrace doctor`."""
-    state = "[green]ok   [/]" if good else "[red]error[/]"
-    out.print(f"{state} [bold]{name}[/]", end="  ")
-    out.print(text, markup=False, soft_wrap=True)
-
-
-def _print_case(case: Case, options: SimulationOptions) -> None:
+def _print_case(case: Case) -> None:
     from iriftrace.cfd.openfoam.part_surface import symmetric_axes
 
     low, high = case.domain.lower, case.domain.upper
     box = " x ".join(f"{b - a:.0f}" for a, b in zip(low, high, strict=True))
-    out.print(
+    say(
         f"Air {box} mm, cells of {case.size.background:.3g} mm, at the wall "
         f"{case.size.wall:.2g} mm ({case.size.name}); {case.times.end:g} s, density averaged over "
-        f"the last {case.times.averaging:g} s.",
-        soft_wrap=True,
+        f"the last {case.times.averaging:g} s."
     )
-    for region, kelvin in wall_table(case.part, options, case).items():
-        out.print(
-            f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)", markup=False
-        )
+    wall = case.wall
+    table = {name: wall.regions.get(name, wall.default) for name in case.part.region_names}
+    for region, kelvin in (table if wall.regions else {"all": wall.default}).items():
+        say(f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)")
     found = symmetric_axes(case.part)
     if found and not case.mirrors and not case.wall.regions:
-        out.print(
+        say(
             f"The part is symmetric along {' and '.join(found)}: --symmetry {found} computes 1/"
-            f"{2 ** len(found)} of the air, if a plume that cannot move sideways is good enough.",
-            soft_wrap=True,
+            f"{2 ** len(found)} of the air, if a plume that cannot move sideways is good enough."
         )
 
 
-def wall_table(part: Part, options: SimulationOptions, case: Case) -> dict[str, float]:
-    """Temperature of each region, K; one entry where all are equal."""
-    if not case.wall.regions:
-        return {"all": case.wall.default}
-    return {name: case.wall.regions.get(name, case.wall.default) for name in part.region_names}
-
-
-def _print_simulation(result: Simulation, case: Case, part: Path) -> None:
+def _print_simulation(result: Simulation, part: Path) -> None:
     out.print(
         f"{result.cells:,} cells, {result.seconds:.0f} s; field at the wall within "
         f"{result.wall_error_k:.2f} K of the set temperature"
@@ -333,16 +317,11 @@ def _print_simulation(result: Simulation, case: Case, part: Path) -> None:
     if steadiness is not None:
         out.print(f"Heat flow {steadiness.heat_w:.1f} W; the flow is {steadiness.text}.")
         if not steadiness.steady:
-            out.print(
+            say(
                 "The field is the average over a plume that moves: a single exposure sees another "
-                "one. --snapshots N keeps single states; --end-time runs on.",
-                soft_wrap=True,
+                "one. --snapshots N keeps single states; --end-time runs on."
             )
     if result.snapshots:
         listed = result.field.with_name(f"{result.field.stem}_snapshots.pvd")
-        out.print(f"{len(result.snapshots)} snapshots: {listed}", markup=False, soft_wrap=True)
-    out.print(
-        f"Field written; now run:  iriftrace scene {result.field} {part} -o scene/scene.xml",
-        markup=False,
-        soft_wrap=True,
-    )
+        say(f"{len(result.snapshots)} snapshots: {listed}")
+    say(f"Field written; now run:  iriftrace scene {result.field} {part} -o scene/scene.xml")
