@@ -20,6 +20,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.figures import space
 from iriftrace.figures.pose import STATUS_COLOURS, displacement_figure
+from iriftrace.figures.result import plot
 from iriftrace.figures.scene import (
     celsius_of,
     drawn_shells,
@@ -29,7 +30,7 @@ from iriftrace.figures.scene import (
 )
 from iriftrace.figures.space import View, box_around, fitting_view, view_direction
 from iriftrace.figures.style import write_figure
-from iriftrace.image.aov_image import CHANNELS, AovImage, Status
+from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, Status, write_exr
 from iriftrace.part.part import Part, read_part
 from iriftrace.shells.levels import index_levels
 from iriftrace.shells.stack import Shell, ShellStack
@@ -272,6 +273,21 @@ def test_axes_show_the_part_with_equal_scales() -> None:
     assert 32 < bottom < 37
     assert axes.get_aspect() == 1.0
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("Column (px)", "Row (px)")
+
+
+def test_a_result_and_its_file_give_the_same_figure(tmp_path: Path) -> None:
+    """`plot` names the figure of a file after the file; float32 channels come back bit for bit."""
+    image = synthetic_image()
+    image.header["schema"] = SCHEMA
+    write_exr(tmp_path / "pose.exr", image)
+    (drawn,) = plot(image).figures.values()
+    plots = plot(tmp_path / "pose.exr")
+    assert list(plots.figures) == ["pose"]
+    again = plots.figures["pose"].axes[0].images[-1].get_array()
+    np.testing.assert_array_equal(again, drawn.axes[0].images[-1].get_array())
+    assert plots.save(tmp_path) == [tmp_path / "pose.png"]
+    with pytest.raises(InputError, match="neither"):
+        plot(tmp_path / "pose.png")
 
 
 def test_no_good_ray_is_an_error_and_leaves_no_file(tmp_path: Path) -> None:
