@@ -25,6 +25,7 @@ from iriftrace.cfd.openfoam.simulate import prepare
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
+from validation.field_files.openfoam import entry
 from validation.inputs.parts import part_from
 
 WALL = 1373.15
@@ -42,13 +43,6 @@ def case(cylinder: Part) -> Case:
 def written(case: Case, tmp_path: Path) -> Path:
     write_case(case, tmp_path)
     return tmp_path
-
-
-def entry(path: Path, key: str) -> str:
-    """Value of the first entry of a name in an OpenFOAM file."""
-    found = re.search(rf"^\s*{key}\s+([^;]+);", path.read_text(), re.M)
-    assert found, (path, key)
-    return found[1]
 
 
 def numbers(text: str) -> list[float]:

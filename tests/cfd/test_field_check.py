@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
-import trimesh
 from attrs import evolve
 from numpy.testing import assert_allclose
 
@@ -18,27 +17,26 @@ from iriftrace.cfd.check.check import check_field
 from iriftrace.cfd.check.finding import FieldCheck, share_through_open_sides
 from iriftrace.cfd.check.nusselt import horizontal_cylinder_diameter
 from iriftrace.cfd.check.wall import gradient_errors, wall_state
-from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh
-from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.read import read_field
-from iriftrace.part.part import Part, part_of_mesh, read_part
+from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from validation.inputs import hot_block
+from validation.inputs.conducting_sphere import (
+    OUTER,
+    RADIUS,
+    ROOM,
+    WALL,
+    conducting_sphere,
+    finding,
+)
 from validation.inputs.parts import gear
 from validation.inputs.solved_fields import DATA
 
 CYLINDER_A = DATA / "cylinder_A.vtu"
-WALL, ROOM = 1373.15, 293.15
-RADIUS, OUTER = 6.0, 12.0
-
-
-def finding(check: FieldCheck, name: str) -> dict[str, object]:
-    (found,) = (f for f in check.findings if f.name == name)
-    return {"verdict": found.verdict, **found.numbers}
 
 
 @pytest.fixture(scope="module")
@@ -51,23 +49,6 @@ def simulated(cylinder: Part) -> tuple[IndexField, FieldCheck]:
     """A coarse simulation of natural convection around a horizontal cylinder."""
     field = read_field(CYLINDER_A)
     return field, check_field(field, cylinder, wall_temperature_k=WALL, camera=(0, 0, 400.0))
-
-
-def conducting_sphere(cell: float) -> tuple[IndexField, Part]:
-    """Air at rest around a hot sphere: the integral of the conductivity falls with 1/r."""
-    mesh = trimesh.creation.icosphere(4, RADIUS)
-    part = part_of_mesh(mesh.vertices, mesh.faces, name="sphere")
-    cut = air_mesh(SyntheticAir(part), AirMesh(cell_mm=cell, sides_mm=8.0, height_mm=8.0))
-    radius = np.clip(np.linalg.norm(cut.grid.points, axis=1), RADIUS, OUTER)
-    share = (1 / radius - 1 / OUTER) / (1 / RADIUS - 1 / OUTER)
-    share[cut.on_wall] = 1.0
-    knots = np.linspace(ROOM, WALL, 4000)
-    conductivity = gas.conductivity(knots)
-    pieces = 0.5 * np.diff(knots) * (conductivity[1:] + conductivity[:-1])
-    potential = np.concatenate(([0.0], np.cumsum(pieces)))
-    temperature = np.interp(share * potential[-1], potential, knots)
-    source = FieldSource("sphere", "0" * 64, "T", "temperature", "mm")
-    return IndexField(cut.grid, Air().refractivity(temperature), Air(), source), part
 
 
 def test_heat_of_a_sphere_is_that_of_conduction() -> None:

@@ -23,8 +23,8 @@ from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.origin import WALL_HEAT
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
-from tests.cfd.test_field_check import RADIUS, ROOM, WALL, conducting_sphere, finding
 from validation.inputs import hot_block
+from validation.inputs.conducting_sphere import RADIUS, ROOM, WALL, conducting_sphere, finding
 from validation.inputs.hot_block import HALF, OUTER
 
 FloatArray = NDArray[np.float64]

@@ -17,7 +17,7 @@ from iriftrace.cfd.openfoam.result import mean_arrays, state_arrays
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.field.flow import ENTHALPY_FLUX, HEAT_STORAGE
 from iriftrace.part.part import Part
-from tests.cfd.test_case_files import entry
+from validation.field_files.openfoam import entry
 
 ROOM, PRESSURE = 303.15, 95000.0
 BEFORE, AFTER = np.array([400.0, 700.0, 900.0]), np.array([410.0, 700.0, 880.0])

@@ -12,7 +12,7 @@ import pytest
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
-from validation.inputs import comsol_files as comsol
+from validation.field_files import comsol
 from validation.inputs.field_grids import AMBIENT, box
 from validation.inputs.hot_block import air, block
 

@@ -14,7 +14,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.field.readers.members import members
 from iriftrace.part.part import Part, read_part
-from validation.inputs import comsol_files as comsol
+from validation.field_files import comsol
 from validation.inputs.field_grids import AMBIENT, box, saved
 from validation.inputs.hot_block import HALF, OUTER, WALL, air, block
 

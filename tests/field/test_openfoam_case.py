@@ -19,9 +19,9 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field, read_volume
 from iriftrace.field.readers.members import member_at, members
+from validation.field_files.openfoam import Form, write_case
+from validation.field_files.openfoam_mesh import Patch
 from validation.inputs.hot_block import HALF, OUTER, WALL, air
-from validation.inputs.openfoam_case import Form, write_case
-from validation.inputs.openfoam_mesh import Patch
 
 COOL = Air(temperature_k=321.5)
 """Ambient of the linear field, so that nothing is said about its coolest air."""

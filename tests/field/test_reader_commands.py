@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from iriftrace.cli import main
-from validation.inputs import comsol_files as comsol
+from validation.field_files import comsol
+from validation.field_files.openfoam import write_case
+from validation.field_files.openfoam_mesh import Patch
 from validation.inputs.hot_block import AMBIENT, HALF, WALL, air, block
-from validation.inputs.openfoam_case import write_case
-from validation.inputs.openfoam_mesh import Patch
 
 
 @pytest.fixture

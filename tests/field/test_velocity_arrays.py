@@ -11,7 +11,7 @@ import pyvista as pv
 from iriftrace.field.flow import AirFlow, velocity_arrays
 from iriftrace.field.read import read_field
 from iriftrace.geometry.transform import parse_transform
-from validation.inputs import comsol_files as comsol
+from validation.field_files import comsol
 from validation.inputs import hot_block
 from validation.inputs.field_grids import AMBIENT, box, saved
 

@@ -25,9 +25,9 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.render import render_scene
-from validation.inputs import comsol_files as comsol
-from validation.inputs.openfoam_case import write_case
-from validation.inputs.openfoam_mesh import Patch
+from validation.field_files import comsol
+from validation.field_files.openfoam import write_case
+from validation.field_files.openfoam_mesh import Patch
 from validation.line import Line, Section
 
 FloatArray = NDArray[np.float64]

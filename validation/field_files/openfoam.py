@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +12,7 @@ import numpy as np
 from attrs import evolve
 from numpy.typing import NDArray
 
-from validation.inputs.openfoam_mesh import (
+from validation.field_files.openfoam_mesh import (
     FaceMesh,
     FloatArray,
     IntArray,
@@ -221,3 +222,10 @@ def _write(
         path.with_name(path.name + ".gz").write_bytes(gzip.compress(content))
     else:
         path.write_bytes(content)
+
+
+def entry(path: Path, key: str) -> str:
+    """Value of the first entry of a name in an OpenFOAM file."""
+    found = re.search(rf"^\s*{key}\s+([^;]+);", path.read_text(), re.M)
+    assert found, (path, key)
+    return found[1]

@@ -1,0 +1,1 @@
+"""Fields written as other programs write them, for checks of the readers."""

@@ -1,0 +1,40 @@
+"""Air at rest around a hot sphere, whose heat is that of conduction alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from iriftrace.air import thermophysics as gas
+from iriftrace.air.refractivity import Air
+from iriftrace.cfd.check.finding import FieldCheck
+from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh
+from iriftrace.cfd.synthetic.model import SyntheticAir
+from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.part.part import Part, part_of_mesh
+
+WALL, ROOM = 1373.15, 293.15
+RADIUS, OUTER = 6.0, 12.0
+
+
+def conducting_sphere(cell: float) -> tuple[IndexField, Part]:
+    """Air at rest around a hot sphere: the integral of the conductivity falls with 1/r."""
+    mesh = trimesh.creation.icosphere(4, RADIUS)
+    part = part_of_mesh(mesh.vertices, mesh.faces, name="sphere")
+    cut = air_mesh(SyntheticAir(part), AirMesh(cell_mm=cell, sides_mm=8.0, height_mm=8.0))
+    radius = np.clip(np.linalg.norm(cut.grid.points, axis=1), RADIUS, OUTER)
+    share = (1 / radius - 1 / OUTER) / (1 / RADIUS - 1 / OUTER)
+    share[cut.on_wall] = 1.0
+    knots = np.linspace(ROOM, WALL, 4000)
+    conductivity = gas.conductivity(knots)
+    pieces = 0.5 * np.diff(knots) * (conductivity[1:] + conductivity[:-1])
+    potential = np.concatenate(([0.0], np.cumsum(pieces)))
+    temperature = np.interp(share * potential[-1], potential, knots)
+    source = FieldSource("sphere", "0" * 64, "T", "temperature", "mm")
+    return IndexField(cut.grid, Air().refractivity(temperature), Air(), source), part
+
+
+def finding(check: FieldCheck, name: str) -> dict[str, object]:
+    """Verdict and numbers of one of a check's findings."""
+    (found,) = (f for f in check.findings if f.name == name)
+    return {"verdict": found.verdict, **found.numbers}
