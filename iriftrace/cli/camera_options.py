@@ -125,7 +125,7 @@ class CameraOptions:
         )
 
     def _calibration(self) -> Calibration | None:
-        """What the calibration's file says."""
+        """Content of the calibration's file, if one is given."""
         from iriftrace.camera.calibration import read_calibration
         from iriftrace.core.units import length_factor
 
@@ -185,7 +185,7 @@ class CameraOptions:
 @Parameter(name="*", group=ORBIT)
 @frozen
 class OrbitOptions:
-    """Where the camera goes.
+    """Poses of the camera of a sweep.
 
     Parameters
     ----------

@@ -174,12 +174,12 @@ def ignore() -> None:
 
 
 def noticed() -> bool:
-    """Whether there was a Ctrl-C: any exception that follows may be what became of it."""
+    """True after a Ctrl-C: any exception that follows may be what became of it."""
     return _noticed.is_set()
 
 
 def exit_status() -> int:
-    """What a shell calls the end by the signal that came first: 130 Ctrl-C, 143 SIGTERM."""
+    """Exit status after the signal that came first: 130 Ctrl-C, 143 SIGTERM."""
     return 128 + _first_signal[0]
 
 

@@ -84,7 +84,7 @@ class AirOptions:
 @Parameter(name="*", group=PART)
 @frozen
 class PartOptions:
-    """How to read the part's file.
+    """Reading of the part's file.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class PartOptions:
 @Parameter(name="*", group=FIELD)
 @frozen
 class FieldOptions:
-    """How to read the field's file.
+    """Reading of the field's file.
 
     Parameters
     ----------
@@ -204,11 +204,11 @@ class FieldOptions:
 
     @property
     def steady(self) -> bool | None:
-        """Whether the user says that the field is steady; None where the user does not say."""
+        """True or False where the user says that the field is steady or not; else None."""
         return None if self.field_time is None else self.field_time == "steady"
 
     def notes(self) -> dict[str, str]:
-        """What results state about the field."""
+        """Remarks about the field for all results."""
         stated = {"time": self.field_time, "symmetry": self.field_symmetry}
         return {key: value for key, value in stated.items() if value is not None}
 
@@ -216,7 +216,7 @@ class FieldOptions:
 @Parameter(name="*", group=SHELLS)
 @frozen
 class ShellOptions:
-    """How the field becomes shells.
+    """Contouring of the field.
 
     Parameters
     ----------
@@ -270,7 +270,7 @@ class ShellOptions:
         return self.edited(stack, self.layers if self.levels is None else len(self.levels))
 
     def notes(self) -> dict[str, str]:
-        """What is to be known of the shells, beside what the field's options say."""
+        """Remarks about the shells for all results."""
         if not self.drop_inner:
             return {}
         return {"shells": f"the {self.drop_inner} innermost left out"}

@@ -85,7 +85,7 @@ def _openings(report: ShellReport) -> list[str]:
 
 
 def print_fit(console: Console, fit: Fit) -> None:
-    """How well the field's inner wall and the part lie on each other."""
+    """Print the gap between the field's inner wall and the part, and the wall's temperature."""
     temperature = "not known"
     if np.isfinite(fit.wall_temperature_k):
         temperature = f"{fit.wall_temperature_k - ZERO_CELSIUS_K:.0f} degC"
@@ -112,7 +112,7 @@ def print_camera(console: Console, camera: Camera, scale: float) -> None:
 
 
 def print_summary(console: Console, metrics: PoseMetrics) -> None:
-    """What a metrologist wants to know of one pose."""
+    """Print the metrics of one pose and the assumptions behind them."""
     from iriftrace.image.resolution import FRONTAL, seen_frontally
 
     table = Table(title="Displacement by hot air", title_justify="left", show_header=False)
@@ -210,7 +210,7 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
 
 
 def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
-    """How far the shells are from the field they were cut from, and what to do if that is much."""
+    """Difference between the shells and the field they were cut from, with a remedy if large."""
     table.add_row(
         "shells against field",
         f"median {_scaled(values['median_mm'], 1e3, 'um')} ({values['median_share']:.1%} of the "

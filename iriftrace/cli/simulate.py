@@ -42,7 +42,7 @@ SIMULATION = Group("Simulation", sort_key=1)
 @Parameter(name="*", group=SIMULATION)
 @frozen
 class SimulationOptions:
-    """What is simulated, how finely and how long.
+    """Physics, mesh and times of a simulation.
 
     Parameters
     ----------

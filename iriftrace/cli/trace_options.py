@@ -22,7 +22,7 @@ RELATIVE_TOLERANCE = 1e-6
 @Parameter(name="*")
 @frozen
 class TraceOptions:
-    """How a scene is traced.
+    """Parameters, light, variant and engine of a trace.
 
     Parameters
     ----------

@@ -244,7 +244,7 @@ def _add_shell(
 def _names(
     camera: Camera, view: View, sight: list[tuple[str, FloatArray]], body: FloatArray
 ) -> list[tuple[str, FloatArray, str]]:
-    """What to write, where in the world, and on which side of it."""
+    """Names in the picture: text, points in the world (mm), and the side of them to write on."""
     aim = view.pixels(np.stack((camera.origin, camera.origin + camera.forward)))
     rises = aim[1, 1] > aim[0, 1]
     # Edges of the view come from the right and spread away from the camera: these sides are free.

@@ -133,7 +133,7 @@ class View:
 
 
 def view_direction(forward: FloatArray, upwards: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Where to look at a camera from, so that it stands at the right and looks to the left.
+    """Direction of view in which a camera stands at the right and looks to the left.
 
     Parameters
     ----------
@@ -280,7 +280,7 @@ def off_screen(size_px: tuple[int, int]) -> Iterator[pv.Plotter]:
 
 
 def opens(window: Any) -> bool:
-    """Whether a window of VTK has a working OpenGL."""
+    """True where a window of VTK has a working OpenGL."""
     window.Initialize()
     return bool(window.GetInitialized())
 
