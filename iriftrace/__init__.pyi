@@ -8,9 +8,11 @@ from .figures.result import plot as plot
 from .figures.style import write_figure as write_figure
 from .image.aov_image import AovImage as AovImage
 from .image.aov_image import read_exr as read_exr
+from .image.comparison import compare as compare
 from .image.coverage import seen_areas as seen_areas
 from .image.displacement import displacement_map as displacement_map
 from .image.displacement import shift_map as shift_map
+from .image.metrics import PoseMetrics as PoseMetrics
 from .image.metrics import pose_metrics as pose_metrics
 from .part.part import Part as Part
 from .part.part import read_part as read_part

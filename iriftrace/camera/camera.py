@@ -30,58 +30,7 @@ from iriftrace.camera.distortion import (
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
-# MERGE camera_check: Refuses what is no camera: lengths, focus interval, pose and projection that
-
 PROJECTIONS = ("pinhole", "orthographic")
-
-
-def check_camera(camera: Camera) -> None:
-    """Refuse a camera that cannot form a picture.
-
-    Raises
-    ------
-    InputError
-        If a length is not positive, the focus interval is empty, the pose is not a rigid motion, or
-        a distortion is given for another projection than the pinhole's.
-    """
-    if camera.projection not in PROJECTIONS:
-        raise InputError(f"Unknown projection '{camera.projection}'; use one of {PROJECTIONS}.")
-    if camera.projection == "pinhole" and not (
-        math.isfinite(camera.focal_length_mm) and camera.focal_length_mm > 0
-    ):
-        raise InputError(
-            f"Focal length is {camera.focal_length_mm} mm, so no picture forms; "
-            "give a positive length."
-        )
-    if not all(math.isfinite(s) and s > 0 for s in camera.sensor_mm):
-        raise InputError(
-            f"Sensor size is {camera.sensor_mm[0]} x {camera.sensor_mm[1]} mm, so no picture "
-            "forms; both must be positive."
-        )
-    if min(camera.resolution) < 1:
-        raise InputError(
-            f"Resolution is {camera.resolution[0]} x {camera.resolution[1]} pixels; "
-            "both must be at least 1."
-        )
-    near, far = camera.focus_mm
-    if not 0 <= near < far:
-        raise InputError(
-            f"Focus interval {near} to {far} mm is empty; the near distance must be at least 0 "
-            "and smaller than the far one."
-        )
-    rotation = camera.matrix[:3, :3] if camera.matrix.shape == (4, 4) else np.zeros((3, 3))
-    rigid = np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6)
-    if not (rigid and np.linalg.det(rotation) > 0 and np.isfinite(camera.matrix).all()):
-        raise InputError(
-            "The camera pose is not a rigid motion (4 x 4, rotation and translation only); "
-            "remove scale and mirroring."
-        )
-    if camera.distortion is not None:
-        if camera.projection != "pinhole":
-            raise InputError(
-                f"A lens distortion is given for an {camera.projection} camera, for which it is "
-                "not defined; leave it out."
-            )
 
 
 def _pair(value: Sequence[float]) -> tuple[float, float]:
@@ -151,7 +100,7 @@ class Camera:
             object.__setattr__(self, "principal_point_px", centre)
         else:
             object.__setattr__(self, "principal_point_px", _pair(self.principal_point_px))
-        check_camera(self)
+        _check(self)
         if self.distortion is not None:
             _ = self.seen_field  # refuses a picture that the lens folds
 
@@ -182,12 +131,6 @@ class Camera:
         """Focal length in pixel widths and heights."""
         width, height = self.pixel_pitch_mm
         return self.focal_length_mm / width, self.focal_length_mm / height
-
-    @property
-    def steepest_px(self) -> float:
-        """Largest step in the picture for a small step of x/z or y/z of the camera frame, px."""
-        stretch = 1.0 if self.distortion is None else self.seen_field.stretch
-        return max(self.focal_px) * stretch
 
     @property
     def seen_field(self) -> SeenField:
@@ -412,3 +355,45 @@ class Camera:
             matrix=values["matrix"],
             distortion=None if distortion is None else Distortion(**distortion),
         )
+
+
+def _check(camera: Camera) -> None:
+    """Refuse a camera that cannot form a picture."""
+    if camera.projection not in PROJECTIONS:
+        raise InputError(f"Unknown projection '{camera.projection}'; use one of {PROJECTIONS}.")
+    if camera.projection == "pinhole" and not (
+        math.isfinite(camera.focal_length_mm) and camera.focal_length_mm > 0
+    ):
+        raise InputError(
+            f"Focal length is {camera.focal_length_mm} mm, so no picture forms; "
+            "give a positive length."
+        )
+    if not all(math.isfinite(s) and s > 0 for s in camera.sensor_mm):
+        raise InputError(
+            f"Sensor size is {camera.sensor_mm[0]} x {camera.sensor_mm[1]} mm, so no picture "
+            "forms; both must be positive."
+        )
+    if min(camera.resolution) < 1:
+        raise InputError(
+            f"Resolution is {camera.resolution[0]} x {camera.resolution[1]} pixels; "
+            "both must be at least 1."
+        )
+    near, far = camera.focus_mm
+    if not 0 <= near < far:
+        raise InputError(
+            f"Focus interval {near} to {far} mm is empty; the near distance must be at least 0 "
+            "and smaller than the far one."
+        )
+    rotation = camera.matrix[:3, :3] if camera.matrix.shape == (4, 4) else np.zeros((3, 3))
+    rigid = np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6)
+    if not (rigid and np.linalg.det(rotation) > 0 and np.isfinite(camera.matrix).all()):
+        raise InputError(
+            "The camera pose is not a rigid motion (4 x 4, rotation and translation only); "
+            "remove scale and mirroring."
+        )
+    if camera.distortion is not None:
+        if camera.projection != "pinhole":
+            raise InputError(
+                f"A lens distortion is given for an {camera.projection} camera, for which it is "
+                "not defined; leave it out."
+            )

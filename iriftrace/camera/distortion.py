@@ -220,14 +220,11 @@ class SeenField:
         Newton steps that suffice everywhere in the picture.
     lowest, highest
         Smallest and largest x and y without distortion, normalised.
-    stretch
-        Largest factor by which the lens lengthens a short line, anywhere in the picture.
     """
 
     rounds: int
     lowest: tuple[float, float]
     highest: tuple[float, float]
-    stretch: float
 
 
 @lru_cache(maxsize=64)
@@ -245,13 +242,8 @@ def seen_field(
     found, rounds = _undistorted(grid, distortion)
     if np.isnan(found).any():
         return None
-    radii = np.linspace(0.0, float(np.hypot(*found).max()), 257)
-    xx, xy, yy = jacobian(*_rings(radii), distortion.coefficients)
-    largest = (xx + yy) / 2.0 + np.hypot((xx - yy) / 2.0, xy)
     return SeenField(
         rounds=rounds,
         lowest=(float(found[0].min()), float(found[1].min())),
         highest=(float(found[0].max()), float(found[1].max())),
-        # The rings leave gaps, in which it may be larger by far less than this.
-        stretch=1.001 * float(largest.max()),
     )

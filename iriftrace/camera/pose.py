@@ -1,4 +1,5 @@
-"""Poses of a camera: 4 x 4 matrices from its frame (x right, y down, z forward) to the world's."""
+"""Poses of a camera: 4 x 4 matrices from its frame (x right, y down, z forward) to the world's,
+and the forms in which people carry on with them: look-at and the XML of a scene."""
 
 from __future__ import annotations
 
@@ -51,9 +52,6 @@ def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0
     matrix[:3, 2] = forward
     matrix[:3, 3] = eye
     return matrix
-
-
-# MERGE pose_text: A camera pose in the forms that people carry on with: matrix, look-at, XML of t
 
 
 @frozen

@@ -33,7 +33,20 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.core.units import length_factor
 
-# MERGE pose_table: Text tables of camera poses: rows of numbers, with or without named columns.
+SCHEMA = "iriftrace.poses/1"
+
+CONVENTIONS: dict[str, FloatArray] = {
+    # Columns: the convention's x, y and z in right, down, forward.
+    "opencv": np.eye(3),
+    "mitsuba": np.diag((-1.0, -1.0, 1.0)),
+    "opengl": np.diag((1.0, -1.0, -1.0)),
+    "ros": np.array(((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))),
+    "paper": np.diag((-1.0, -1.0, 1.0)),
+}
+"""Axes of each convention in iriftrace's own camera frame, (3, 3) arrays."""
+
+_FORMATS = (".csv", ".txt", ".json", ".npy")
+_LARGEST_ROUNDING = 1e-3  # of printed rotations, which often have four digits
 
 ANGLES = ("azimuth_deg", "elevation_deg")
 MATRIX = tuple(f"m{row}{column}" for row in range(4) for column in range(4))
@@ -42,6 +55,220 @@ _ORIGIN = ("x", "y", "z")
 _QUATERNION = ("qx", "qy", "qz", "qw")
 _TARGET = ("target_x", "target_y", "target_z")
 _NAMES = "m00 ... m33, or x, y, z with qx, qy, qz, qw, or x, y, z with target_x, target_y, target_z"
+
+
+def to_convention(matrices: ArrayLike, name: str) -> FloatArray:
+    """Poses as another program writes them.
+
+    Parameters
+    ----------
+    matrices : (..., 4, 4) array
+        Camera to world; x right, y down, z forward.
+    name : str
+        One of `CONVENTIONS`.
+
+    Returns
+    -------
+    (..., 4, 4) array
+        Camera to world in that convention.
+
+    Raises
+    ------
+    InputError
+        If the convention is unknown.
+    """
+    return _with_axes(matrices, _axes(name))
+
+
+def from_convention(matrices: ArrayLike, name: str) -> FloatArray:
+    """The inverse of `to_convention`: camera-to-world matrices of a convention to x right, y down,
+    z forward."""
+    return _with_axes(matrices, _axes(name).T)
+
+
+def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str = "mm") -> PoseSet:
+    """Read camera poses.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.npy``: an array (n, 4, 4), (n, 16) or (4, 4). ``.json``: such a list, or an object with
+        the list under ``matrices`` (and ``azimuth_deg``, ``elevation_deg``, ``convention``,
+        ``length_unit``).
+        Anything else is a text table with comma, semicolon (then also decimal commas) or blank
+        between the columns and # before comments. Without a header: 16 numbers a row, the matrix
+        row by row, or blocks of four rows of four. With a header, columns are found by name and
+        others are ignored: ``m00`` ... ``m33`` (row, column), or ``x y z qx qy qz qw`` (origin,
+        quaternion camera to world), or ``x y z target_x target_y target_z`` (no roll, see
+        `iriftrace.camera.pose_set.aimed`); besides, ``azimuth_deg``, ``elevation_deg``,
+        ``convention``.
+    convention : str
+        Axes of the camera in the file's matrices and quaternions, one of `CONVENTIONS`.
+    length_unit : str
+        Unit of the file's positions.
+
+    Returns
+    -------
+    PoseSet
+        x right, y down, z forward, mm. Rotations printed with few digits are replaced by the
+        nearest exact ones.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is malformed, states another convention or unit, or a pose is
+        not a rigid motion.
+    """
+    path = Path(path)
+    _axes(convention)  # An unknown one is refused also where no matrix needs it.
+    factor = length_factor(length_unit)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
+    kind = path.suffix.lower()
+    if kind == ".npy":
+        columns = {"matrices": _array(content, path)}
+    elif kind == ".json":
+        columns = _object(_text(content, path), path)
+    else:
+        columns = _table_columns(_text(content, path), path)
+    for name, given in (("convention", convention), ("length_unit", length_unit)):
+        stated = columns.get(name, given)
+        if stated != given:
+            raise InputError(
+                f"{path} states {name} {stated!r}, but is read with {given!r}, which would "
+                "misplace every camera; read it with its own."
+            )
+    matrices = _stack(columns["matrices"], path)
+    refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
+    matrices[:, :3, :3] = _nearest_rotations(matrices[:, :3, :3])
+    if not columns.get("aimed", False):
+        matrices = from_convention(matrices, convention)
+    matrices[:, :3, 3] *= factor
+    return PoseSet(matrices, *(_angles(columns, name, len(matrices), path) for name in ANGLES))
+
+
+def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") -> None:
+    """Write camera poses, in mm, such that `read_poses` gives them back to the last bit.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``.csv`` (with header) and ``.json`` keep angles and state the convention; ``.npy`` and
+        ``.txt`` (blocks of four rows) hold the matrices alone.
+    poses : PoseSet
+    convention : str
+        One of `CONVENTIONS`.
+
+    Raises
+    ------
+    InputError
+        If the ending or the convention is unknown, there is no pose, or the file cannot be written.
+    """
+    path = Path(path)
+    matrices = to_convention(poses.matrices, convention)
+    if len(poses) == 0:
+        raise InputError(f"There is no pose to write to {path}; choose at least one.")
+    match path.suffix.lower():
+        case ".npy":
+            buffer = io.BytesIO()
+            np.save(buffer, matrices)
+            content = buffer.getvalue()
+        case ".txt":
+            blocks = ("\n".join(map(_line, matrix.tolist())) for matrix in matrices)
+            content = ("\n\n".join(blocks) + "\n").encode()
+        case ".json":
+            content = (json.dumps(_described(poses, matrices, convention)) + "\n").encode()
+        case ".csv":
+            content = _as_table(poses, matrices, convention).encode()
+        case _:
+            raise InputError(
+                f"{path} has an ending that no format of poses has; use {', '.join(_FORMATS)}."
+            )
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def _axes(name: str) -> FloatArray:
+    try:
+        return CONVENTIONS[name]
+    except KeyError:
+        raise InputError(
+            f"Unknown camera convention {name!r}; use one of {', '.join(CONVENTIONS)}."
+        ) from None
+
+
+def _with_axes(matrices: ArrayLike, axes: FloatArray) -> FloatArray:
+    turned = np.array(matrices, dtype=np.float64)
+    # Only signs and places change, so nothing is rounded; + 0 turns -0 into 0.
+    turned[..., :3, :3] = turned[..., :3, :3] @ axes + 0.0
+    return turned
+
+
+def _nearest_rotations(axes: FloatArray) -> FloatArray:
+    """Polar decomposition of the rotations that rounding has distorted; others stay as they are."""
+    products = np.swapaxes(axes, 1, 2) @ axes
+    rounded = np.abs(products - np.eye(3)).max(axis=(1, 2)) > 1e-12
+    left, _, right = np.linalg.svd(axes[rounded])
+    nearest = axes.copy()
+    nearest[rounded] = left @ right
+    return nearest
+
+
+def _text(content: bytes, path: Path) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(
+            f"{path} is not text; poses are read from {', '.join(_FORMATS)}."
+        ) from None
+
+
+def _array(content: bytes, path: Path) -> Any:
+    try:
+        return np.load(io.BytesIO(content), allow_pickle=False)
+    except (ValueError, EOFError, OSError, BadZipFile) as error:
+        raise InputError(f"{path} is not a NumPy array; save one of 4x4 matrices.") from error
+
+
+def _object(text: str, path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{path} is not valid JSON ({error}); write it again.") from error
+    columns = data if isinstance(data, dict) else {"matrices": data}
+    if "matrices" not in columns:
+        raise InputError(
+            f"{path} has no entry 'matrices'; give the 4x4 camera-to-world matrices there."
+        )
+    # Whether poses were aimed is nothing that a file could state.
+    known = ("matrices", "convention", "length_unit", *ANGLES)
+    return {key: columns[key] for key in known if key in columns}
+
+
+def _stack(values: Any, path: Path) -> FloatArray:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):
+        array = np.empty(0)
+    if array.shape in ((4, 4), (16,)):
+        array = array[None]
+    if array.size and array.shape[1:] in ((4, 4), (16,)):
+        return array.reshape(-1, 4, 4)
+    raise InputError(
+        f"{path} holds no list of 4x4 matrices; give 16 numbers for every pose, row by row."
+    )
+
+
+def _angles(columns: dict[str, Any], name: str, count: int, path: Path) -> FloatArray:
+    try:
+        angles = np.array(columns.get(name, [np.nan] * count), dtype=np.float64)
+    except (ValueError, TypeError):
+        angles = np.empty(0)
+    if angles.shape != (count,):
+        raise InputError(f"{path} has {count} poses, but '{name}' is no list of as many numbers.")
+    return angles
 
 
 @frozen
@@ -68,25 +295,12 @@ class _Rows:
         return np.array([[self.number(row, column) for column in columns] for row in rows])
 
 
-def read_pose_table(text: str, path: Path) -> dict[str, Any]:
-    """Read poses from a text table; `iriftrace.camera.pose_files.read_poses` describes it.
+def _table_columns(text: str, path: Path) -> dict[str, Any]:
+    """Columns of a text table of poses, as `read_poses` describes it.
 
-    Parameters
-    ----------
-    text : str
-    path : Path
-        For messages.
-
-    Returns
-    -------
-    dict
-        ``matrices`` (n, 4, 4), in the file's convention and unit; where the columns exist,
-        ``azimuth_deg`` and ``elevation_deg`` (n,), ``convention``; ``aimed`` is true when the poses
-        came from targets and are in iriftrace's own convention.
-
-    Raises
-    ------
-    InputError
+    ``matrices`` (n, 4, 4), in the file's convention and unit; where the columns exist,
+    ``azimuth_deg`` and ``elevation_deg`` (n,), ``convention``; ``aimed`` is true when the poses
+    came from targets and are in iriftrace's own convention.
     """
     rows = _rows(text, path)
     widths = {len(cells) for cells in rows.cells}
@@ -207,236 +421,6 @@ def _from_quaternions(origins: FloatArray, quaternions: FloatArray, rows: _Rows)
     return matrices
 
 
-SCHEMA = "iriftrace.poses/1"
-
-CONVENTIONS: dict[str, FloatArray] = {
-    # Columns: the convention's x, y and z in right, down, forward.
-    "opencv": np.eye(3),
-    "mitsuba": np.diag((-1.0, -1.0, 1.0)),
-    "opengl": np.diag((1.0, -1.0, -1.0)),
-    "ros": np.array(((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))),
-    "paper": np.diag((-1.0, -1.0, 1.0)),
-}
-"""Axes of each convention in iriftrace's own camera frame, (3, 3) arrays."""
-
-_FORMATS = (".csv", ".txt", ".json", ".npy")
-_LARGEST_ROUNDING = 1e-3  # of printed rotations, which often have four digits
-
-
-def to_convention(matrices: ArrayLike, name: str) -> FloatArray:
-    """Poses as another program writes them.
-
-    Parameters
-    ----------
-    matrices : (..., 4, 4) array
-        Camera to world; x right, y down, z forward.
-    name : str
-        One of `CONVENTIONS`.
-
-    Returns
-    -------
-    (..., 4, 4) array
-        Camera to world in that convention.
-
-    Raises
-    ------
-    InputError
-        If the convention is unknown.
-    """
-    return _with_axes(matrices, _axes(name))
-
-
-def from_convention(matrices: ArrayLike, name: str) -> FloatArray:
-    """The inverse of `to_convention`: camera-to-world matrices of a convention to x right, y down,
-    z forward."""
-    return _with_axes(matrices, _axes(name).T)
-
-
-def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str = "mm") -> PoseSet:
-    """Read camera poses.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``.npy``: an array (n, 4, 4), (n, 16) or (4, 4). ``.json``: such a list, or an object with
-        the list under ``matrices`` (and ``azimuth_deg``, ``elevation_deg``, ``convention``,
-        ``length_unit``).
-        Anything else is a text table with comma, semicolon (then also decimal commas) or blank
-        between the columns and # before comments. Without a header: 16 numbers a row, the matrix
-        row by row, or blocks of four rows of four. With a header, columns are found by name and
-        others are ignored: ``m00`` ... ``m33`` (row, column), or ``x y z qx qy qz qw`` (origin,
-        quaternion camera to world), or ``x y z target_x target_y target_z`` (no roll, see
-        `iriftrace.camera.pose_set.aimed`); besides, ``azimuth_deg``, ``elevation_deg``,
-        ``convention``.
-    convention : str
-        Axes of the camera in the file's matrices and quaternions, one of `CONVENTIONS`.
-    length_unit : str
-        Unit of the file's positions.
-
-    Returns
-    -------
-    PoseSet
-        x right, y down, z forward, mm. Rotations printed with few digits are replaced by the
-        nearest exact ones.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is malformed, states another convention or unit, or a pose is
-        not a rigid motion.
-    """
-    path = Path(path)
-    _axes(convention)  # An unknown one is refused also where no matrix needs it.
-    factor = length_factor(length_unit)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
-    kind = path.suffix.lower()
-    if kind == ".npy":
-        columns = {"matrices": _array(content, path)}
-    elif kind == ".json":
-        columns = _object(_text(content, path), path)
-    else:
-        columns = read_pose_table(_text(content, path), path)
-    for name, given in (("convention", convention), ("length_unit", length_unit)):
-        stated = columns.get(name, given)
-        if stated != given:
-            raise InputError(
-                f"{path} states {name} {stated!r}, but is read with {given!r}, which would "
-                "misplace every camera; read it with its own."
-            )
-    matrices = _stack(columns["matrices"], path)
-    refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
-    matrices[:, :3, :3] = _nearest_rotations(matrices[:, :3, :3])
-    if not columns.get("aimed", False):
-        matrices = from_convention(matrices, convention)
-    matrices[:, :3, 3] *= factor
-    return PoseSet(matrices, *(_angles(columns, name, len(matrices), path) for name in ANGLES))
-
-
-def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") -> None:
-    """Write camera poses, in mm, such that `read_poses` gives them back to the last bit.
-
-    Parameters
-    ----------
-    path : str or Path
-        ``.csv`` (with header) and ``.json`` keep angles and state the convention; ``.npy`` and
-        ``.txt`` (blocks of four rows) hold the matrices alone.
-    poses : PoseSet
-    convention : str
-        One of `CONVENTIONS`.
-
-    Raises
-    ------
-    InputError
-        If the ending or the convention is unknown, there is no pose, or the file cannot be written.
-    """
-    path = Path(path)
-    matrices = to_convention(poses.matrices, convention)
-    if len(poses) == 0:
-        raise InputError(f"There is no pose to write to {path}; choose at least one.")
-    match path.suffix.lower():
-        case ".npy":
-            buffer = io.BytesIO()
-            np.save(buffer, matrices)
-            content = buffer.getvalue()
-        case ".txt":
-            blocks = ("\n".join(map(_line, matrix.tolist())) for matrix in matrices)
-            content = ("\n\n".join(blocks) + "\n").encode()
-        case ".json":
-            content = (json.dumps(_described(poses, matrices, convention)) + "\n").encode()
-        case ".csv":
-            content = _table(poses, matrices, convention).encode()
-        case _:
-            raise InputError(
-                f"{path} has an ending that no format of poses has; use {', '.join(_FORMATS)}."
-            )
-    with whole_file(path) as temporary:
-        temporary.write_bytes(content)
-
-
-def _axes(name: str) -> FloatArray:
-    try:
-        return CONVENTIONS[name]
-    except KeyError:
-        raise InputError(
-            f"Unknown camera convention {name!r}; use one of {', '.join(CONVENTIONS)}."
-        ) from None
-
-
-def _with_axes(matrices: ArrayLike, axes: FloatArray) -> FloatArray:
-    turned = np.array(matrices, dtype=np.float64)
-    # Only signs and places change, so nothing is rounded; + 0 turns -0 into 0.
-    turned[..., :3, :3] = turned[..., :3, :3] @ axes + 0.0
-    return turned
-
-
-def _nearest_rotations(axes: FloatArray) -> FloatArray:
-    """Polar decomposition of the rotations that rounding has distorted; others stay as they are."""
-    products = np.swapaxes(axes, 1, 2) @ axes
-    rounded = np.abs(products - np.eye(3)).max(axis=(1, 2)) > 1e-12
-    left, _, right = np.linalg.svd(axes[rounded])
-    nearest = axes.copy()
-    nearest[rounded] = left @ right
-    return nearest
-
-
-def _text(content: bytes, path: Path) -> str:
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(
-            f"{path} is not text; poses are read from {', '.join(_FORMATS)}."
-        ) from None
-
-
-def _array(content: bytes, path: Path) -> Any:
-    try:
-        return np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, EOFError, OSError, BadZipFile) as error:
-        raise InputError(f"{path} is not a NumPy array; save one of 4x4 matrices.") from error
-
-
-def _object(text: str, path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path} is not valid JSON ({error}); write it again.") from error
-    columns = data if isinstance(data, dict) else {"matrices": data}
-    if "matrices" not in columns:
-        raise InputError(
-            f"{path} has no entry 'matrices'; give the 4x4 camera-to-world matrices there."
-        )
-    # Whether poses were aimed is nothing that a file could state.
-    known = ("matrices", "convention", "length_unit", *ANGLES)
-    return {key: columns[key] for key in known if key in columns}
-
-
-def _stack(values: Any, path: Path) -> FloatArray:
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (ValueError, TypeError, OverflowError):
-        array = np.empty(0)
-    if array.shape in ((4, 4), (16,)):
-        array = array[None]
-    if array.size and array.shape[1:] in ((4, 4), (16,)):
-        return array.reshape(-1, 4, 4)
-    raise InputError(
-        f"{path} holds no list of 4x4 matrices; give 16 numbers for every pose, row by row."
-    )
-
-
-def _angles(columns: dict[str, Any], name: str, count: int, path: Path) -> FloatArray:
-    try:
-        angles = np.array(columns.get(name, [np.nan] * count), dtype=np.float64)
-    except (ValueError, TypeError):
-        angles = np.empty(0)
-    if angles.shape != (count,):
-        raise InputError(f"{path} has {count} poses, but '{name}' is no list of as many numbers.")
-    return angles
-
-
 def _described(poses: PoseSet, matrices: FloatArray, convention: str) -> dict[str, Any]:
     angles = (poses.azimuth_deg, poses.elevation_deg)
     listed = [[None if np.isnan(x) else x for x in angle.tolist()] for angle in angles]
@@ -449,7 +433,7 @@ def _described(poses: PoseSet, matrices: FloatArray, convention: str) -> dict[st
     }
 
 
-def _table(poses: PoseSet, matrices: FloatArray, convention: str) -> str:
+def _as_table(poses: PoseSet, matrices: FloatArray, convention: str) -> str:
     angles = np.stack((poses.azimuth_deg, poses.elevation_deg), axis=1)
     lines = [",".join((*MATRIX, *ANGLES, "convention"))]
     for matrix, pair in zip(matrices, angles, strict=True):

@@ -52,32 +52,19 @@ def compare(
     figures
         Draw measured and simulated shifts and residuals.
     """
-    from iriftrace.core.files import sha256_of
     from iriftrace.image.aov_image import read_exr
-    from iriftrace.image.comparison import compare_shift, comparison_report, write_comparison
-    from iriftrace.image.measured_shift import read_measured_shift
+    from iriftrace.image.comparison import compare as compare_files
 
     check_input(image, measured)
-    if not image.is_file():
-        raise InputError(f"There is no file {image}; give the AOV EXR that a render wrote.")
     target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
     check_output(target, ".json", "comparison.json", make=False)
     if target.resolve() == measured.resolve():
         raise InputError(f"The output {target} would replace the measured shift; name another one.")
     used = statuses(include)
-    rendering = read_exr(image)
-    check_light(wavelength, rendering.header, image)
-    missing = [key for key in ("camera", "assumptions") if key not in rendering.header]
-    if missing:
-        raise InputError(
-            f"{image} has no {', '.join(missing)} in its header, which the comparison needs; "
-            "render the scene again."
-        )
-    shifts = read_measured_shift(measured)
+    check_light(wavelength, read_exr(image).header, image)
     with working("Comparing"):
-        comparison = compare_shift(rendering, shifts, positions=positions, include=used)
-    file = {"path": str(image.resolve()), "sha256": sha256_of(image)}
-    report = comparison_report(comparison, rendering, file, shifts, positions)
+        comparison = compare_files(image, measured, positions=positions, include=used)
+    report = comparison.as_dict()
     written = [target]
     if figures:
         from iriftrace.figures.comparison import comparison_figure
@@ -86,10 +73,11 @@ def compare(
         picture = target.with_suffix(".png")
         with working("Drawing"):
             title = f"{measured.name} and {image.name}, {report['points']['compared']:,} places"
-            write_figure(comparison_figure(comparison, shifts.resolution, title), picture)
+            shown = comparison_figure(comparison, comparison.measurement.resolution, title)
+            write_figure(shown, picture)
         written.append(picture)
-    write_comparison(target, report)
-    _print_report(report, image.name, rendering.resolution)
+    comparison.save(target)
+    _print_report(report, image.name, comparison.image.resolution)
     out.print("Files: " + ", ".join(map(str, written)), markup=False, soft_wrap=True)
 
 

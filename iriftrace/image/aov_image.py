@@ -25,8 +25,6 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.part.part import Part, read_part
 
-# MERGE channels: Names of the AOV channels, in the order in which the integrator delivers them.
-
 CHANNELS: tuple[str, ...] = (
     *(f"{name}.{axis}" for name in ("straight", "refracted", "displacement") for axis in "XYZ"),
     "displacement.norm",
@@ -67,23 +65,33 @@ _THREADS = min(4, os.cpu_count() or 1)
 FloatImage = NDArray[np.float32]
 
 
-def _check_channels(channels: dict[str, FloatImage]) -> None:
-    missing = [name for name in CHANNELS if name not in channels]
-    surplus = [name for name in channels if name not in _KNOWN]
-    if missing or surplus:
-        raise InputError(
-            f"an AOV image has the {len(CHANNELS)} channels of channels.CHANNELS; "
-            f"missing: {', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}."
-        )
-    shape = channels[CHANNELS[0]].shape
-    for name, pixels in channels.items():
-        if pixels.dtype != np.float32 or pixels.ndim != 2 or pixels.shape != shape:
-            raise InputError(
-                f"channel {name} is {pixels.dtype} {pixels.shape}, but every channel must be "
-                f"float32 and (height, width) = {shape}; half precision would lose the result."
-            )
-    if 0 in shape:
-        raise InputError(f"an AOV image of {shape} pixels is empty; render at least one pixel.")
+class Status(IntEnum):
+    """Outcome of one ray.
+
+    A ray that deserves several codes gets the first of 1, 2, 7, 6, 3, 4, 5, 0.
+    """
+
+    GOOD = 0
+    """Straight and refracted ray hit the part, and the index steps add up."""
+    MISSED = 1
+    """Both rays missed the part, or the straight one where only rays that hit are traced on."""
+    OUT_OF_FOCUS = 2
+    """The straight ray's length from camera to hit lies outside the focus interval."""
+    REFRACTED_MISSED = 3
+    """The straight ray hit the part and the refracted one missed it."""
+    ONLY_REFRACTED = 4
+    """The refracted ray hit the part and the straight one missed it."""
+    INDEX_MISMATCH = 5
+    """Both hit, but the sum of the index steps is not that of the layers at its ends."""
+    GAVE_UP = 6
+    """The refracted ray reached the crossing limit."""
+    BLOCKED = 7
+    """Another opaque object is in the way of either ray."""
+
+    @property
+    def key(self) -> str:
+        """Name of the code in the metrics JSON, such as ``out_of_focus``."""
+        return self.name.lower()
 
 
 @frozen(eq=False)
@@ -119,7 +127,7 @@ class AovImage:
 
     @property
     def status(self) -> NDArray[np.int64]:
-        """(height, width) array of the codes of `iriftrace.status.Status`."""
+        """(height, width) array of the codes of `Status`."""
         return np.rint(self.channels["status.code"]).astype(np.int64)
 
     @property
@@ -136,7 +144,7 @@ class AovImage:
         InputError
             The header does not name it.
         """
-        self._require("camera")
+        self.require("camera")
         return Camera.from_dict(self.header["camera"])
 
     @cached_property
@@ -158,7 +166,7 @@ class AovImage:
             The header says too little, or the file is gone, or it is not the one that was
             rendered: its face numbers would not fit.
         """
-        self._require(*_NEEDED)
+        self.require(*_NEEDED)
         named = self.header["part"]
         file = Path(named["path"] if path is None else path)
         if not file.is_file():
@@ -173,7 +181,13 @@ class AovImage:
             )
         return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
 
-    def _require(self, *keys: str) -> None:
+    def require(self, *keys: str) -> None:
+        """Refuse an image whose header lacks some entries.
+
+        Raises
+        ------
+        InputError
+        """
         missing = [key for key in keys if key not in self.header]
         if missing:
             raise InputError(
@@ -213,6 +227,25 @@ class AovImage:
         for i, plane in enumerate(planes):
             vectors[..., i] = plane
         return vectors
+
+
+def _check_channels(channels: dict[str, FloatImage]) -> None:
+    missing = [name for name in CHANNELS if name not in channels]
+    surplus = [name for name in channels if name not in _KNOWN]
+    if missing or surplus:
+        raise InputError(
+            f"an AOV image has the {len(CHANNELS)} channels of CHANNELS; "
+            f"missing: {', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}."
+        )
+    shape = channels[CHANNELS[0]].shape
+    for name, pixels in channels.items():
+        if pixels.dtype != np.float32 or pixels.ndim != 2 or pixels.shape != shape:
+            raise InputError(
+                f"channel {name} is {pixels.dtype} {pixels.shape}, but every channel must be "
+                f"float32 and (height, width) = {shape}; half precision would lose the result."
+            )
+    if 0 in shape:
+        raise InputError(f"an AOV image of {shape} pixels is empty; render at least one pixel.")
 
 
 def write_exr(path: str | Path, image: AovImage) -> None:
@@ -321,35 +354,3 @@ def _is_json(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-# MERGE status: What became of a ray: the codes of the EXR channel ``status.code``.
-
-
-class Status(IntEnum):
-    """Outcome of one ray.
-
-    A ray that deserves several codes gets the first of 1, 2, 7, 6, 3, 4, 5, 0.
-    """
-
-    GOOD = 0
-    """Straight and refracted ray hit the part, and the index steps add up."""
-    MISSED = 1
-    """Both rays missed the part, or the straight one where only rays that hit are traced on."""
-    OUT_OF_FOCUS = 2
-    """The straight ray's length from camera to hit lies outside the focus interval."""
-    REFRACTED_MISSED = 3
-    """The straight ray hit the part and the refracted one missed it."""
-    ONLY_REFRACTED = 4
-    """The refracted ray hit the part and the straight one missed it."""
-    INDEX_MISMATCH = 5
-    """Both hit, but the sum of the index steps is not that of the layers at its ends."""
-    GAVE_UP = 6
-    """The refracted ray reached the crossing limit."""
-    BLOCKED = 7
-    """Another opaque object is in the way of either ray."""
-
-    @property
-    def key(self) -> str:
-        """Name of the code in the metrics JSON, such as ``out_of_focus``."""
-        return self.name.lower()

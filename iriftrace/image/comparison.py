@@ -19,13 +19,20 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.files import whole_file
-from iriftrace.image.aov_image import AovImage, Status
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.image.displacement import shift_map
-from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.image.measured_shift import MeasuredShift, read_measured_shift
 
 Picture = Literal["cold", "hot"]
+
+SCHEMA = "iriftrace.comparison/1"
+CONVENTION = (
+    "shift: position in the hot picture minus position in the cold one, px, u right, v down; in "
+    "files (0, 0) is the centre of the first pixel; residual: measured minus simulated; camera "
+    "motion: from cold to hot, in the camera's frame (x right, y down, z forward)"
+)
 
 
 @frozen(eq=False)
@@ -39,8 +46,15 @@ class Comparison:
     measured, simulated : (n, 2) arrays, px
     points : (n, 3) array, mm, world
         What is seen there.
-    left_out : int
-        Places without a simulated shift: beside the part, or their ray does not count.
+    image : AovImage
+        The rendering.
+    image_path : Path or None
+        Its file, where it was read from one.
+    measurement : MeasuredShift
+        All that was measured, also at places without a simulated shift: beside the part, or where
+        the ray does not count.
+    positions : str
+        The picture in which the places were measured, ``"cold"`` or ``"hot"``.
     motion : CameraMotion or None
         What explains the residual best.
     no_motion : str
@@ -51,7 +65,10 @@ class Comparison:
     measured: FloatArray
     simulated: FloatArray
     points: FloatArray
-    left_out: int
+    image: AovImage
+    image_path: Path | None
+    measurement: MeasuredShift
+    positions: Picture
     motion: CameraMotion | None
     no_motion: str
 
@@ -65,20 +82,61 @@ class Comparison:
         """(n, 2) array, px: what is left of the residual without the camera's motion."""
         return self.residual if self.motion is None else self.residual - self.motion.shifts
 
+    def as_dict(self) -> dict[str, Any]:
+        """All numbers, as plain JSON values."""
+        file = None
+        if self.image_path is not None:
+            file = {"path": str(self.image_path.resolve()), "sha256": sha256_of(self.image_path)}
+        residual, measured = self.residual, self.measurement
+        copied = ("camera", "pose", "wavelength_nm", "field", "part", "engine", "assumptions")
+        return {
+            "schema": SCHEMA,
+            "version": version("iriftrace"),
+            "image": file,
+            "measured": {
+                "path": str(Path(measured.path).resolve()),
+                "sha256": measured.sha256,
+                "kind": "markers" if measured.resolution is None else "map",
+                "positions": self.positions,
+            },
+            "convention": CONVENTION,
+            "points": {
+                "measured": len(measured.places),
+                "compared": len(residual),
+                "without_simulation": len(measured.places) - len(residual),
+            },
+            "measured_px": _lengths(self.measured),
+            "simulated_px": _lengths(self.simulated),
+            "residual_px": {"bias": residual.mean(axis=0).tolist(), **_lengths(residual)},
+            "correlation": correlation(self.measured, self.simulated),
+            "camera_motion": _motion(self),
+            **{key: self.image.header.get(key) for key in copied},
+        }
 
-def compare_shift(
-    image: AovImage,
-    measured: MeasuredShift,
+    def save(self, path: str | Path) -> None:
+        """Write the numbers as JSON, whole or not at all."""
+        text = json.dumps(self.as_dict(), indent=2, allow_nan=False, ensure_ascii=False)
+        with whole_file(path) as temporary:
+            temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def compare(
+    image: AovImage | str | Path,
+    measured: MeasuredShift | str | Path,
     *,
     positions: Picture = "cold",
     include: Collection[int] = (Status.GOOD,),
 ) -> Comparison:
-    """Compare measured shifts with the channel ``shift.px`` of a rendering.
+    """Compare measured shifts with those of a rendering, its channel ``shift.px``.
+
+    Exported as `iriftrace.compare`.
 
     Parameters
     ----------
-    image : AovImage
-    measured : MeasuredShift
+    image : AovImage or path
+        The rendering, or the EXR of one, at the camera's own resolution.
+    measured : MeasuredShift or path
+        Measured shifts, or a file that `read_measured_shift` reads.
     positions : str
         The picture in which the places were measured: ``"cold"``, as in most correlation programs,
         where the first picture is the reference, or ``"hot"``. The simulated shift is one of the
@@ -98,6 +156,12 @@ def compare_shift(
         Markers may be positions in a picture of the camera's full resolution, which the rendering
         has not.
     """
+    image_path = None if isinstance(image, AovImage) else Path(image)
+    if not isinstance(image, AovImage):
+        image = read_exr(image)
+    image.require("camera")
+    if not isinstance(measured, MeasuredShift):
+        measured = read_measured_shift(measured)
     if measured.resolution not in (None, image.resolution):
         assert measured.resolution is not None
         theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
@@ -128,8 +192,7 @@ def compare_shift(
     residual = measured.shifts[known] - shift[known]
     motion, reason = None, ""
     try:
-        camera = image.camera
-        motion = fit_camera_motion(camera, points[known], residual)
+        motion = fit_camera_motion(image.camera, points[known], residual)
     except InputError as error:
         reason = str(error)
     return Comparison(
@@ -137,7 +200,10 @@ def compare_shift(
         measured=measured.shifts[known],
         simulated=shift[known],
         points=points[known],
-        left_out=len(known) - count,
+        image=image,
+        image_path=image_path,
+        measurement=measured,
+        positions=positions,
         motion=motion,
         no_motion=reason,
     )
@@ -194,62 +260,6 @@ def _interpolated(
     return np.where(known[:, None], total, 0.0), known
 
 
-# MERGE comparison_report: The numbers of a comparison of measured and simulated shifts, as JSON.
-
-SCHEMA = "iriftrace.comparison/1"
-CONVENTION = (
-    "shift: position in the hot picture minus position in the cold one, px, u right, v down; in "
-    "files (0, 0) is the centre of the first pixel; residual: measured minus simulated; camera "
-    "motion: from cold to hot, in the camera's frame (x right, y down, z forward)"
-)
-
-
-def comparison_report(
-    comparison: Comparison,
-    image: AovImage,
-    image_file: dict[str, Any],
-    measured: MeasuredShift,
-    positions: Picture,
-) -> dict[str, Any]:
-    """All numbers of a comparison, as plain JSON values.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    image : AovImage
-        The rendering, whose header is copied.
-    image_file : dict
-        Path and SHA-256 of its file.
-    measured : MeasuredShift
-    positions : str
-    """
-    residual = comparison.residual
-    copied = ("camera", "pose", "wavelength_nm", "field", "part", "engine", "assumptions")
-    return {
-        "schema": SCHEMA,
-        "version": version("iriftrace"),
-        "image": image_file,
-        "measured": {
-            "path": str(Path(measured.path).resolve()),
-            "sha256": measured.sha256,
-            "kind": "markers" if measured.resolution is None else "map",
-            "positions": positions,
-        },
-        "convention": CONVENTION,
-        "points": {
-            "measured": len(measured.places),
-            "compared": len(residual),
-            "without_simulation": comparison.left_out,
-        },
-        "measured_px": _lengths(comparison.measured),
-        "simulated_px": _lengths(comparison.simulated),
-        "residual_px": {"bias": residual.mean(axis=0).tolist(), **_lengths(residual)},
-        "correlation": correlation(comparison.measured, comparison.simulated),
-        "camera_motion": _motion(comparison),
-        **{key: image.header.get(key) for key in copied},
-    }
-
-
 def _lengths(vectors: FloatArray) -> dict[str, float]:
     lengths = np.linalg.norm(vectors, axis=1)
     return {
@@ -286,10 +296,3 @@ def _motion(comparison: Comparison) -> dict[str, Any]:
         "explained": motion.explained,
         "correlation_after": correlation(cleaned[used], comparison.simulated[used]),
     }
-
-
-def write_comparison(path: str | Path, report: dict[str, Any]) -> None:
-    """Write the numbers as JSON, whole or not at all."""
-    text = json.dumps(report, indent=2, allow_nan=False, ensure_ascii=False)
-    with whole_file(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Collection
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +19,7 @@ from iriftrace.core.files import whole_file
 from iriftrace.image.aov_image import MEMBERS_CHANNEL, AovImage, Status
 from iriftrace.image.coverage import Coverage, pose_coverage
 from iriftrace.image.rays import Bending, PoseRays, bending, rays_that_count
-from iriftrace.image.resolution import (
-    Spacing,
-    nearest_in_plane,
-    nearest_in_space,
-    pixel_grid,
-    step_spacing,
-)
+from iriftrace.image.resolution import Spacing, nearest_spacing, step_spacing
 from iriftrace.part.part import Part
 
 FEWEST_RAYS = 100
@@ -386,16 +379,11 @@ def write_metrics(path: str | Path, metrics: PoseMetrics) -> None:
 
 
 def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> _Values:
-    camera, points = image.camera, rays.position.T
-    grid = pixel_grid(rays.pixels, camera.resolution)
-    spacing = {"": step_spacing(points, grid, part.smooth_group[rays.face])}
+    points, group = rays.position.T, part.smooth_group[rays.face]
+    spacing = {"": step_spacing(points, rays.pixels, image.resolution, group)}
     if nearest:
-        # The search in the plane takes as long as all the rest; SciPy lets go of Python meanwhile.
-        with ThreadPoolExecutor(max_workers=1) as pool:
-            plane = pool.submit(nearest_in_plane, points, grid, camera)
-            spacing["_nn3d"] = nearest_in_space(points, grid, camera).spacing(points)
-            spacing["_nnxy"] = plane.result().spacing(points)
-    return _Values(bending(image, camera, rays), np.degrees(rays.incidence), spacing)
+        spacing |= {"_nn3d": nearest_spacing(points, 3), "_nnxy": nearest_spacing(points, 2)}
+    return _Values(bending(image, image.camera, rays), np.degrees(rays.incidence), spacing)
 
 
 def _numbers(values: _Values, members: IntArray) -> dict[str, Any]:

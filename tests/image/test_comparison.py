@@ -20,10 +20,8 @@ from iriftrace.figures.comparison import comparison_figure
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage
 from iriftrace.image.comparison import (
-    compare_shift,
-    comparison_report,
+    compare,
     correlation,
-    write_comparison,
 )
 from iriftrace.image.measured_shift import MeasuredShift
 from validation.inputs.lenses import LENSES, lens_camera
@@ -82,11 +80,11 @@ def test_cold_places_are_looked_up_where_they_are_seen_when_hot(image: AovImage)
     cold = places_on_part(image, 200)
     hot = np.linalg.solve(np.eye(2) - SLOPE, (cold + OFFSET).T).T
     exact = shift_at(hot)
-    found = compare_shift(image, measured(cold, exact))
+    found = compare(image, measured(cold, exact))
     assert len(found.places) == 200
     np.testing.assert_allclose(found.simulated, exact, rtol=0, atol=2e-4)
     assert np.abs(shift_at(cold) - exact).max() > 0.02
-    there = compare_shift(image, measured(hot, exact), positions="hot")
+    there = compare(image, measured(hot, exact), positions="hot")
     # float32 channels
     np.testing.assert_allclose(there.simulated, exact, rtol=0, atol=5e-7)
 
@@ -96,11 +94,9 @@ def test_every_pixel_of_a_map_counts_once(image: AovImage) -> None:
     good = image.status == 0
     row, column = np.nonzero(np.ones_like(good))
     centres = np.stack((column, row), axis=1) + 0.5
-    found = compare_shift(
-        image, measured(centres, shift_at(centres), image.resolution), positions="hot"
-    )
+    found = compare(image, measured(centres, shift_at(centres), image.resolution), positions="hot")
     assert len(found.places) == good.sum()
-    assert found.left_out == good.size - good.sum()
+    assert len(found.measurement.places) - len(found.places) == good.size - good.sum()
     assert np.abs(found.residual).max() < 1e-6
     np.testing.assert_allclose(found.points, image.vector("refracted", good), atol=1e-12)
 
@@ -125,7 +121,7 @@ def test_known_motion_and_noise_come_back(lens: Any, noise: float) -> None:
     rigid = camera.at(camera.matrix @ step).project(hits) - camera.project(hits)
     rng = np.random.default_rng(3)
     shifts = shift_at(centres) + rigid + rng.normal(0, noise, rigid.shape)
-    found = compare_shift(image, measured(centres, shifts, image.resolution), positions="hot")
+    found = compare(image, measured(centres, shifts, image.resolution), positions="hot")
     assert found.motion is not None
     got = np.concatenate((found.motion.translation_mm, found.motion.rotation_rad))
     # The second order of the motion counts a thousandth of it.
@@ -141,8 +137,8 @@ def test_numbers_of_a_known_residual(image: AovImage, tmp_path: Path) -> None:
     row, column = np.nonzero(image.status == 0)
     centres = np.stack((column, row), axis=1) + 0.5
     shifts = measured(centres, shift_at(centres) + np.array((0.3, -0.4)), image.resolution)
-    found = compare_shift(image, shifts, positions="hot")
-    report = comparison_report(found, image, {"path": "a.exr"}, shifts, "hot")
+    found = compare(image, shifts, positions="hot")
+    report = found.as_dict()
     assert report["residual_px"]["bias"] == pytest.approx([0.3, -0.4], abs=1e-6)
     for key in ("rms", "median", "p95", "max"):
         assert report["residual_px"][key] == pytest.approx(0.5, abs=1e-6)
@@ -157,14 +153,14 @@ def test_numbers_of_a_known_residual(image: AovImage, tmp_path: Path) -> None:
     assert report["measured"]["kind"] == "map"
     assert report["camera_motion"]["explained"] > 0.99
     assert report["camera"] == image.header["camera"]
-    write_comparison(tmp_path / "a.json", report)
+    found.save(tmp_path / "a.json")
     assert json.loads((tmp_path / "a.json").read_text()) == report
 
 
 def test_opposite_shifts_have_correlation_minus_one(image: AovImage) -> None:
     """The sign convention the other way round shows at once."""
     places = places_on_part(image, 100)
-    found = compare_shift(image, measured(places, -shift_at(places)), positions="hot")
+    found = compare(image, measured(places, -shift_at(places)), positions="hot")
     assert correlation(found.measured, found.simulated) == pytest.approx(-1, abs=1e-9)
     assert correlation(np.ones((5, 2)), np.arange(10.0).reshape(5, 2)) is None
 
@@ -179,9 +175,9 @@ def test_motion_that_cannot_be_told_is_no_error() -> None:
         image.channels[f"refracted.{name}"][row, column] = (
             np.arange(4) * (0.5, 0.2, 0.1)["XYZ".index(name)]
         )
-    found = compare_shift(image, measured(places, shift_at(places)), positions="hot")
+    found = compare(image, measured(places, shift_at(places)), positions="hot")
     assert found.motion is None
-    report = comparison_report(found, image, {}, measured(places, places), "hot")
+    report = found.as_dict()
     assert "do not tell one motion" in report["camera_motion"]["reason"]
     np.testing.assert_array_equal(found.remainder, found.residual)
 
@@ -199,7 +195,7 @@ def test_measurements_of_another_picture_are_refused(
 ) -> None:
     wrong = measured(np.array(places, dtype=float), np.zeros((9, 2)), resolution)
     with pytest.raises(InputError, match=message):
-        compare_shift(image, wrong)
+        compare(image, wrong)
 
 
 def test_markers_on_a_scaled_rendering_give_a_warning(image: AovImage) -> None:
@@ -208,13 +204,13 @@ def test_markers_on_a_scaled_rendering_give_a_warning(image: AovImage) -> None:
     shifts = shift_at(places)
     scaled = evolve(image, header={**image.header, "full_resolution": [488, 408]})
     with pytest.warns(IriftraceWarning, match=r"122 x 102 px, 0\.25 times the camera's 488 across"):
-        compare_shift(scaled, measured(places, shifts))
+        compare(scaled, measured(places, shifts))
     whole = evolve(image, header={**image.header, "full_resolution": [122, 102]})
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        compare_shift(whole, measured(places, shifts))
+        compare(whole, measured(places, shifts))
         # A map of the same size says that it belongs to this picture.
-        compare_shift(scaled, measured(places, shifts, image.resolution))
+        compare(scaled, measured(places, shifts, image.resolution))
 
 
 @pytest.mark.parametrize("as_map", [True, False])
@@ -224,7 +220,7 @@ def test_figure_shows_what_it_says(image: AovImage, tmp_path: Path, as_map: bool
     centres = np.stack((column, row), axis=1) + 0.5
     rng = np.random.default_rng(5)
     shifts = measured(centres, shift_at(centres) + rng.normal(0.1, 0.02, centres.shape))
-    found = compare_shift(image, shifts, positions="hot")
+    found = compare(image, shifts, positions="hot")
     resolution = image.resolution if as_map else None
     figure = comparison_figure(found, resolution, "second line")
     panels = [axes for axes in figure.axes if axes.get_ylabel() != "" or axes.get_title() != ""]

@@ -1,4 +1,4 @@
-"""What is measured through a distorting lens: shifts, areas, neighbours, the view's edges."""
+"""What is measured through a distorting lens: shifts, areas, the view's edges."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.image.metrics import pose_metrics
-from iriftrace.image.resolution import nearest_in_space, pixel_grid
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
@@ -90,24 +89,6 @@ def test_plate_that_leaves_the_picture_is_covered_as_far_as_it_is_seen(lens: Dis
     x, y, _ = (60 * directions / directions[:, 2:]).T
     seen = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
     assert metrics.coverage_area == pytest.approx(seen / 120**2, rel=1e-3)
-
-
-@lenses
-def test_windows_of_pixels_hold_the_nearest_point(lens: Distortion) -> None:
-    """The bound on how far away in the picture a near point can be allows for the lens."""
-    view = evolve(lens_camera(lens), matrix=np.eye(4)).scaled(0.02)
-    rng = np.random.default_rng(3)
-    origins, directions = view.rays()
-    depth = 60 * np.exp(0.02 * rng.normal(size=len(directions)))
-    points = origins + depth[:, None] * directions
-    good = np.flatnonzero(rng.random(len(points)) < 0.8)
-    points = points[good]
-    found = nearest_in_space(points, pixel_grid(good, view.resolution), view)
-    assert found.by_window.mean() > 0.2
-    squared = ((points[:, None] - points[None]) ** 2).sum(axis=2)
-    np.fill_diagonal(squared, np.inf)
-    reached = squared[np.arange(len(points)), found.number]
-    np.testing.assert_allclose(reached, squared.min(axis=1), rtol=1e-12)
 
 
 @lenses

@@ -1,4 +1,4 @@
-"""Resolution of tilted planes against closed forms, and the quick search against brute force."""
+"""Resolution of tilted planes against closed forms, nearest neighbours against brute force."""
 
 from __future__ import annotations
 
@@ -7,21 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from iriftrace.camera.camera import Camera
 from iriftrace.image.metrics import pose_metrics
-from iriftrace.image.rays import rays_that_count
-from iriftrace.image.resolution import (
-    PixelGrid,
-    nearest_in_plane,
-    nearest_in_space,
-    pixel_grid,
-    step_spacing,
-)
-from iriftrace.scene.load import load_scene
-from iriftrace.scenes import folder_of, names
-from iriftrace.trace.render import render_scene
+from iriftrace.image.resolution import nearest_spacing, step_spacing
 from validation.oracles.aov_by_hand import make_image, make_part, plate
 
 FloatArray = NDArray[np.float64]
@@ -139,7 +128,7 @@ def test_steps_from_one_patch_to_another_do_not_count() -> None:
     holes=st.floats(0, 0.95),
     parallel=st.booleans(),
 )
-def test_quick_search_finds_the_nearest_point(
+def test_nearest_spacing_finds_the_nearest_point(
     seed: int, roughness: float, holes: float, parallel: bool
 ) -> None:
     """Rough, steep and sparse surfaces, where the nearest point is not the next pixel's."""
@@ -159,14 +148,13 @@ def test_quick_search_finds_the_nearest_point(
     depth = 15 + roughness * rng.random(len(directions))
     distance = depth / np.maximum(0.2, 1 - directions[:, :2] @ slope)
     points = origins + distance[:, None] * directions
-    grid = pixel_grid(np.flatnonzero(good), (width, height))
-    found = nearest_in_space(points, grid, camera).spacing(points)
+    found = nearest_spacing(points, 3)
     offset = points[:, None] - points[None]
     squared = np.where(np.eye(len(points), dtype=bool), np.inf, (offset**2).sum(axis=2))
     np.testing.assert_allclose(
         np.hypot(found.lateral, found.axial), np.sqrt(squared.min(axis=1)), rtol=1e-12
     )
-    plane = nearest_in_plane(points, grid, camera).spacing(points)
+    plane = nearest_spacing(points, 2)
     across = np.where(np.eye(len(points), dtype=bool), np.inf, (offset[..., :2] ** 2).sum(axis=2))
     np.testing.assert_allclose(plane.lateral, np.sqrt(across.min(axis=1)), rtol=1e-12)
 
@@ -175,11 +163,7 @@ def test_lonely_pixels_have_no_step() -> None:
     good = np.zeros((5, 5), dtype=bool)
     good[0, 0] = good[2, 2] = good[4, 4] = True
     points = np.array([[0.0, 0, 10], [1, 0, 10], [5, 0, 11]])
-    spacing = step_spacing(
-        points,
-        pixel_grid(np.flatnonzero(good), (5, 5)),
-        np.zeros(3, dtype=np.int64),
-    )
+    spacing = step_spacing(points, np.flatnonzero(good), (5, 5), np.zeros(3, dtype=np.int64))
     assert np.isnan(spacing.lateral).all()
     assert np.isnan(spacing.axial).all()
 
@@ -198,68 +182,11 @@ def test_step_is_the_larger_one_to_the_right_and_below(seed: int, holes: float) 
                 step = place[there] - place[row, column]
                 lateral[row, column] = np.fmax(lateral[row, column], np.hypot(*step[:2]))
                 axial[row, column] = np.fmax(axial[row, column], abs(step[2]))
-    found = step_spacing(place[good], pixel_grid(np.flatnonzero(good), (7, 6)), patch[good])
+    found = step_spacing(place[good], np.flatnonzero(good), (7, 6), patch[good])
     np.testing.assert_allclose(found.lateral, lateral[good], rtol=1e-12)
     np.testing.assert_allclose(found.axial, axial[good], rtol=1e-12)
 
 
-def test_pairs_do_not_wrap_around_the_pictures_edge() -> None:
-    grid = pixel_grid(np.arange(12), (4, 3))
-    for rows, columns in ((0, 1), (1, -1), (1, 0), (1, 1)):
-        first, second = grid.pairs(rows, columns)
-        assert len(first) == (3 - rows) * (4 - abs(columns))
-        np.testing.assert_array_equal(second // 4 - first // 4, rows)
-        np.testing.assert_array_equal(second % 4 - first % 4, columns)
-
-
 def test_equal_points_are_each_others_nearest() -> None:
     points = np.array([[0.0, 0, 10], [0, 0, 10], [3, 0, 10]])
-    found = nearest_in_plane(points, pixel_grid(np.arange(3), SIZE), PINHOLE)
-    np.testing.assert_allclose(found.spacing(points).lateral, [0, 0, 3])
-
-
-def bundled_hits(name: str) -> tuple[FloatArray, PixelGrid, Camera]:
-    scene = load_scene(folder_of(name) / "scene.xml", {"scale": 0.25}, variant="llvm_ad_mono")
-    image = render_scene(scene, nearest=False).image
-    camera = image.camera
-    rays = rays_that_count(image, camera, (0,))
-    return rays.position.T, pixel_grid(rays.pixels, camera.resolution), camera
-
-
-# The wishbone's small faces get few rays, which matters to the coverage only.
-@pytest.mark.filterwarnings("ignore:only .* rays fall on each visible face")
-@pytest.mark.parametrize("name", names())
-def test_windows_hold_the_nearest_point_of_bundled_scenes(name: str) -> None:
-    """Where a window is proven to hold it, the k-d tree finds the same distance, bit for bit.
-
-    In space windows suffice for all rays but a few at silhouettes; across the axis of a pinhole
-    camera they prove nothing, so every ray is looked up in the tree.
-    """
-    points, grid, camera = bundled_hits(name)
-    found = nearest_in_space(points, grid, camera)
-    assert found.by_window.mean() > 0.999
-    expected = cKDTree(points).query(points, k=2)[0][:, 1]
-    np.testing.assert_array_equal(distances(points, found.number), expected)
-    assert (found.number != np.arange(len(points))).all()
-    plane = nearest_in_plane(points, grid, camera)
-    assert not plane.by_window.any()
-    expected = cKDTree(points[:, :2]).query(points[:, :2], k=2)[0][:, 1]
-    np.testing.assert_array_equal(distances(points[:, :2], plane.number), expected)
-
-
-def test_windows_hold_the_nearest_point_across_parallel_rays() -> None:
-    """The nearest pixel's point, however deep the surface is furrowed; holes need wider windows."""
-    rng = np.random.default_rng(4)
-    good = rng.random((SIZE[1], SIZE[0])) < 0.1
-    pixels = np.flatnonzero(good)
-    origins, directions = PARALLEL.rays()
-    points = origins[pixels] + rng.uniform(10, 50, (len(pixels), 1)) * directions[pixels]
-    found = nearest_in_plane(points, pixel_grid(pixels, SIZE), PARALLEL)
-    assert found.by_window.all()
-    expected = cKDTree(points[:, :2]).query(points[:, :2], k=2)[0][:, 1]
-    np.testing.assert_allclose(distances(points[:, :2], found.number), expected, rtol=1e-12)
-    assert (expected > 2 * PITCH[0]).any(), "else the eight pixels around would do"
-
-
-def distances(points: FloatArray, number: NDArray[np.int64]) -> FloatArray:
-    return np.sqrt(((points[number] - points) ** 2).sum(axis=1))
+    np.testing.assert_allclose(nearest_spacing(points, 2).lateral, [0, 0, 3])

@@ -1,0 +1,10 @@
+from .calibration import Calibration as Calibration
+from .calibration import read_calibration as read_calibration
+from .camera import Camera as Camera
+from .distortion import Distortion as Distortion
+from .orbit import Orbit as Orbit
+from .orbit import fibonacci_poses as fibonacci_poses
+from .orbit import orbit_poses as orbit_poses
+from .pose import look_at as look_at
+from .pose_files import read_poses as read_poses
+from .pose_set import PoseSet as PoseSet

@@ -1,0 +1,14 @@
+from .aov_image import AovImage as AovImage
+from .aov_image import Status as Status
+from .aov_image import read_exr as read_exr
+from .aov_image import write_exr as write_exr
+from .comparison import Comparison as Comparison
+from .comparison import compare as compare
+from .coverage import seen_areas as seen_areas
+from .displacement import displacement_map as displacement_map
+from .displacement import shift_map as shift_map
+from .measured_shift import MeasuredShift as MeasuredShift
+from .measured_shift import read_measured_shift as read_measured_shift
+from .metrics import PoseMetrics as PoseMetrics
+from .metrics import pose_metrics as pose_metrics
+from .metrics import write_metrics as write_metrics
