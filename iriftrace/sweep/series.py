@@ -51,19 +51,7 @@ def all_series(
     *,
     move_out: bool = False,
 ) -> list[Series]:
-    """Every combination of scene, focal length and set of poses; scene by scene.
-
-    Parameters
-    ----------
-    scenes : sequence of LoadedScene
-        Of the same part, with the same sensor.
-    poses : PoseSet, or mapping from float to PoseSet
-        Or those of several orbits by their stand-offs, mm.
-    focal_lengths_mm : sequence of float, mm
-        In place of the sensor's.
-    move_out : bool
-        Move cameras that stand in the hot air back along their line of sight. Otherwise such a
-        pose is recorded as failed and does not stop the rest.
+    """Every combination of scene, focal length and set of poses; see `run_sweep`.
 
     Raises
     ------

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import iriftrace
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_files import read_poses
 from iriftrace.cli import main
+from iriftrace.planning.cover import ViewLimits
 from iriftrace.sweep.store import read_sweep
 from validation.inputs.hot_block import HotBlock
 from validation.oracles.html_page import read_page
@@ -53,6 +55,18 @@ def test_the_best_pose_is_printed_in_three_forms(
     np.testing.assert_allclose(look_at(*vectors), matrix, atol=1e-5)
     plain = re.search(r"^Look-at: origin \((.*?)\) mm", text, re.MULTILINE)
     assert plain[1] == xml[1]
+
+
+def test_python_plans_as_the_command_does(sweep: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same best pose and views; criteria and limits are the options."""
+    criteria = iriftrace.Criteria(statistic="median", min_hits=50)
+    found = iriftrace.plan(sweep, criteria, views=2, limits=ViewLimits(incidence_deg=80.0))
+    options = ["--statistic=median", "--min-hits=50", "--views=2", "--max-incidence=80"]
+    text = printed(capsys, "plan", sweep, *options)
+    assert int(re.search(r"^Best pose (\d+)", text, re.MULTILINE)[1]) == found.summary.plan.best
+    assert found.views is not None
+    assert f"Together they see {100 * found.views.covered:.2f} %" in text
+    assert found.refined is None
 
 
 def test_ranked_poses_are_saved_for_other_programs(
