@@ -5,7 +5,7 @@ covers ``[i, i + 1)``, so its centre lies at ``i + 0.5``; OpenCV's principal poi
 smaller.
 
 With lens distortion the picture's places are turned into those of a pinhole camera and back by
-`iriftrace.distortion`; without it nothing of that is computed.
+`iriftrace.camera.distortion`; without it nothing of that is computed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Poses around a part: an ellipsoid, points on it, and cameras that look from them at a target.
-
-The pose sets themselves live in `iriftrace.pose_set` and can be imported from here.
-"""
+"""Poses around a part: an ellipsoid, points on it, and cameras that look from them at a target."""
 
 from __future__ import annotations
 

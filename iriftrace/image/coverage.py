@@ -1,4 +1,4 @@
-"""How much of the part's surface one pose sees.
+"""Share of the part's surface that one pose sees.
 
 Two numbers. The share of the faces that some ray hits is the method's paper's; it depends on the
 tessellation, because one ray claims a whole face. The sum of the rays' footprints does not.

@@ -1,4 +1,4 @@
-"""How far the refracted hits of two runs lie apart, ray by ray."""
+"""Distances between the refracted hits of two runs, ray by ray."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What hot air does to each pixel: the displacement on the part and the shift in the picture."""
+"""Displacement on the part and shift in the picture of every pixel, by hot air."""
 
 from __future__ import annotations
 

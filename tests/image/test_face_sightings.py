@@ -1,4 +1,4 @@
-"""What poses see of each face: counted ray by ray, stored, and read back."""
+"""Sightings of faces against a count ray by ray, stored and read back."""
 
 from __future__ import annotations
 
