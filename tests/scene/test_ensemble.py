@@ -328,6 +328,8 @@ def test_results_name_every_field(ten: Path) -> None:
     assert metrics["ensemble"]["bias_mm"] == {
         key: metrics["displacement_mm"][key] for key in ("mean", "median", "p95", "max", "rms")
     }
+    assert metrics["ensemble"]["bias_px"] == metrics["shift_px"]
+    assert metrics["shift_px"]["median"] > 0.0
     for region in metrics["regions"].values():
         assert region["ensemble"]["members"] == 10
 
