@@ -1,4 +1,4 @@
-"""What a whole pose costs beside its refracted trace, and what a second one compiles."""
+"""Cost of a whole pose beside its refracted trace, and kernels compiled by a second one."""
 
 from __future__ import annotations
 

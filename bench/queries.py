@@ -1,4 +1,4 @@
-"""What refraction costs beyond the ray queries themselves."""
+"""Cost of refraction beside the ray queries themselves."""
 
 from __future__ import annotations
 

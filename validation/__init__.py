@@ -1,1 +1,1 @@
-"""How right the tracer is, as a page that is computed anew: ``python -m validation``."""
+"""Accuracy of the tracer, as a page that is computed anew: ``python -m validation``."""

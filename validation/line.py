@@ -35,7 +35,7 @@ class Line:
 
     @property
     def holds(self) -> bool:
-        """Whether the error is within its bound.
+        """True for an error within its bound.
 
         Raises
         ------

@@ -37,7 +37,7 @@ _MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv
 
 @frozen(eq=False, kw_only=True)
 class Calibration:
-    """What a calibration file says of a camera.
+    """Camera as a calibration file describes it.
 
     Attributes
     ----------

@@ -106,7 +106,7 @@ class Camera:
 
     @property
     def lens(self) -> str:
-        """What rays are assumed to do in the camera, in words."""
+        """Assumption about the rays in the camera, in words."""
         if self.distortion is None:
             return f"{self.projection}, no lens distortion"
         return f"distorted: pinhole with Brown-Conrady lens distortion {self.distortion}"
@@ -134,7 +134,7 @@ class Camera:
 
     @property
     def seen_field(self) -> SeenField:
-        """What the picture holds of the field of a lens that distorts.
+        """Part of a distorting lens's field that the picture holds.
 
         Raises
         ------

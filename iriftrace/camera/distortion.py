@@ -81,7 +81,7 @@ class Distortion:
 
     @property
     def vanishes(self) -> bool:
-        """Whether this is no distortion at all."""
+        """True for no distortion at all."""
         return not any(self.coefficients)
 
     @property
@@ -212,7 +212,7 @@ def _rings(radii: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @frozen
 class SeenField:
-    """What a rectangular picture holds of the field of a lens that distorts.
+    """Part of a distorting lens's field that a rectangular picture holds.
 
     Attributes
     ----------

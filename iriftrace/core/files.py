@@ -78,6 +78,6 @@ def check_readable(path: Path) -> None:
 
 
 def numpy_reason(error: Exception) -> str:
-    """What NumPy says of a file, without its advice to trust pickled objects."""
+    """NumPy's message about a file, without its advice to trust pickled objects."""
     text = " ".join(str(error).split())
     return "it holds something else than arrays of numbers" if "pickle" in text else text

@@ -16,12 +16,12 @@ _LETTERS = re.compile(r"[A-DF-Za-df-z_]")
 
 
 def is_numbers(line: str) -> bool:
-    """Whether a line can be numbers: it has no letters besides exponents, NaN and Inf."""
+    """True for a line that can be numbers: no letters besides exponents, NaN and Inf."""
     return _LETTERS.search(re.sub(r"\b(?:nan|inf(?:inity)?)\b", "", line, flags=re.I)) is None
 
 
 def separator_of(row: str) -> str | None:
-    """What separates the numbers of a row: ``";"``, ``","`` or None for blanks and tabs."""
+    """Separator of the numbers of a row: ``";"``, ``","`` or None for blanks and tabs."""
     if ";" in row:
         return ";"
     if "," not in row:

@@ -145,7 +145,7 @@ def _named(names: Sequence[str], quantity: str, path: str) -> str | None:
 
 
 def _is_usual(name: str, quantity: str) -> bool:
-    """Whether an array has a usual name, with or without COMSOL's scope (``comp1.T``)."""
+    """True for a usual name, with or without COMSOL's scope (``comp1.T``)."""
     plain = _plain(name)
     return plain in _EXACT[quantity] or plain.rpartition(".")[2] in _EXACT[quantity]
 

@@ -277,18 +277,18 @@ def velocity_arrays(
 
 
 def is_motion(name: str) -> bool:
-    """Whether a vector array tells how the air moves, by its name."""
+    """True for a vector array named as a motion of the air."""
     return name in (MOMENTUM_MEAN, VELOCITY_OVER_TEMPERATURE) or _is_velocity(name)
 
 
 def _is_velocity(name: str) -> bool:
-    """Whether an array is called as the vector of the velocity or its average is."""
+    """True for an array named as the velocity or its average."""
     plain = _plain(name)
     return plain in _USUAL or any(pattern.fullmatch(plain) for pattern in (_MEAN, _LOOSE))
 
 
 def is_mean(name: str) -> bool:
-    """Whether an array's name says that it is an average over time."""
+    """True for a name that states an average over time."""
     return re.search(r"mean|averag", name, re.IGNORECASE) is not None
 
 

@@ -52,7 +52,7 @@ def one_line(text: str) -> str:
 
 
 def is_steady(origin: str | None) -> bool:
-    """Whether the air does not change in time by what a field says of its own making.
+    """True for air that does not change in time, by the field's own statement.
 
     The model of synthetic fields is steady, and of a simulation's the origin says so.
     """

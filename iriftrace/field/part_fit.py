@@ -51,7 +51,7 @@ _TURNS = (
 
 @frozen
 class Fit:
-    """How well a field's inner wall and a part's surface lie on each other.
+    """Fit of a field's inner wall and a part's surface.
 
     Attributes
     ----------

@@ -78,7 +78,7 @@ def volume_cells(block: Any) -> pv.UnstructuredGrid:
 
 
 def has_higher_order(grid: Any) -> bool:
-    """Whether there are cells of which `linear_volume` keeps only the corners."""
+    """True where `linear_volume` keeps only the corners of some cells."""
     return bool(np.isin(np.asarray(grid.celltypes), list(_HIGHER_ORDER)).any())
 
 

@@ -152,7 +152,7 @@ class Surface:
         return limit
 
     def inside(self, points: ArrayLike) -> BoolArray:
-        """Whether points lie inside the surface, which has to be closed.
+        """True for points inside the surface, which has to be closed.
 
         Counts the triangles above each point: an odd number means inside. Points below an edge or a
         corner are decided in the same way for all triangles there, so none is counted twice or not
@@ -221,7 +221,7 @@ class _Columns:
         return np.bincount(point[above], minlength=len(points))
 
     def _is_above(self, points: FloatArray, faces: IntArray) -> BoolArray:
-        """Whether each triangle lies above its point (one triangle a point)."""
+        """True for each triangle above its point (one triangle a point)."""
         weight = np.empty((3, len(points)))
         side = np.empty((3, len(points)), dtype=bool)
         for corner in range(3):

@@ -291,7 +291,7 @@ def drop_degenerate(vertices: Float32Array, faces: IntArray) -> IntArray:
 
 
 def _is_flat(vertices: Float32Array, faces: IntArray) -> BoolArray:
-    """Whether a triangle's vertices lie on one line, as exactly as float64 can tell."""
+    """True for a triangle whose vertices lie on one line, as exactly as float64 can tell."""
     points = np.asarray(vertices, dtype=np.float64)
     edge = points[np.roll(faces, -1, axis=1)] - points[faces]
     longest = np.maximum.reduce(np.einsum("ijk,ijk->ji", edge, edge))

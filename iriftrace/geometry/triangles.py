@@ -63,7 +63,7 @@ def normals_along(vertices: Float32Array, faces: IntArray, vectors: FloatArray) 
 
 
 def used_vertices(count: int, faces: AnyIntArray) -> tuple[BoolArray, IntArray]:
-    """Which of ``count`` vertices the triangles use, and the triangles numbered among these."""
+    """Vertices of ``count`` that the triangles use, and the triangles numbered among these."""
     used = np.zeros(count, dtype=bool)
     used[faces.ravel()] = True
     renumbered: IntArray = (np.cumsum(used) - 1)[faces]

@@ -132,7 +132,7 @@ class AovImage:
 
     @property
     def is_ensemble(self) -> bool:
-        """Whether it holds the mean and the scatter of several fields."""
+        """True for the mean and the scatter of several fields."""
         return MEMBERS_CHANNEL in self.channels
 
     @cached_property

@@ -38,7 +38,7 @@ from iriftrace.part.part import Part
 
 @frozen(eq=False)
 class Coverage:
-    """What one pose sees of a part with m faces and r regions.
+    """Area of a part with m faces and r regions that one pose sees.
 
     Attributes
     ----------

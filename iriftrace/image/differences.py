@@ -15,7 +15,7 @@ TRIMMED = 0.01
 
 @frozen(eq=False)
 class Hits:
-    """What a comparison needs of one picture of n pixels.
+    """Hits of one picture of n pixels, for a comparison.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ def compare(here: Hits, reference: Hits) -> Differences:
 
 
 def own_size(hits: Hits) -> dict[str, float | int]:
-    """How much one run displaces: median, p95 and rms over its good rays, mm, and the counts."""
+    """Displacement of one run: median, p95 and rms over its good rays, mm, and the counts."""
     norm = np.linalg.norm(hits.displacement[hits.good], axis=1)
     if len(norm) == 0:
         raise InputError("No ray of the picture is good, so there is nothing to compare.")

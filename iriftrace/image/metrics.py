@@ -249,7 +249,7 @@ def _plain(value: Any) -> Any:
 
 @frozen(eq=False)
 class _Values:
-    """What metrics need of each good ray, (n,) arrays in the order of the pixels."""
+    """Values of each good ray that metrics need, (n,) arrays in the order of the pixels."""
 
     bending: Bending
     incidence: FloatArray

@@ -45,7 +45,7 @@ class PoseRays:
 
 @frozen(eq=False)
 class Bending:
-    """What hot air does to n rays, (n,) arrays.
+    """Effect of hot air on n rays, (n,) arrays.
 
     Attributes
     ----------

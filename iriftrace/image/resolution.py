@@ -100,7 +100,7 @@ def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
 
 
 def seen_frontally(lateral: float, axial: float) -> bool:
-    """Whether steps to the next pixel have no depth, so that a plane across the axis is seen.
+    """True where steps to the next pixel have no depth: a plane across the axis is seen.
 
     Parameters
     ----------

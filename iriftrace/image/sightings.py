@@ -168,7 +168,7 @@ def face_maps(sightings: Iterable[FaceSightings], part: Part) -> dict[str, Any]:
 
 
 def sightings_of(dataset: xr.Dataset, pose: int) -> FaceSightings:
-    """What one pose of a sweep sees; only its own rows are read from the file.
+    """Sightings of one pose of a sweep; only its own rows are read from the file.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def seen_by_pose(
     max_incidence_deg: float = 90.0,
     min_rays: int = 1,
 ) -> NDArray[np.bool_]:
-    """Which faces each pose sees well enough.
+    """Faces that each pose sees well enough.
 
     Parameters
     ----------

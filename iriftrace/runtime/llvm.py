@@ -78,7 +78,7 @@ class LlvmLibrary:
 
     @property
     def ok(self) -> bool:
-        """Whether Dr.Jit can run iriftrace's kernels with it."""
+        """True where Dr.Jit can run iriftrace's kernels with it."""
         return not self.why
 
     @property

@@ -73,7 +73,7 @@ def edge_counts(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def is_wound_consistently(faces: np.ndarray) -> bool:
-    """Whether no edge with two triangles is run along twice in the same direction."""
+    """True where no edge with two triangles is run along twice in the same direction."""
     edges, counts = edge_counts(faces)
     start, end = directed_edges(faces).astype(np.int64).T
     ways, runs = np.unique(start + 1_000_000_000 * end, return_counts=True)

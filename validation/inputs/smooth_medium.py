@@ -85,7 +85,7 @@ class SmoothPiece:
 
 
 class Ends:
-    """What became of rays, as NumPy arrays."""
+    """Ends of rays, as NumPy arrays."""
 
     def __init__(self, hits: Any) -> None:
         self.point = np.stack([np.array(axis) for axis in hits.point], axis=1)

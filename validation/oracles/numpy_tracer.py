@@ -19,7 +19,7 @@ CORRIDOR_MM = 1.0
 
 @dataclass
 class Ending:
-    """How one ray ended."""
+    """End of one ray."""
 
     point: np.ndarray | None
     crossings: int

@@ -1,4 +1,4 @@
-"""What wavelength and pressure do to the displacement."""
+"""Effect of wavelength and pressure on the displacement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What became of every ray in every bundled scene."""
+"""Status of every ray in every bundled scene."""
 
 from __future__ import annotations
 

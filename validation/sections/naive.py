@@ -1,4 +1,4 @@
-"""What goes wrong in a renderer that does what renderers do: single precision and spawned rays."""
+"""Errors of a renderer that does as renderers do: single precision and spawned rays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tracer's own arithmetic amounts to, on the real scene."""
+"""Noise of the tracer's own arithmetic, on the real scene."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ MIDDLE_MM = 80.0
 SHIFT_MM = 4.0
 TOP_MM = 25.0
 INSIDE_MM = 0.05
-"""How far inside the part a shell must reach to cut it; the part's own facets lie 0.02 mm deep."""
+"""Depth in the part to which a shell must reach to cut it; the part's own facets lie 0.02 mm deep."""
 
 MEDIAN_BOUND = {"gradient": 8.0, "facet": 15.0}
 P95_BOUND = {"gradient": 15.0, "facet": 20.0}
@@ -205,7 +205,7 @@ def ledger(case: str, found: Outcome) -> list[Line]:
 
 
 def refused(case: str, here: Outcome, reference: Outcome) -> list[Line]:
-    """How wrong the hits are whose index steps do not add up, and which metrics leave out."""
+    """Errors of the hits whose index steps do not add up, which metrics leave out."""
     chosen = here.mismatched & reference.hits.good
     if not chosen.any():
         return []
@@ -221,7 +221,7 @@ def refused(case: str, here: Outcome, reference: Outcome) -> list[Line]:
 
 
 def agreement(case: str, here: Outcome, reference: Outcome, normals: str) -> list[Line]:
-    """How far shells are from the continuous engine."""
+    """Distance of shells from the continuous engine."""
     found, median, p95 = shares(here, reference)
     unmatched = found.only_here + found.only_reference
     return [
@@ -259,7 +259,7 @@ def lines_of(
 
 
 def before_the_cut(trouble: Trouble, whole: IndexField, layers: int, cut: Outcome) -> list[Line]:
-    """What the missing air itself changes, and how near shells are where none is missing."""
+    """Effect of missing air, and distance of shells where none is missing."""
     before = evolve(trouble, name="the same view of the whole data", field=whole, whole=None)
     reference = through_field(before, "gradient")
     _, median, p95 = shares(cut, reference)

@@ -148,7 +148,7 @@ def convergence(folder: Path) -> list[Line]:
 
 
 def of_one_view(case: str, images: Images) -> list[Line]:
-    """How far shells are from the engine, and how far its two readings of the cells are apart."""
+    """Distances of shells from the engine, and of its two readings of the cells."""
     vectors, unmatched = displacements(images)
     exact, shells = vectors["continuous", "gradient"], vectors[USUAL, "gradient"]
     size = np.quantile(np.linalg.norm(exact, axis=1), (0.5, 0.95))

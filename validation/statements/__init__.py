@@ -1,1 +1,1 @@
-"""What the paper says of the components, and whether it holds here: ``docs/parts.md``."""
+"""Statements of the paper on the components, checked here: ``docs/parts.md``."""

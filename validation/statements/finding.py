@@ -24,7 +24,7 @@ class Finding:
 
 
 def verdict(everywhere: bool, beside_plume: bool) -> str:
-    """Whether a statement holds for all poses, or only for those not above the plume."""
+    """Verdict on a statement for all poses, or only for those not above the plume."""
     if everywhere and beside_plume:
         return "yes"
     if beside_plume:

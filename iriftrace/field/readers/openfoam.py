@@ -80,7 +80,7 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
 
 
 def is_case(folder: Path) -> bool:
-    """Whether a folder looks like an OpenFOAM case, reconstructed or decomposed."""
+    """True for the folder of an OpenFOAM case, reconstructed or decomposed."""
     return any(
         (folder / name).exists()
         for name in ("system/controlDict", "constant/polyMesh", "processor0/constant/polyMesh")
@@ -215,7 +215,7 @@ def _put_velocity_over_temperature(arrays: Any) -> None:
 
 
 def _read_with_vtk(folder: Path, time: str) -> tuple[Any, list[str]]:
-    """What VTK makes of a folder, and the names of the fields that it found there."""
+    """VTK's reading of a folder, and the names of the fields that it found there."""
     reader = vtkOpenFOAMReader()
     # Any name in the case's folder will do; the file itself is not looked for.
     reader.SetFileName(str(folder / "case.foam"))
