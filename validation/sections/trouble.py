@@ -39,7 +39,7 @@ MIDDLE_MM = 80.0
 SHIFT_MM = 4.0
 TOP_MM = 25.0
 INSIDE_MM = 0.05
-"""Depth in the part to which a shell must reach to cut it; the part's own facets lie 0.02 mm deep."""
+"""Depth in the part that a shell must reach to cut it; the part's own facets lie 0.02 mm deep."""
 
 MEDIAN_BOUND = {"gradient": 8.0, "facet": 15.0}
 P95_BOUND = {"gradient": 15.0, "facet": 20.0}
