@@ -12,7 +12,7 @@ from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.topology import drop_degenerate, face_along, weld
 from iriftrace.geometry.triangles import normals_along, used_vertices
-from iriftrace.shells.hessian import outer_derivatives, steepness_rows
+from iriftrace.shells.hessian import steepness_rows
 from iriftrace.shells.levels import check_range, index_levels, layers_between
 from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 
@@ -28,7 +28,7 @@ def contour_shells(
     *,
     index_range: tuple[float, float] | None = None,
     levels: Sequence[float] | None = None,
-    rule: str = "midpoint",
+    rule: str = "rim",
     min_size_mm: float = 1.0,
 ) -> ShellStack:
     """Cut a field into layers along its own surfaces of equal index.
@@ -91,10 +91,6 @@ def contour_shells(
             used, faces = used_vertices(len(vertices), faces)
             vertices = vertices[used]
             gradient, derivatives = gradient[used], derivatives[used]
-            if not found:
-                derivatives = outer_derivatives(
-                    grid, vertices, gradient, level, float(e[layer - 1])
-                )
             normals = normals_along(vertices, faces, gradient)
             length = np.linalg.norm(gradient, axis=1)
             found[layer] = vertices, faces, normals, steepness_rows(length, derivatives)

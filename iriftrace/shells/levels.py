@@ -1,4 +1,4 @@
-"""Which surfaces of equal index cut hot air into layers, and the index of each layer.
+"""Levels of the surfaces of equal index that cut hot air into layers, and each layer's index.
 
 Symbols: ``e_0 .. e_N`` are the refractivities (n - 1) of the N + 1 layers
 from ambient to the hottest air; shell k lies at ``s_k`` and separates layer k - 1 (outside) from
@@ -15,11 +15,16 @@ from iriftrace.core.errors import InputError
 
 MOST_LAYERS = 10_000
 
-RULES = ("midpoint", "graded", "outer")
+RULES = ("rim", "midpoint", "graded", "outer")
+
+RIM_SHARE = 0.1
+"""Place of the rim's shell in the outermost of the equal steps: the air outside it, of which least
+is known, then makes a tenth of what it makes without, and the step is still shared by two shells
+rather than one."""
 
 
 def index_levels(
-    ambient: float, hottest: float, layers: int = 13, rule: str = "midpoint"
+    ambient: float, hottest: float, layers: int = 13, rule: str = "rim"
 ) -> tuple[FloatArray, FloatArray]:
     """Refractivities of shells and layers from ambient to the hottest air.
 
@@ -30,6 +35,9 @@ def index_levels(
     layers : int
         Number of shells N.
     rule : str
+        ``"rim"``: N - 1 shells as by ``"midpoint"``, and one at a tenth of the outermost step. The
+        layer between the two has the index midway between their surfaces. One shell alone is that
+        of the midpoint rule.
         ``"midpoint"``: shell k lies at ``(e_{k-1} + e_k) / 2``, in equal steps of ``e``.
         ``"graded"``: the same, but the steps of ``e`` are the mean of equal ones (weight 0.3) and
         of the cosine's: 0.3 equal steps at both ends, 1.4 in the middle. It serves few shells in
@@ -62,11 +70,20 @@ def index_levels(
         )
     if rule not in RULES:
         raise InputError(f"Unknown rule '{rule}' for index steps; use one of {', '.join(RULES)}.")
-    share = np.linspace(0.0, 1.0, layers + 1)
+    rim = rule == "rim" and layers > 1
+    steps = layers - rim
+    share = np.linspace(0.0, 1.0, steps + 1)
     if rule == "graded":
         share = 0.3 * share + 0.35 * (1.0 - np.cos(np.pi * share))
     e = ambient + (hottest - ambient) * share
-    return e[1:].copy() if rule == "outer" else 0.5 * (e[:-1] + e[1:]), e
+    if rule == "outer":
+        return e[1:].copy(), e
+    surfaces = 0.5 * (e[:-1] + e[1:])
+    if rim:
+        outermost = ambient + RIM_SHARE * (e[1] - ambient)
+        e = np.insert(e, 1, 0.5 * (outermost + surfaces[0]))
+        surfaces = np.insert(surfaces, 0, outermost)
+    return surfaces, e
 
 
 def layers_between(

@@ -18,7 +18,7 @@ from scipy.spatial import KDTree
 from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.path_data import FieldCells
 from iriftrace.field.tetrahedra import BOUNDARY, tetrahedra_of
-from iriftrace.plugins.kernels.layers import telescoping
+from iriftrace.plugins.kernels.layers import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
 from iriftrace.plugins.kernels.tables import aligned
 
@@ -110,7 +110,8 @@ class Cell:
 
         With g the cell's own gradient and d the ray's direction that is (g.d) / (N.d) N, so that
         the changes of n along the ray add up without error, whatever the cells' noise. As N.d falls
-        below ``LEAN``, the recovered gradient's own length takes its place.
+        below ``DIRECTION_ERROR``, the recovered gradient's own length takes its place; see
+        `iriftrace.plugins.kernels.layers.length_gain`.
         """
         import drjit as dr
 
@@ -118,7 +119,7 @@ class Cell:
         length = dr.norm(recovered)
         direction = dr.select(length > 0, recovered / length, 0)
         cosine = dr.dot(heading, direction)
-        share = telescoping(cosine)
+        share = length_gain(cosine)
         # Where n is even, the neighbours' gradients do not matter.
         strength = dr.select(dr.norm(self.constant) > 0, length, 0)
         strength += share * (dr.dot(self.constant, heading) - cosine * strength)
