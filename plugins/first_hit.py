@@ -36,7 +36,7 @@ def plugin_class(variant: str) -> type:
                                     (``gradient``) or at the triangles' (``facet``)
         ``bending``        string   turn rays all along the layers (``layers``; only    layers
                                     with gradient normals, and if every shell's file
-                                    says how steep the index is), or at the shells
+                                    has the index's derivatives), or at the shells
                                     alone, by Snell's law (``shells``)
         ``max_crossings``  integer  a ray with more crossings gives up (status 6)       1000
         ``trace_all``      boolean  refract also the rays whose straight twin misses    false
@@ -87,7 +87,7 @@ def plugin_class(variant: str) -> type:
         def bends_in_layers(self, tables: SceneTables) -> bool:
             """True if rays turn all along the layers of a scene, not at its shells alone."""
             wanted = self.bending == "layers" and self.normals == "gradient"
-            return wanted and tables.knows_steepness
+            return wanted and tables.knows_derivatives
 
         def rule(self, tables: SceneTables) -> AtShells | InLayers:
             """The rule by which rays are bent in a scene."""

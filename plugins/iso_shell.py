@@ -31,7 +31,7 @@ def plugin_class(variant: str) -> type:
         Bends a ray by Snell's law and lets all of it pass: neighbouring layers of air differ by
         1e-5, so the reflected share (below 1e-10) is left out. Both numbers are kept in double
         precision; ``first_hit`` takes them directly, and bends rays at the shell or, where its file
-        says how steep the index is, all along the layers (only then is ``iso_ior`` used). Mitsuba's
+        has the index's derivatives, all along the layers (only then is ``iso_ior`` used). Mitsuba's
         own integrators work too (in single precision): the bsdf is a perfect transmission of weight
         1. Shadow rays stop at shells, so such pictures need lights that a camera ray can hit.
 

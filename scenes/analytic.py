@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import Air
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.shells.hessian import radial_steepness
+from iriftrace.shells.hessian import radial_derivatives
 from iriftrace.shells.levels import index_levels
 from iriftrace.shells.stack import Shell, ShellStack
 
@@ -38,7 +38,7 @@ def cylinder_radii(refractivity: FloatArray, air: Air) -> FloatArray:
 
 
 def slab(
-    layers: int = 13, *, air: Air | None = None, size_mm: float = 100.0, rule: str = "midpoint"
+    layers: int = 13, *, air: Air | None = None, size_mm: float = 100.0, rule: str = "rim"
 ) -> tuple[Part, ShellStack]:
     """A plate under plane layers of hot air.
 
@@ -76,7 +76,7 @@ def slab(
         for k, height in enumerate(slab_heights(surfaces, air))
     ]
     per_mm = (WALL_K - air.temperature_k) / SLAB_MM
-    shells = [_steep(shell, per_mm, np.inf, air, rule) for shell in shells]
+    shells = [_with_derivatives(shell, per_mm, np.inf, air, rule) for shell in shells]
     box = trimesh.creation.box((size_mm, size_mm, 5.0))
     box.apply_translation((0, 0, -2.5))
     return _part(box), ShellStack(shells, air, rule)
@@ -89,7 +89,7 @@ def concentric_cylinders(
     sections: int = 360,
     part_sections: int | None = None,
     length_mm: float = 60.0,
-    rule: str = "midpoint",
+    rule: str = "rim",
 ) -> tuple[Part, ShellStack]:
     """A hot cylinder in coaxial layers of hot air; axis x.
 
@@ -126,7 +126,7 @@ def concentric_cylinders(
     ]
     rise = (WALL_K - air.temperature_k) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
     shells = [
-        _steep(shell, rise / float(radius), float(radius), air, rule)
+        _with_derivatives(shell, rise / float(radius), float(radius), air, rule)
         for shell, radius in zip(shells, cylinder_radii(surfaces, air), strict=True)
     ]
     solid = trimesh.creation.cylinder(
@@ -141,8 +141,10 @@ def _levels(layers: int, air: Air, rule: str) -> tuple[FloatArray, FloatArray]:
     return index_levels(air.ambient_refractivity, hottest, layers, rule)
 
 
-def _steep(shell: Shell, kelvin_per_mm: float, radius_mm: float, air: Air, rule: str) -> Shell:
-    """A shell that knows how steep the index is, from the gradient of the temperature there.
+def _with_derivatives(
+    shell: Shell, kelvin_per_mm: float, radius_mm: float, air: Air, rule: str
+) -> Shell:
+    """A shell with the derivatives of the index, from the gradient of the temperature there.
 
     With n - 1 = C / T and T linear in z, or in log(r).
     """
@@ -151,11 +153,9 @@ def _steep(shell: Shell, kelvin_per_mm: float, radius_mm: float, air: Air, rule:
     assert shell.normals is not None
     slope = shell.refractivity / float(air.temperature(shell.refractivity)) * kelvin_per_mm
     bend = 2.0 * slope**2 / shell.refractivity - slope / radius_mm
-    fall = air.ambient_refractivity - shell.refractivity if shell.layer == 1 else None
-    steepness = radial_steepness(
-        shell.normals, slope, bend, radius_mm, shell.ext - shell.int_, fall
-    )
-    return evolve(shell, steepness=steepness)
+    step = shell.ext - shell.int_
+    derivatives = radial_derivatives(shell.normals, slope, bend, radius_mm, step)
+    return evolve(shell, derivatives=derivatives)
 
 
 def tube(

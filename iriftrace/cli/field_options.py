@@ -228,9 +228,10 @@ class ShellOptions:
     levels
         Own list of n - 1 for the shells, separated by commas, instead of layers and rule.
     rule
-        Steps of the index and where a shell lies in them: "midpoint" steps are equal; "graded" ones
-        are finer at the wall and in the outer tail, for few shells across a plume;
-        "outer" is of first order, for studies.
+        Steps of the index and where a shell lies in them: "rim" is equal steps and one thin one
+        outside; "midpoint" steps are equal, as in Kern et al. (2025); "graded" ones are finer at
+        the wall and in the outer tail, for few shells across a plume; "outer" is of first order,
+        for studies.
     min_size
         Pieces of a shell smaller than this are dropped.
     smooth
@@ -247,8 +248,8 @@ class ShellOptions:
     index_range: str | None = None
     levels: Numbers | None = None
     rule: Annotated[
-        Literal["midpoint", "graded", "outer"], Parameter(name=["--rule", "--index-rule"])
-    ] = "midpoint"
+        Literal["rim", "midpoint", "graded", "outer"], Parameter(name=["--rule", "--index-rule"])
+    ] = "rim"
     min_size: Length = 1.0
     smooth: Whole = 0
     subdivide: Whole = 0

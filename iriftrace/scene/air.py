@@ -127,7 +127,7 @@ def stated_bending(integrator: Any, tables: Any) -> str:
     if integrator.bends_in_layers(tables):
         return "all along the layers"
     if integrator.bending == "layers" and integrator.normals == "gradient":
-        return "at the shells alone, which do not say how steep the index is"
+        return "at the shells alone, whose files lack the index's derivatives"
     return "at the shells alone"
 
 

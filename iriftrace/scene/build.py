@@ -86,7 +86,7 @@ def build_scene(
     *,
     shells: ShellStack | None = None,
     layers: int = 13,
-    rule: str = "midpoint",
+    rule: str = "rim",
     wall_temperature_k: float | None = None,
     trim_mm: float | None = None,
     scale: float = SCALE,

@@ -115,10 +115,10 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         mesh = _mesh_file(props, path)
         if mesh is None:
             continue
-        if _bends_in_layers(nodes) and _changes_lengths(placement) and _is_steep(mesh):
+        if _bends_in_layers(nodes) and _changes_lengths(placement) and _has_derivatives(mesh):
             raise InputError(
                 f"Shell '{props.id()}' in {path} has a to_world that changes lengths, but its file "
-                "says how steep the index is per mm of its own; make the scene anew with "
+                "gives the index's derivatives per mm of its own; make the scene anew with "
                 "--field-transform, or bend rays at the shells alone (-D bending=shells)."
             )
         shell_paths.append(mesh)
@@ -292,8 +292,8 @@ def _ply_head(mesh: Path) -> bytes | None:
     return head if end else None
 
 
-def _is_steep(mesh: Path) -> bool:
-    """True if a shell's file says how steep the index is."""
+def _has_derivatives(mesh: Path) -> bool:
+    """True if a shell's file has the derivatives of the index."""
     if not mesh.is_file() or mesh.suffix.lower() != ".ply":
         return False
     head = _ply_head(mesh) or b""

@@ -12,7 +12,7 @@ from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.topology import drop_degenerate, face_along, weld
 from iriftrace.geometry.triangles import normals_along, used_vertices
-from iriftrace.shells.hessian import steepness_rows
+from iriftrace.shells.hessian import derivative_rows
 from iriftrace.shells.levels import check_range, index_levels, layers_between
 from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 
@@ -37,10 +37,8 @@ def contour_shells(
     precision of the renderer's geometry), welded, freed of degenerate triangles and of small
     components, and wound so that facets face the cooler air. Vertex normals are
     ``field.consistent_gradient``, interpolated along the cell edges and normalised. Each vertex
-    knows how steep the index is there and how that changes (``field.hessian``; at the
-    outermost shell what describes the air outside it, see
-    :func:`iriftrace.shells.hessian.outer_derivatives`); not with the rule ``"outer"``, which is
-    about steps at the shells.
+    knows the derivatives of the index there (``field.hessian``); not with the rule ``"outer"``,
+    which is about steps at the shells.
 
     Levels that the field does not reach are left out with a warning, and no other step changes:
     there is no such air. Should a level in between be left without triangles (all of it small),
@@ -83,17 +81,17 @@ def contour_shells(
     found: dict[int, tuple[Float32Array, IntArray, Float32Array, FloatArray]] = {}
     small = []
     for layer, level in enumerate(surfaces.tolist(), start=1):
-        vertices, faces, gradient, derivatives = _contour(grid, level)
+        vertices, faces, gradient, hessian = _contour(grid, level)
         towards = gradient[faces].mean(axis=1)
         faces, pieces, triangles = face_along(vertices, faces, towards, min_size_mm)
         small += [SmallComponents(layer, pieces, triangles)] if pieces else []
         if len(faces):
             used, faces = used_vertices(len(vertices), faces)
             vertices = vertices[used]
-            gradient, derivatives = gradient[used], derivatives[used]
+            gradient, hessian = gradient[used], hessian[used]
             normals = normals_along(vertices, faces, gradient)
-            length = np.linalg.norm(gradient, axis=1)
-            found[layer] = vertices, faces, normals, steepness_rows(length, derivatives)
+            magnitude = np.linalg.norm(gradient, axis=1)
+            found[layer] = vertices, faces, normals, derivative_rows(magnitude, hessian)
     if not found:
         raise InputError(
             f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
@@ -106,9 +104,10 @@ def contour_shells(
     for layer, (vertices, faces, normals, per_mm) in found.items():
         ext = e[layer - 1] if inside is None else inside
         inside = float(e[layer])
-        steepness = None if rule == "outer" else per_mm / (ext - inside)
+        derivatives = None if rule == "outer" else per_mm / (ext - inside)
         level = float(surfaces[layer - 1])
-        shells.append(Shell(layer, level, float(ext), inside, vertices, faces, normals, steepness))
+        mesh = vertices, faces, normals, derivatives
+        shells.append(Shell(layer, level, float(ext), inside, *mesh))
     return ShellStack(shells, field.air, rule, field.source, small)
 
 
@@ -131,7 +130,7 @@ def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
     grid.copy_structure(field.grid)
     grid.point_data["refractivity"] = field.refractivity
     grid.point_data["gradient"] = field.consistent_gradient
-    grid.point_data["derivatives"] = field.hessian.reshape(-1, 9)
+    grid.point_data["hessian"] = field.hessian.reshape(-1, 9)
     return grid
 
 
@@ -140,7 +139,7 @@ def _contour(
 ) -> tuple[Float32Array, IntArray, FloatArray, FloatArray]:
     """One surface, welded, without degenerate triangles.
 
-    Vertices, faces, and at the vertices the gradient and the second derivatives.
+    Vertices, faces, and at the vertices the gradient and the Hessian.
     """
     surface = grid.contour([level], scalars="refractivity", method="contour")
     if surface.n_cells == 0:
@@ -151,8 +150,8 @@ def _contour(
     points = np.asarray(surface.points, dtype=np.float32)
     gradient = np.asarray(surface.point_data["gradient"], dtype=np.float64)
     faces = weld(points)[np.asarray(surface.regular_faces, dtype=np.int64)]
-    derivatives = np.asarray(surface.point_data["derivatives"], dtype=np.float64)
-    return points, drop_degenerate(points, faces), gradient, derivatives.reshape(-1, 3, 3)
+    hessian = np.asarray(surface.point_data["hessian"], dtype=np.float64)
+    return points, drop_degenerate(points, faces), gradient, hessian.reshape(-1, 3, 3)
 
 
 def _warn_of_missing(field: IndexField, surfaces: FloatArray, found: Iterable[int]) -> None:

@@ -43,7 +43,8 @@ def decimate(stack: ShellStack, triangles: int) -> ShellStack:
 
     Garland and Heckbert's quadric error metric with the normals as attributes (1998, "Simplifying
     surfaces with color and texture using quadric error metrics"). Every shell keeps the same share.
-    Normals and steepness of the new vertices are those of the nearest points of the shells before.
+    Normals and derivatives of the new vertices are those of the nearest points of the shells
+    before.
 
     Parameters
     ----------
@@ -105,10 +106,10 @@ def _thinned(shell: Shell, share: float) -> Shell:
     used, faces = used_vertices(len(vertices), faces)
     vertices = vertices[used]
     normals = normals_along(vertices, faces, gradient[used]) if smooth else None
-    steepness = None
-    if shell.steepness is not None:
-        steepness = np.einsum("ij,ijk->ik", weights, shell.steepness[corners])[used]
-    return evolve(shell, vertices=vertices, faces=faces, normals=normals, steepness=steepness)
+    derivatives = None
+    if shell.derivatives is not None:
+        derivatives = np.einsum("ij,ijk->ik", weights, shell.derivatives[corners])[used]
+    return evolve(shell, vertices=vertices, faces=faces, normals=normals, derivatives=derivatives)
 
 
 def _without_non_manifold(faces: IntArray) -> IntArray:

@@ -56,13 +56,13 @@ def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> Shel
             return None
         used, faces = used_vertices(len(points), shell.faces[kept])
         normals = None if shell.normals is None else shell.normals[used]
-        steepness = None if shell.steepness is None else shell.steepness[used]
+        derivatives = None if shell.derivatives is None else shell.derivatives[used]
         return evolve(
             shell,
             vertices=shell.vertices[used],
             faces=faces,
             normals=normals,
-            steepness=steepness,
+            derivatives=derivatives,
         )
 
     shells = [shell for shell in map(trimmed, stack.shells) if shell is not None]
@@ -109,7 +109,7 @@ def smooth_taubin(
 
     Each iteration moves every vertex by ``lambda_`` and then by ``mu`` times the way to the mean of
     its neighbours. Vertices on a border stay, so that shells still end on the wall or the data's
-    edge. Gradient normals and steepness belong to the surface before, so the result has none.
+    edge. Gradient normals and derivatives belong to the surface before, so the result has none.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def smooth_taubin(
         for _ in range(iterations):
             for factor in (lambda_, mu):
                 points += factor * free * (mean @ points - points)
-        return evolve(shell, vertices=points, normals=None, steepness=None)
+        return evolve(shell, vertices=points, normals=None, derivatives=None)
 
     return _with_each(stack, smoothed)
 
@@ -154,7 +154,7 @@ def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
     """Split every triangle into four at the middles of its edges.
 
     The surface stays where it is but for the rounding of the new vertices to float32 (4e-6 mm at
-    100 mm), which turns facets by that over their size. Normals and steepness are interpolated.
+    100 mm), which turns facets by that over their size. Normals and derivatives are interpolated.
 
     Parameters
     ----------
@@ -233,14 +233,14 @@ def _subdivided(shell: Shell) -> Shell:
         # Opposite normals leave no mean; either is then as good.
         between = np.where(np.any(between, axis=1)[:, None], between, old[one])
         normals = np.vstack((old, between))
-    steepness = None
-    if shell.steepness is not None:
-        known = shell.steepness.astype(np.float64)
-        steepness = np.concatenate((known, 0.5 * (known[one] + known[two])))
+    derivatives = None
+    if shell.derivatives is not None:
+        known = shell.derivatives.astype(np.float64)
+        derivatives = np.concatenate((known, 0.5 * (known[one] + known[two])))
     return evolve(
         shell,
         vertices=vertices,
         faces=np.stack([np.stack(quarter, axis=1) for quarter in quarters], axis=1).reshape(-1, 3),
         normals=normals,
-        steepness=steepness,
+        derivatives=derivatives,
     )

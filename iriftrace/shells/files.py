@@ -30,7 +30,7 @@ TABLE = "shells.json"
 PARAVIEW = "shells.vtm"
 
 _NORMAL = ("nx", "ny", "nz")
-_STEEPNESS = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
+_DERIVATIVES = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k in range(n))
 
 
 @frozen
@@ -97,7 +97,7 @@ def save_shells(
         raise InputError(f"cannot make the folder {folder}: {error.strerror}.") from error
     written = [folder / f"{_stem(shell)}.ply" for shell in stack.shells]
     for path, shell in zip(written, stack.shells, strict=True):
-        write_ply(path, shell.vertices, shell.faces, shell.normals, shell.steepness)
+        write_ply(path, shell.vertices, shell.faces, shell.normals, shell.derivatives)
     if paraview:
         written.append(_write_paraview(folder, stack))
     remove_stale(folder, stack, paraview)
@@ -168,14 +168,14 @@ def write_ply(
     vertices: Float32Array,
     faces: AnyIntArray,
     normals: Float32Array | None = None,
-    steepness: Float32Array | None = None,
+    derivatives: Float32Array | None = None,
 ) -> None:
-    """Write triangles as PLY: with normals, if given, and with them how steep the index is."""
+    """Write triangles as PLY: with normals, if given, and with them the index's derivatives."""
     columns = [] if normals is None else [normals]
     names: tuple[str, ...] = () if normals is None else _NORMAL
-    if normals is not None and steepness is not None:
-        columns += [normals * steepness[:, :1], steepness[:, 1:]]
-        names += _STEEPNESS
+    if normals is not None and derivatives is not None:
+        columns += [normals * derivatives[:, :1], derivatives[:, 1:]]
+        names += _DERIVATIVES
     further = dict(zip(names, np.hstack(columns).T, strict=True)) if columns else None
     ply.write_ply(path, vertices, faces, comments=["iriftrace shell, mm"], vertex_columns=further)
 
@@ -183,7 +183,7 @@ def write_ply(
 def read_ply(
     path: str | Path,
 ) -> tuple[Float32Array, AnyIntArray, Float32Array | None, Float32Array | None]:
-    """Vertices, faces, normals and steepness (or None) of a PLY that :func:`write_ply` wrote.
+    """Vertices, faces, normals and derivatives (or None) of a PLY that :func:`write_ply` wrote.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def read_ply(
     except Exception as error:  # whatever a damaged file causes
         raise _damaged(path) from error
     names = tuple(mesh.vertex_columns)[3:]
-    if names not in ((), _NORMAL, _NORMAL + _STEEPNESS):
+    if names not in ((), _NORMAL, _NORMAL + _DERIVATIVES):
         raise _damaged(path)
     vertices, faces = mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32)
     if not names:
@@ -261,9 +261,9 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
         mesh = polydata(shell.vertices, shell.faces)
         if shell.normals is not None:
             mesh.point_data["Normals"] = shell.normals
-        if shell.steepness is not None:
-            mesh.point_data["steepness_1_mm"] = shell.steepness[:, 0]
-            mesh.point_data["second_derivatives_1_mm2"] = shell.steepness[:, 1:]
+        if shell.derivatives is not None:
+            mesh.point_data["gradient_magnitude_1_mm"] = shell.derivatives[:, 0]
+            mesh.point_data["hessian_1_mm2"] = shell.derivatives[:, 1:]
         count = mesh.n_cells
         mesh.cell_data["layer"] = np.full(count, shell.layer, dtype=np.int32)
         mesh.cell_data["refractivity"] = np.full(count, shell.refractivity)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import AnyIntArray, Float32Array, FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.shells.hessian import STEEPNESSES
+from iriftrace.shells.hessian import DERIVATIVES
 from iriftrace.shells.levels import RULES
 
 if TYPE_CHECKING:
@@ -63,10 +63,10 @@ class Shell:
         Counter-clockwise seen from outside, so facet normals point to the ``ext`` side.
     normals : (n, 3) array of float32 or None, world
         Unit vectors at the vertices along +grad(n), that is outward. None: only facets are known.
-    steepness : (n, 7) array of float32 or None, 1/mm and 1/mm^2, world
-        Length of grad(n) at the vertices and the second derivatives of n (xx, yy, zz, yz, xz, xy),
-        all over the shell's step ``ext - int_``, by which rays are bent all along the layers. None:
-        rays are bent at this shell alone.
+    derivatives : (n, 7) array of float32 or None, 1/mm and 1/mm^2, world
+        Magnitude of grad(n) at the vertices and the Hessian of n (xx, yy, zz, yz, xz, xy), all over
+        the shell's step ``ext - int_``, by which rays are bent all along the layers. None: rays are
+        bent at this shell alone.
 
     Raises
     ------
@@ -81,7 +81,7 @@ class Shell:
     vertices: Float32Array = field(converter=_float32, repr=False)
     faces: AnyIntArray = field(converter=_int32, repr=False)
     normals: Float32Array | None = field(default=None, converter=_optional_float32, repr=False)
-    steepness: Float32Array | None = field(default=None, converter=_optional_rows, repr=False)
+    derivatives: Float32Array | None = field(default=None, converter=_optional_rows, repr=False)
 
     @vertices.validator
     def _check_vertices(self, _: Attribute[Float32Array], vertices: Float32Array) -> None:
@@ -111,17 +111,17 @@ class Shell:
                 "vertices; give one each or none."
             )
 
-    @steepness.validator
-    def _check_steepness(
-        self, _: Attribute[Float32Array | None], steepness: Float32Array | None
+    @derivatives.validator
+    def _check_derivatives(
+        self, _: Attribute[Float32Array | None], derivatives: Float32Array | None
     ) -> None:
-        if steepness is None:
+        if derivatives is None:
             return
-        if self.normals is None or steepness.shape != (len(self.vertices), STEEPNESSES):
+        if self.normals is None or derivatives.shape != (len(self.vertices), DERIVATIVES):
             raise InputError(
-                f"Shell {self.layer} has a steepness of shape {steepness.shape} for "
-                f"{len(self.vertices)} vertices, or no normals beside it; give {STEEPNESSES} "
-                "numbers and a normal for each vertex, or no steepness."
+                f"Shell {self.layer} has derivatives of shape {derivatives.shape} for "
+                f"{len(self.vertices)} vertices, or no normals beside it; give {DERIVATIVES} "
+                "numbers and a normal for each vertex, or no derivatives."
             )
 
 
@@ -143,7 +143,7 @@ class ShellStack:
     air : Air
         Relates refractivity and temperature.
     rule : str
-        How surfaces and layers were chosen: ``"midpoint"``, ``"outer"``, ``"custom"`` or
+        How surfaces and layers were chosen: one of `iriftrace.shells.levels.RULES`, ``"custom"`` or
         ``"imported"``.
     source : FieldSource or None
         The file behind the shells, where there is one.

@@ -246,7 +246,7 @@ def smoothed(stack: ShellStack, iterations: int) -> ShellStack:
     """Smooth the surfaces; each vertex keeps the gradient that it had."""
     changed = smooth_taubin(stack, iterations)
     shells = [
-        evolve(after, normals=before.normals, steepness=before.steepness)
+        evolve(after, normals=before.normals, derivatives=before.derivatives)
         for before, after in zip(stack.shells, changed.shells, strict=True)
     ]
     return evolve(changed, shells=shells)

@@ -134,7 +134,7 @@ def polygons_study(
 def thinned(stack: ShellStack, triangles: int) -> ShellStack:
     """Shells with at most about a number of triangles each, by quadric edge collapse.
 
-    Each vertex gets the gradient normal and the steepness of the nearest vertex of before.
+    Each vertex gets the gradient normal and the derivatives of the nearest vertex of before.
     """
     return evolve(stack, shells=[_thinned(shell, triangles) for shell in stack.shells])
 
@@ -150,5 +150,5 @@ def _thinned(shell: Shell, triangles: int) -> Shell:
         vertices=vertices,
         faces=mesh.regular_faces,
         normals=None if shell.normals is None else shell.normals[nearest],
-        steepness=None if shell.steepness is None else shell.steepness[nearest],
+        derivatives=None if shell.derivatives is None else shell.derivatives[nearest],
     )

@@ -141,9 +141,7 @@ class AtShell(NamedTuple):
     index: Any  # Float64: n
 
 
-def between_shells(
-    before: AtShell, here: AtShell, direction: Any, length: Any
-) -> tuple[Any, Any]:
+def between_shells(before: AtShell, here: AtShell, direction: Any, length: Any) -> tuple[Any, Any]:
     """Deflection between two shells, and lateral offset at the second one.
 
     The offset is that of the same cubic; the correction counts as if it lay in the middle.

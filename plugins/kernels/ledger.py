@@ -35,9 +35,9 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any,
         return mi.Bool(True), mi.Bool(True)
     hit = refracted.outcome == HIT_PART
     face = refracted.face - tables.part_first_face
-    ambient, slack, open_steps = (
+    ambient, slack, open_step, open_steps = (
         dr.opaque(mi.Float64, value)
-        for value in (tables.ambient, tables.half_step, tables.open_steps)
+        for value in (tables.ambient, tables.half_step, tables.open_step, tables.open_steps)
     )
     entry = dr.select(refracted.entry_index != 0, refracted.entry_index, ambient)
     layer = entry + refracted.index_sum
@@ -63,7 +63,7 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any,
         exact[number] = right
         exact[number[rest[unmet]]] = True
         missing, fits = mi.Float64(aligned(steps)), mi.Bool(aligned(exact))
-    return fits & (missing < open_steps + slack), missing < slack
+    return fits & (missing < open_steps + slack), missing < open_step
 
 
 def _touches(

@@ -18,10 +18,10 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
 from iriftrace.plugins.kernels.snell import Triangle, facet_normal
-from iriftrace.shells.hessian import PLY_COLUMNS, SECOND_DERIVATIVES
+from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 
 
-def shell_slopes(shape: Any, normals: FloatArray, step: float) -> FloatArray | None:
+def shell_derivatives(shape: Any, normals: FloatArray, step: float) -> FloatArray | None:
     """Derivatives of the index at a shell's vertices; None if its file does not have them.
 
     Parameters
@@ -36,8 +36,7 @@ def shell_slopes(shape: Any, normals: FloatArray, step: float) -> FloatArray | N
     Returns
     -------
     (n, 7) array
-        The gradient's part along the normal, 1/mm, and the second derivatives xx, yy, zz, yz, xz,
-        xy, 1/mm^2.
+        Magnitude of the gradient, 1/mm, and the Hessian xx, yy, zz, yz, xz, xy, 1/mm^2.
     """
     import mitsuba as mi
 
@@ -48,32 +47,32 @@ def shell_slopes(shape: Any, normals: FloatArray, step: float) -> FloatArray | N
         if attribute is None or len(attribute) != size * shape.vertex_count():
             return None
         known.append(np.nan_to_num(np.array(attribute, dtype=np.float64).reshape(-1, size)))
-    gradient, derivatives = known[0], np.hstack(known[1:])
+    gradient, hessian = known[0], np.hstack(known[1:])
     normals = np.nan_to_num(normals)
     length = np.linalg.norm(gradient, axis=1, keepdims=True)
     if np.abs(gradient - length * normals).sum() > 1e-5 * length.sum():
-        derivatives = _turned(derivatives, _turn(gradient, normals))
-    return step * np.hstack((length, derivatives))
+        hessian = _rotated(hessian, _rotation(gradient, normals))
+    return step * np.hstack((length, hessian))
 
 
-def _turn(before: FloatArray, after: FloatArray) -> FloatArray:
+def _rotation(before: FloatArray, after: FloatArray) -> FloatArray:
     """Rotation (3, 3) that takes vectors into unit vectors, in least squares (Kabsch 1976).
 
     A mesh's ``to_world`` turns its normals, but not what else its file knows.
     """
     left, _, right = np.linalg.svd(after.T @ before)
     sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
-    turn: FloatArray = left @ np.diag((1.0, 1.0, sign)) @ right
-    return turn
+    rotation: FloatArray = left @ np.diag((1.0, 1.0, sign)) @ right
+    return rotation
 
 
-def _turned(derivatives: FloatArray, turn: FloatArray) -> FloatArray:
-    """Second derivatives, (n, 6) in the file's order, after a rotation."""
-    full = np.empty((len(derivatives), 3, 3))
-    for column, (i, j) in enumerate(SECOND_DERIVATIVES):
-        full[:, i, j] = full[:, j, i] = derivatives[:, column]
-    full = turn @ full @ turn.T
-    return np.stack([full[:, i, j] for i, j in SECOND_DERIVATIVES], axis=1)
+def _rotated(hessian: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Hessians, (n, 6) in the file's order, after a rotation."""
+    full = np.empty((len(hessian), 3, 3))
+    for column, (i, j) in enumerate(HESSIAN_AXES.values()):
+        full[:, i, j] = full[:, j, i] = hessian[:, column]
+    full = rotation @ full @ rotation.T
+    return np.stack([full[:, i, j] for i, j in HESSIAN_AXES.values()], axis=1)
 
 
 BYTES = 128
@@ -93,7 +92,7 @@ def aligned(values: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
-_PLAIN, _STEEP = 2, 4
+_PLAIN, _WITH_DERIVATIVES = 2, 4
 """Rows per vertex where the index's slope at the shells is not known, and where it is."""
 
 
@@ -103,27 +102,27 @@ class MeshArrays(NamedTuple):
     places: NDArray[np.floating]  # (n, 3), mm, world
     faces: NDArray[np.uint32]  # (m, 3)
     normals: NDArray[np.floating] | None  # (n, 3), unit
-    slopes: NDArray[np.floating] | None  # (n, 7), from shell_slopes
+    derivatives: NDArray[np.floating] | None  # (n, 7), from shell_derivatives
 
 
 class VertexTable:
     """Triangles of many meshes, and what is known at their corners.
 
-    A vertex's rows are x, y, z, 0; the normal and the gradient's part along it; xx, yy, zz, yz; and
-    xz, xy, 0, 0 of the second derivatives. Without ``steep`` there are the first two.
+    A vertex's rows are x, y, z, 0; the normal and the gradient's magnitude; xx, yy, zz, yz; and
+    xz, xy, 0, 0 of the Hessian. Without ``derivatives`` there are the first two.
 
     Parameters
     ----------
     meshes : list of MeshArrays
         What one lacks is taken to be zero.
-    steep : bool
-        Keep the slopes.
+    derivatives : bool
+        Keep those of the index.
     """
 
-    def __init__(self, meshes: list[MeshArrays], steep: bool) -> None:
+    def __init__(self, meshes: list[MeshArrays], derivatives: bool) -> None:
         import mitsuba as mi
 
-        per_vertex = _STEEP if steep else _PLAIN
+        per_vertex = _WITH_DERIVATIVES if derivatives else _PLAIN
         rows = np.zeros((sum(len(mesh.places) for mesh in meshes), 4 * per_vertex), np.float32)
         self.face_count = sum(len(mesh.faces) for mesh in meshes)
         corners = np.zeros((self.face_count, 4), dtype=np.uint32)
@@ -134,8 +133,8 @@ class VertexTable:
             if mesh.normals is not None:
                 # Mitsuba turns a (0, 0, 0) normal into NaN; zero makes the tracer take the facet's.
                 own[:, 4:7] = np.nan_to_num(mesh.normals)
-            if steep and mesh.slopes is not None:
-                own[:, 7:14] = mesh.slopes
+            if derivatives and mesh.derivatives is not None:
+                own[:, 7:14] = mesh.derivatives
             # The first of a corner's rows.
             first_row = per_vertex * (mesh.faces + first_vertex)
             corners[first_face : first_face + len(mesh.faces), :3] = first_row
@@ -297,11 +296,11 @@ def _described(shape: Any, is_part: bool) -> _Described:
         )
     places = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
     faces = np.array(shape.faces_buffer()).reshape(-1, 3)
-    normals = slopes = None
+    normals = derivatives = None
     if smooth:
         normals = np.array(shape.vertex_normals_buffer()).reshape(-1, 3)
-        slopes = shell_slopes(shape, normals, sides[0] - sides[1]) if sides else None
-    mesh = MeshArrays(places, faces, normals, slopes)
+        derivatives = shell_derivatives(shape, normals, sides[0] - sides[1]) if sides else None
+    mesh = MeshArrays(places, faces, normals, derivatives)
     if sides is None:
         return _Described(shape, PART, (1.0, 1.0), 1.0, smooth, mesh)
     return _Described(shape, SHELL, sides, surface_index(shape.bsdf()), smooth, mesh)
@@ -337,12 +336,15 @@ class SceneTables:
         self.has_normals = any(row.smooth for row in shells)
         self.facet_shells = [row.shape.id() for row in shells if not row.smooth]
         steps = [abs(outside - inside) for outside, inside in self.index_pairs]
+        # By half of the least step layers are told apart; what enters the data in air that is half
+        # a usual step from the ambient's comes through an open end.
         self.half_step = min((step for step in steps if step > 0), default=1e-9) / 2
-        known = [row.mesh is not None and row.mesh.slopes is not None for row in shells]
+        self.open_step = max(steps, default=1e-9) / 2
+        known = [row.mesh is not None and row.mesh.derivatives is not None for row in shells]
         # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
-        self.knows_steepness = bool(shells) and all(known) and not self.stock_shells
+        self.knows_derivatives = bool(shells) and all(known) and not self.stock_shells
         meshes = [row.mesh for row in rows if row.mesh is not None]
-        self._table = VertexTable(meshes, self.knows_steepness)
+        self._table = VertexTable(meshes, self.knows_derivatives)
         self._first_face = mi.UInt32(first_face[:-1])
         self._kind = mi.UInt32([row.kind for row in rows])
         self._outside = mi.Float64([row.sides[0] for row in rows])

@@ -28,9 +28,9 @@ NO_FACE = 4
 LOST_MM = 0.01
 """A ray that is farther outside the tetrahedron it should be in has lost its way."""
 
-OPEN_SHARE = 1 / 26
-"""Share of the range of n that an open boundary may differ by: where the outermost of 13 equal
-shells lies, so that both engines count the same rays."""
+OPEN_SHARE = 1 / 24
+"""Share of the range of n that an open boundary may differ by: half of a usual step of 13
+shells, so that both engines count the same rays."""
 
 WAYS = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)]) + np.full(3, 0.02)
 """Directions all around, none of them along a plane of two axes."""

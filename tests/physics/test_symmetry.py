@@ -22,7 +22,7 @@ from validation.inputs.solved_fields import DATA
 
 FIELD = DATA / "cylinder_A.vtu"
 MIRROR = np.array((1.0, -1.0, 1.0), dtype=np.float32)
-STEEPNESS_MIRROR = np.array((1, 1, 1, 1, -1, 1, -1), dtype=np.float32)
+DERIVATIVES_MIRROR = np.array((1, 1, 1, 1, -1, 1, -1), dtype=np.float32)
 """Of the length, and of xx, yy, zz, yz, xz and xy."""
 
 MEASURES = ("displacement_median", "displacement_p95", "shift_median", "coverage_area")
@@ -37,7 +37,7 @@ def mirrored(shell: Shell) -> Shell:
         vertices=np.concatenate((shell.vertices, shell.vertices * MIRROR)),
         faces=np.concatenate((half, image)),
         normals=np.concatenate((shell.normals, shell.normals * MIRROR)),
-        steepness=np.concatenate((shell.steepness, shell.steepness * STEEPNESS_MIRROR)),
+        derivatives=np.concatenate((shell.derivatives, shell.derivatives * DERIVATIVES_MIRROR)),
     )
 
 

@@ -135,7 +135,7 @@ def test_part_and_shells_in_are_part_and_shells_out(
     assert found == {
         f"shell_{s.layer:02d}": (1 + s.ext, 1 + s.int_, len(s.faces)) for s in shells.shells
     }
-    assert loaded.shells_table["rule"] == "midpoint"
+    assert loaded.shells_table["rule"] == "rim"
     assert loaded.normals == "gradient"
 
 

@@ -19,7 +19,7 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import smooth_taubin
-from iriftrace.shells.hessian import SECOND_DERIVATIVES
+from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.shells.stack import ShellStack
 from iriftrace.trace.render import render_scene, trace_rays
 from validation.inputs.shell_fields import sphere_field
@@ -38,7 +38,7 @@ PART = part_of_mesh(BALL.vertices, BALL.faces, name="ball")
 TURN = trimesh.transformations.rotation_matrix(np.radians(33.0), (0.6, 0.0, -0.8))[:3, :3]
 IN_LAYERS = "all along the layers"
 AT_SHELLS = "at the shells alone"
-NOT_STEEP = "at the shells alone, which do not say how steep the index is"
+NO_DERIVATIVES = "at the shells alone, whose files lack the index's derivatives"
 
 
 @pytest.fixture(scope="module")
@@ -89,20 +89,20 @@ def test_the_continuous_engine_bends_continuously(xml: Path) -> None:
     assert said(xml, engine="continuous") == "continuously"
 
 
-def test_one_shell_that_is_not_steep_keeps_all_from_it(tmp_path: Path, stack: ShellStack) -> None:
+def test_one_shell_without_derivatives_keeps_all_from_it(tmp_path: Path, stack: ShellStack) -> None:
     first, *others = stack.shells
-    shells = [evolve(first, steepness=None), *others]
-    assert said(written(tmp_path, evolve(stack, shells=shells))) == NOT_STEEP
+    shells = [evolve(first, derivatives=None), *others]
+    assert said(written(tmp_path, evolve(stack, shells=shells))) == NO_DERIVATIVES
 
 
-@pytest.mark.parametrize("column", ["gradient", "straight", "mixed"])
+@pytest.mark.parametrize("column", ["gradient", "hessian_xx", "hessian_xy"])
 def test_one_shell_without_a_column_keeps_all_from_it(xml: Path, column: str) -> None:
     """As of files that other versions or programs wrote."""
     mesh = xml.parent / "shells/shell_02.ply"
     old, new = f" {column}_".encode(), f" {column[::-1]}_".encode()
     mesh.write_bytes(mesh.read_bytes().replace(old, new, 3))
     with pytest.warns(IriftraceWarning, match="is not of the shells"):
-        assert said(xml) == NOT_STEEP
+        assert said(xml) == NO_DERIVATIVES
 
 
 def test_mitsuba_reads_all_that_the_shells_know(xml: Path, stack: ShellStack) -> None:
@@ -111,31 +111,29 @@ def test_mitsuba_reads_all_that_the_shells_know(xml: Path, stack: ShellStack) ->
     found = {shape.id(): mi.traverse(shape) for shape in load_scene(xml).mitsuba_scene.shapes()}
     for shell in stack.shells:
         values = found[f"shell_{shell.layer:02d}"]
-        gradient, straight, mixed = (
-            np.array(values[f"vertex_{name}"]).reshape(-1, 3)
-            for name in ("gradient", "straight", "mixed")
-        )
+        gradient, *hessian = (np.array(values[f"vertex_{name}"]) for name in PLY_COLUMNS)
+        gradient = gradient.reshape(-1, 3)
         assert shell.normals is not None
-        assert shell.steepness is not None
-        np.testing.assert_allclose(gradient, shell.normals * shell.steepness[:, :1], rtol=1e-6)
-        np.testing.assert_array_equal(np.hstack((straight, mixed)), shell.steepness[:, 1:])
+        assert shell.derivatives is not None
+        np.testing.assert_allclose(gradient, shell.normals * shell.derivatives[:, :1], rtol=1e-6)
+        np.testing.assert_array_equal(np.stack(hessian, axis=1), shell.derivatives[:, 1:])
 
 
-def test_smoothed_shells_and_those_of_the_outer_rule_are_not_steep(
+def test_smoothed_shells_and_those_of_the_outer_rule_have_no_derivatives(
     tmp_path: Path, stack: ShellStack
 ) -> None:
-    assert said(written(tmp_path / "smooth", smooth_taubin(stack, 2))) == NOT_STEEP
+    assert said(written(tmp_path / "smooth", smooth_taubin(stack, 2))) == NO_DERIVATIVES
     shells = concentric_cylinders(3, rule="outer")
     exact = write_scene(tmp_path / "exact", *shells, CAMERA, paraview=False)
-    assert load_scene(exact).bending == NOT_STEEP
+    assert load_scene(exact).bending == NO_DERIVATIVES
     assert load_scene(exact, {"bending": "shells"}).bending == AT_SHELLS
 
 
-def test_shells_alone_bend_as_if_they_were_not_steep(
+def test_shells_alone_bend_as_if_they_had_no_derivatives(
     xml: Path, tmp_path: Path, stack: ShellStack
 ) -> None:
-    """The parameter takes what is known of the steepness away, bit for bit, and does matter."""
-    bare = [evolve(shell, steepness=None) for shell in stack.shells]
+    """The parameter takes what is known of the derivatives away, bit for bit, and does matter."""
+    bare = [evolve(shell, derivatives=None) for shell in stack.shells]
     plain = render_scene(written(tmp_path / "bare", evolve(stack, shells=bare))).image
     told = render_scene(load_scene(xml, {"bending": "shells"})).image
     for name, plane in plain.channels.items():
@@ -157,7 +155,8 @@ def test_index_on_the_surface_is_written_where_it_is_needed(
         assert found[f"shell_{shell.layer:02d}"].iso_ior == pytest.approx(
             1.0 + shell.refractivity, abs=1e-15
         )
-    assert "iso_ior" not in xml.read_text()
+    # The rim's shell and the next one do not lie midway between their layers.
+    assert xml.read_text().count("iso_ior") == 2
     unequal = contour_shells(FIELD, levels=[2.6e-4, 2.5e-4, 2.2e-4])
     loaded = load_scene(written(tmp_path / "unequal", unequal))
     found = {shape.id(): shape.bsdf() for shape in loaded.mitsuba_scene.shapes()}
@@ -181,20 +180,20 @@ def placed(xml: Path, transform: str, *, part: bool = False) -> Path:
 
 def with_second_derivatives(stack: ShellStack, turn: np.ndarray) -> ShellStack:
     """Shells whose second derivatives are turned, or made zero, but nothing else."""
-    rows, columns = np.array(SECOND_DERIVATIVES).T
+    rows, columns = np.array(list(HESSIAN_AXES.values())).T
     shells = []
     for shell in stack.shells:
-        assert shell.steepness is not None
+        assert shell.derivatives is not None
         full = np.empty((len(shell.vertices), 3, 3))
-        full[:, rows, columns] = full[:, columns, rows] = shell.steepness[:, 1:]
+        full[:, rows, columns] = full[:, columns, rows] = shell.derivatives[:, 1:]
         full = turn @ full @ turn.T
-        steepness = np.hstack((shell.steepness[:, :1], full[:, rows, columns]))
-        shells.append(evolve(shell, steepness=steepness))
+        derivatives = np.hstack((shell.derivatives[:, :1], full[:, rows, columns]))
+        shells.append(evolve(shell, derivatives=derivatives))
     return evolve(stack, shells=shells)
 
 
 def test_shells_that_are_scaled_by_hand_bend_at_the_shells_alone(xml: Path) -> None:
-    """Their files tell the steepness per mm of before."""
+    """Their files tell the derivatives per mm of before."""
     scaled = placed(xml, '<scale value="1.1"/>')
     with pytest.raises(InputError, match=r"'shell_01'.* changes lengths.*-D bending=shells"):
         load_scene(scaled)
@@ -202,10 +201,10 @@ def test_shells_that_are_scaled_by_hand_bend_at_the_shells_alone(xml: Path) -> N
     assert load_scene(scaled, {"normals": "facet"}).bending == AT_SHELLS
 
 
-def test_shells_that_are_not_steep_may_be_scaled(tmp_path: Path) -> None:
+def test_shells_without_derivatives_may_be_scaled(tmp_path: Path) -> None:
     shells = concentric_cylinders(3, rule="outer")
     exact = write_scene(tmp_path, *shells, CAMERA, paraview=False)
-    assert load_scene(placed(exact, '<scale value="1.1"/>')).bending == NOT_STEEP
+    assert load_scene(placed(exact, '<scale value="1.1"/>')).bending == NO_DERIVATIVES
 
 
 def test_turned_shells_bend_turned_rays_alike(xml: Path, tmp_path: Path, stack: ShellStack) -> None:

@@ -84,7 +84,7 @@ def test_margin_widens_the_view(stack):
     assert_allclose(np.abs(trimmed.shells[0].vertices[:, 1]).max(), 6.0, atol=3.0)
     # What belonged to a vertex still does.
     full, part = (
-        np.column_stack((shell.vertices, shell.normals, shell.steepness)).tolist()
+        np.column_stack((shell.vertices, shell.normals, shell.derivatives)).tolist()
         for shell in (stack.shells[0], trimmed.shells[0])
     )
     assert {tuple(row) for row in part} < {tuple(row) for row in full}
@@ -108,7 +108,7 @@ def rough(stack: ShellStack) -> ShellStack:
         vertices=points,
         faces=faces,
         normals=points,
-        steepness=np.ones((len(points), 7)),
+        derivatives=np.ones((len(points), 7)),
     )
     return evolve(stack, shells=[shell])
 
@@ -135,7 +135,7 @@ def test_taubin_takes_noise_and_keeps_the_volume(stack):
     assert (1 - 0.20 * k) ** (3 * 40) < 0.8
     assert_array_equal(after.faces, before.faces)
     assert after.normals is None
-    assert after.steepness is None
+    assert after.derivatives is None
 
 
 def test_taubin_keeps_borders_and_does_nothing_in_no_iteration(stack):
@@ -155,9 +155,10 @@ def test_taubin_step_by_hand():
     points = [[0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]
     faces = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]
     some = contour_shells(sphere_field(4), layers=1)
+    bare = evolve(some.shells[0], normals=None, derivatives=None)
     pyramid = evolve(
         some,
-        shells=[evolve(some.shells[0], vertices=points, faces=faces, normals=None, steepness=None)],
+        shells=[evolve(bare, vertices=points, faces=faces)],
     )
     smooth = smooth_taubin(pyramid, 1).shells[0].vertices
     assert_allclose(smooth[0], [0, 0, 0.968], rtol=1e-6)
@@ -192,28 +193,28 @@ def test_subdivision_keeps_the_surface(stack, times):
         )
         assert_allclose(np.linalg.norm(b.normals, axis=1), 1.0, rtol=1e-6)
         assert_array_equal(b.normals[: len(a.normals)], a.normals)
-        assert_array_equal(b.steepness[: len(a.steepness)], a.steepness)
+        assert_array_equal(b.derivatives[: len(a.derivatives)], a.derivatives)
 
 
 def test_subdivision_without_normals_and_with_opposite_ones(stack):
     shell = stack.shells[0]
-    bare = evolve(stack, shells=[evolve(shell, normals=None, steepness=None)])
+    bare = evolve(stack, shells=[evolve(shell, normals=None, derivatives=None)])
     (divided,) = subdivide_midpoint(bare).shells
     assert divided.normals is None
-    assert divided.steepness is None
+    assert divided.derivatives is None
     opposite = shell.normals.copy()
     opposite[shell.faces[0, 0]] = -opposite[shell.faces[0, 1]]
     turned = subdivide_midpoint(evolve(stack, shells=[evolve(shell, normals=opposite)]))
     assert_allclose(np.linalg.norm(turned.shells[0].normals, axis=1), 1.0, rtol=1e-6)
 
 
-def test_subdivision_takes_the_mean_steepness_of_both_ends(stack):
+def test_subdivision_takes_the_mean_derivatives_of_both_ends(stack):
     # Linear along z as far as the vertices go, so also at the middles of the edges.
     shell = stack.shells[0]
     slopes = 0.1 * np.arange(1.0, 8.0)
-    linear = evolve(shell, steepness=20.0 + shell.vertices[:, 2:] * slopes)
+    linear = evolve(shell, derivatives=20.0 + shell.vertices[:, 2:] * slopes)
     (fine,) = subdivide_midpoint(evolve(stack, shells=[linear]), 2).shells
-    assert_allclose(fine.steepness, 20.0 + fine.vertices[:, 2:] * slopes, rtol=1e-6)
+    assert_allclose(fine.derivatives, 20.0 + fine.vertices[:, 2:] * slopes, rtol=1e-6)
 
 
 def test_negative_subdivision_is_refused(stack):

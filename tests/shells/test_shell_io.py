@@ -39,8 +39,8 @@ def test_stack_comes_back_bit_for_bit(stack, tmp_path):
         assert_array_equal(a.vertices, b.vertices)
         assert_array_equal(a.faces, b.faces)
         assert_array_equal(a.normals, b.normals)
-        assert_allclose(a.steepness[:, 0], b.steepness[:, 0], rtol=4e-7)
-        assert_array_equal(a.steepness[:, 1:], b.steepness[:, 1:])
+        assert_allclose(a.derivatives[:, 0], b.derivatives[:, 0], rtol=4e-7)
+        assert_array_equal(a.derivatives[:, 1:], b.derivatives[:, 1:])
 
 
 def test_files_are_named_by_layer_and_complete(stack, tmp_path):
@@ -60,32 +60,33 @@ def test_ply_is_what_other_programs_expect(stack, tmp_path):
     header = path.read_bytes().split(b"end_header")[0]
     assert b"property list uchar ushort vertex_indices" in header
     # Names of this kind are what Mitsuba takes for attributes of the vertices.
-    known = [f"{name}_{k}" for name in ("gradient", "straight", "mixed") for k in (1, 2, 3)]
+    known = ["gradient_1", "gradient_2", "gradient_3"]
+    known += [f"hessian_{axes}_1" for axes in ("xx", "yy", "zz", "yz", "xz", "xy")]
     lines = "".join(f"property float {name}\n" for name in known)
     assert f"property float nz\n{lines}element face".encode() in header
     assert b"double" not in header
     raw = mesh.metadata["_ply_raw"]["vertex"]["data"]
     columns = np.stack([np.ravel(raw[name]) for name in known], axis=1)
-    length, second = np.split(stack.shells[0].steepness, [1], axis=1)
+    length, second = np.split(stack.shells[0].derivatives, [1], axis=1)
     assert_allclose(columns[:, :3], length * stack.shells[0].normals, rtol=1e-6)
     assert_array_equal(columns[:, 3:], second)
 
 
 def test_shell_without_normals_says_so(stack, tmp_path):
-    bare = evolve(stack, shells=[evolve(s, normals=None, steepness=None) for s in stack.shells])
+    bare = evolve(stack, shells=[evolve(s, normals=None, derivatives=None) for s in stack.shells])
     path = save_shells(bare, tmp_path)[0]
     assert b"nx" not in path.read_bytes()[:400]
     assert not load_shells(tmp_path).has_normals
 
 
-def test_shell_without_steepness_keeps_its_normals(stack, tmp_path):
-    bare = evolve(stack, shells=[evolve(s, steepness=None) for s in stack.shells])
+def test_shell_without_derivatives_keeps_its_normals(stack, tmp_path):
+    bare = evolve(stack, shells=[evolve(s, derivatives=None) for s in stack.shells])
     path = save_shells(bare, tmp_path)[0]
     header = path.read_bytes().split(b"end_header")[0]
-    assert not any(name in header for name in (b"gradient", b"straight", b"mixed"))
+    assert not any(name in header for name in (b"gradient", b"hessian"))
     back = load_shells(tmp_path)
     assert back.has_normals
-    assert [s.steepness for s in back.shells] == [None] * 3
+    assert [s.derivatives for s in back.shells] == [None] * 3
     assert list(pv.read(tmp_path / "shells.vtm")[0].point_data) == ["Normals"]
 
 
@@ -100,9 +101,9 @@ def test_paraview_file_has_all_shells_with_their_values(stack, tmp_path):
         assert_array_equal(block.cell_data["temperature_k"], kelvin)
         assert_array_equal(block.cell_data["layer"], shell.layer)
         assert_array_equal(block.point_data["Normals"], shell.normals)
-        assert_array_equal(block.point_data["steepness_1_mm"], shell.steepness[:, 0])
-        second = block.point_data["second_derivatives_1_mm2"]
-        assert_array_equal(second, shell.steepness[:, 1:])
+        assert_array_equal(block.point_data["gradient_magnitude_1_mm"], shell.derivatives[:, 0])
+        second = block.point_data["hessian_1_mm2"]
+        assert_array_equal(second, shell.derivatives[:, 1:])
 
 
 def test_table_tells_provenance_and_the_report(stack, tmp_path):
@@ -110,7 +111,7 @@ def test_table_tells_provenance_and_the_report(stack, tmp_path):
     table = json.loads((tmp_path / "shells.json").read_text(encoding="utf-8"))
     assert table["schema"] == "iriftrace.shells/1"
     assert table["notes"] == {"time": "snapshot"}
-    assert table["rule"] == "midpoint"
+    assert table["rule"] == "rim"
     assert table["air"]["wavelength_nm"] == 633.0
     assert table["source"]["array"] == "T"
     first = table["shells"][0]
@@ -192,7 +193,7 @@ def test_damaged_table_is_refused(stack, tmp_path, text, message):
 def test_damaged_mesh_is_refused(stack, tmp_path):
     path = save_shells(stack, tmp_path)[0]
     whole = path.read_bytes()
-    renamed = whole.replace(b"straight_1", b"steepness_1", 1)
+    renamed = whole.replace(b"hessian_xx_1", b"straight_1", 1)
     for content in (whole[:-1], b"", whole.replace(b"binary", b"ascii!", 1), renamed):
         path.write_bytes(content)
         with pytest.raises(InputError, match="cut short"):

@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.hessian import radial_steepness
+from iriftrace.shells.hessian import radial_derivatives
 from iriftrace.shells.levels import index_levels, layers_between
 from iriftrace.shells.stack import Shell, ShellStack
 from validation.inputs.shell_fields import (
@@ -36,9 +36,22 @@ from validation.inputs.shell_fields import (
 
 def test_midpoint_levels_by_hand():
     # By hand with e = 10, 8, 6, 4 (1e-5): surfaces midway.
-    surfaces, e = index_levels(10e-5, 4e-5, layers=3)
+    surfaces, e = index_levels(10e-5, 4e-5, layers=3, rule="midpoint")
     assert_allclose(e, [10e-5, 8e-5, 6e-5, 4e-5])
     assert_allclose(surfaces, [9e-5, 7e-5, 5e-5])
+
+
+def test_rim_levels_by_hand():
+    # Two equal steps, and a shell at a tenth of the outer one; between the two the layer midway.
+    surfaces, e = index_levels(10e-5, 4e-5, layers=3)
+    assert_allclose(e, [10e-5, 9.1e-5, 7e-5, 4e-5])
+    assert_allclose(surfaces, [9.7e-5, 8.5e-5, 5.5e-5])
+
+
+def test_one_shell_has_no_rim():
+    for rule in ("rim", "midpoint"):
+        surfaces, e = index_levels(10e-5, 4e-5, layers=1, rule=rule)
+        assert_allclose((*surfaces, *e), [7e-5, 10e-5, 4e-5])
 
 
 def test_graded_levels_by_hand():
@@ -80,9 +93,10 @@ def test_impossible_levels_are_refused(arguments, message):
         index_levels(*arguments)
 
 
+@pytest.mark.parametrize("rule", ["rim", "midpoint"])
 @given(st.integers(1, 200), st.floats(0, 2.6e-4), st.floats(2.65e-4, 3e-4))
-def test_reversed_midpoint_rule_gives_equal_steps_back(layers, hottest, ambient):
-    surfaces, e = index_levels(ambient, hottest, layers)
+def test_reversed_midpoint_rule_gives_equal_steps_back(rule, layers, hottest, ambient):
+    surfaces, e = index_levels(ambient, hottest, layers, rule)
     sorted_back, e_back = layers_between(surfaces[::-1], ambient)
     assert_allclose(sorted_back, surfaces)
     assert_allclose(e_back, e, atol=1e-15)
@@ -115,10 +129,10 @@ def test_shell_keeps_float32_and_refuses_damage():
         Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS * np.nan, CUBE_FACES)
     with pytest.raises(InputError, match="7 normals"):
         Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS, CUBE_FACES, CUBE_CORNERS[:7])
-    assert evolve(shell, steepness=np.ones((8, 7))).steepness.dtype == np.float32
+    assert evolve(shell, derivatives=np.ones((8, 7))).derivatives.dtype == np.float32
     for shape in ((7, 7), (8, 6), (8, 1), (8,)):
         with pytest.raises(InputError, match=re.escape(f"shape {shape} for 8 vertices")):
-            evolve(shell, steepness=np.ones(shape))
+            evolve(shell, derivatives=np.ones(shape))
     with pytest.raises(InputError, match="no normals beside it"):
         Shell(1, 2e-4, 2.5e-4, 1.5e-4, CUBE_CORNERS, CUBE_FACES, None, np.ones((8, 7)))
 
@@ -146,7 +160,7 @@ def test_layers_of_a_stack_join_without_a_gap(spheres):
     assert [s.layer for s in spheres.shells] == [1, 2, 3, 4, 5]
     assert_allclose([s.ext for s in spheres.shells], e[:-1], rtol=1e-15)
     assert_allclose([s.int_ for s in spheres.shells], e[1:], rtol=1e-15)
-    assert spheres.rule == "midpoint"
+    assert spheres.rule == "rim"
     assert spheres.source.sha256 == "0" * 64
     assert spheres.small_components == ()
 
@@ -217,7 +231,7 @@ def test_small_components_are_dropped_and_reported():
         assert len(full.faces) - len(less.faces) == 8
         assert less.vertices[:, 0].max() < 1.5 < 3.5 < full.vertices[:, 0].max()
         assert len(less.normals) == len(less.vertices) == less.faces.max() + 1
-        assert less.steepness.shape == (len(less.vertices), 7)
+        assert less.derivatives.shape == (len(less.vertices), 7)
 
 
 def test_levels_beyond_the_field_are_left_out_with_a_warning():
@@ -225,8 +239,8 @@ def test_levels_beyond_the_field_are_left_out_with_a_warning():
     middle = 0.5 * (AMBIENT + HOTTEST)
     cooler = field_of(field.grid, np.clip(field.refractivity, middle, None))
     with pytest.warns(IriftraceWarning, match=re.escape("No surface for level 4, 5, 6")):
-        stack = contour_shells(cooler, layers=6, index_range=(AMBIENT, HOTTEST))
-    _, e = index_levels(AMBIENT, HOTTEST, 6)
+        stack = contour_shells(cooler, 6, rule="midpoint", index_range=(AMBIENT, HOTTEST))
+    _, e = index_levels(AMBIENT, HOTTEST, 6, "midpoint")
     assert [s.layer for s in stack.shells] == [1, 2, 3]
     # There is no hotter air, so the last step leads to the layer of the air that is there.
     assert_allclose([s.ext for s in stack.shells], e[:3])
@@ -243,15 +257,15 @@ def test_step_of_a_missing_level_between_others_goes_to_the_next_shell():
     grid = cool.merge(hot, merge_points=False)
     field = field_of(grid, np.concatenate([cool_n, hot_n]))
     with pytest.warns(IriftraceWarning, match="No surface for level 2 "):
-        stack = contour_shells(field, layers=3, index_range=(AMBIENT, HOTTEST))
+        stack = contour_shells(field, 3, rule="midpoint", index_range=(AMBIENT, HOTTEST))
     outer, inner = stack.shells
     assert (outer.layer, inner.layer) == (1, 3)
     assert inner.ext == outer.int_
     assert_allclose(sum(s.ext - s.int_ for s in stack.shells), AMBIENT - HOTTEST, rtol=1e-14)
     # Either block's index changes by half a step in 4 mm, which is a quarter of the joined step.
-    assert_allclose(outer.steepness[:, 0], 0.5 / 4, rtol=1e-5)
-    assert_allclose(inner.steepness[:, 0], 0.25 / 4, rtol=1e-5)
-    assert_allclose(inner.steepness[:, 1:], 0.0, atol=1e-13)
+    assert_allclose(outer.derivatives[:, 0], 0.5 / 4, rtol=1e-5)
+    assert_allclose(inner.derivatives[:, 0], 0.25 / 4, rtol=1e-5)
+    assert_allclose(inner.derivatives[:, 1:], 0.0, atol=1e-13)
 
 
 def test_custom_levels_in_any_order_and_in_range():
@@ -271,13 +285,13 @@ def test_outer_rule_has_no_surface_at_the_hottest_point():
     assert stack.rule == "outer"
     assert [s.refractivity for s in stack.shells] == [s.int_ for s in stack.shells]
     # The rule is for studies of rays that are bent at the shells alone.
-    assert [s.steepness for s in stack.shells] == [None] * 3
+    assert [s.derivatives for s in stack.shells] == [None] * 3
 
 
 @pytest.mark.parametrize(
     "choice", [{"rule": "midpoint"}, {"rule": "graded"}, {"levels": [2.3e-4, 2.1e-4, 1.8e-4]}]
 )
-def test_steepness_is_the_gradient_over_the_shells_own_step(choice):
+def test_derivatives_are_the_gradient_over_the_shells_own_step(choice):
     # n falls by 2e-5 per mm along a skew direction on cells that grow; 4 mm have 8e-5 in all.
     grid = hexahedra(9, 2.0)
     grid.points = np.asarray(grid.points) * (1.0, 1.3, 0.7) + 0.1 * np.asarray(grid.points) ** 2
@@ -286,12 +300,10 @@ def test_steepness_is_the_gradient_over_the_shells_own_step(choice):
     assert_allclose(field.consistent_gradient, np.tile(-2e-5 * way, (1000, 1)), atol=2e-14)
     stack = contour_shells(field, layers=4, index_range=(2.4e-4, 1.6e-4), **choice)
     for shell in stack.shells:
-        assert shell.steepness.dtype == np.float32
+        assert shell.derivatives.dtype == np.float32
         step = shell.ext - shell.int_
-        assert_allclose(shell.steepness[:, 0], 2e-5 / step, rtol=1e-6)
-        # The outermost shell knows of the air outside it.
-        if shell.layer > 1:
-            assert_allclose(shell.steepness[:, 1:], 0.0, atol=1e-13)
+        assert_allclose(shell.derivatives[:, 0], 2e-5 / step, rtol=1e-6)
+        assert_allclose(shell.derivatives[:, 1:], 0.0, atol=1e-13)
         assert_allclose(shell.normals, np.tile(-way, (len(shell.normals), 1)), atol=1e-6)
 
 
@@ -330,10 +342,7 @@ def test_second_derivatives_where_cells_grow():
     "choice", [{"rule": "midpoint"}, {"rule": "graded"}, {"levels": [1.5e-4, 1.1e-4]}]
 )
 def test_vertices_know_gradient_and_second_derivatives_of_a_quadratic_field(choice):
-    """Both are linear along the edges of cells, so right to float32 at every vertex.
-
-    But for the outermost shell's second derivatives, which are about the air outside it.
-    """
+    """Both are linear along the edges of cells, so right to float32 at every vertex."""
     field = field_of(hexahedra(24, 6.0), ellipsoids)
     expected = HESSIAN[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
     shells = contour_shells(field, 3, index_range=(HOTTEST + 1e-4, HOTTEST), **choice).shells
@@ -343,13 +352,13 @@ def test_vertices_know_gradient_and_second_derivatives_of_a_quadratic_field(choi
         step = shell.ext - shell.int_
         gradient = shell.vertices.astype(float) @ HESSIAN
         length = np.linalg.norm(gradient, axis=1)
-        assert_allclose(shell.steepness[:, 0], length / step, rtol=3e-7)
+        assert_allclose(shell.derivatives[:, 0], length / step, rtol=3e-7)
         assert_allclose(shell.normals, gradient / length[:, None], atol=1.5e-7)
         second = np.tile(expected / step, (len(length), 1))
-        assert shell.layer == 1 or np.allclose(shell.steepness[:, 1:], second, rtol=2e-7, atol=0)
+        assert_allclose(shell.derivatives[:, 1:], second, rtol=2e-7)
 
 
-def test_normals_and_length_are_those_of_the_fitting_gradient_between_the_points():
+def test_normals_and_magnitude_are_those_of_the_consistent_gradient_between_the_points():
     """Its lengths weigh the ends of an edge otherwise than those of the gradient before."""
     grid = hexahedra(12, 1.0)
     grid.points = np.sinh(2.0 * np.asarray(grid.points))
@@ -362,7 +371,7 @@ def test_normals_and_length_are_those_of_the_fitting_gradient_between_the_points
     length = np.linalg.norm(fitting, axis=1)
     step = shell.ext - shell.int_
     unit = plain / np.linalg.norm(plain, axis=1)[:, None]
-    assert_allclose(shell.steepness[:, 0], length / step, rtol=4e-7)
+    assert_allclose(shell.derivatives[:, 0], length / step, rtol=4e-7)
     assert_allclose(shell.normals, fitting / length[:, None], atol=1.5e-7)
     assert np.abs(shell.normals - unit).max() > 1e-3
 
@@ -383,12 +392,12 @@ def differences(function: Callable[[np.ndarray], np.ndarray], point: np.ndarray)
 
 
 @pytest.mark.parametrize("radius", [0.5, 4.0, 9.0])
-def test_radial_steepness_agrees_with_finite_differences(radius):
+def test_radial_derivatives_agree_with_finite_differences(radius):
     angles = np.linspace(0.3, 6.0, 7)
     normals = np.stack((np.zeros(7), np.cos(angles), np.sin(angles)), axis=1)
     e = np.exp(-((radius / 5.0) ** 2))
     slope, bend = 2 * radius / 25 * e, (2 / 25 - 4 * radius**2 / 625) * e
-    found = radial_steepness(normals, slope, bend, radius, 0.25)
+    found = radial_derivatives(normals, slope, bend, radius, 0.25)
     expected = [
         differences(lambda p: 3.0 - np.exp(-(p[1] ** 2 + p[2] ** 2) / 25), p)
         for p in radius * normals + np.array((1.7, 0.0, 0.0))
@@ -396,20 +405,11 @@ def test_radial_steepness_agrees_with_finite_differences(radius):
     assert_allclose(found, np.array(expected) / 0.25, atol=7e-8)
 
 
-def test_radial_steepness_of_the_outermost_shell_counts_from_the_mean_distance_outside():
-    """Where n rises linearly to the ambient's, that is half of where it does exponentially."""
-    normal, slope, fall = np.array(((0.0, 0.0, 1.0),)), 2e-6, 1e-5
-    for bend, share in ((0.0, 0.5), (-(slope**2) / fall, 1.0)):
-        inside = radial_steepness(normal, slope, bend, 20.0, 1e-5)
-        outermost = radial_steepness(normal, slope, bend, 20.0, 1e-5, fall)
-        assert_allclose(outermost, inside * (1, 1, share, 1, 1, 1, 1))
-
-
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.6, 0.0, -0.8), (2 / 3, -1 / 3, 2 / 3)])
-def test_steepness_at_a_plane_agrees_with_finite_differences(normal):
+def test_derivatives_at_a_plane_agree_with_finite_differences(normal):
     way = np.array(normal)
     slope, bend = np.exp(-0.6) / 5, -np.exp(-0.6) / 25
-    (found,) = radial_steepness(way[None], slope, bend, np.inf, 0.25)
+    (found,) = radial_derivatives(way[None], slope, bend, np.inf, 0.25)
     expected = differences(lambda p: 2.0 - np.exp(-(p @ way) / 5), 3.0 * way)
     assert_allclose(found, expected / 0.25, atol=8e-9)
 
@@ -453,4 +453,4 @@ def test_contouring_is_repeatable_and_leaves_the_field_alone():
         assert_array_equal(a.vertices, b.vertices)
         assert_array_equal(a.faces, b.faces)
         assert_array_equal(a.normals, b.normals)
-        assert_array_equal(a.steepness, b.steepness)
+        assert_array_equal(a.derivatives, b.derivatives)

@@ -112,10 +112,10 @@ def test_smoothing_keeps_the_gradient_at_each_vertex(block: tuple[IndexField, Vi
     for before, after in zip(stack.shells, smoothed(stack, 3).shells, strict=True):
         assert before.normals is not None
         np.testing.assert_array_equal(after.normals, before.normals)
-        assert before.steepness is not None
-        np.testing.assert_array_equal(after.steepness, before.steepness)
+        assert before.derivatives is not None
+        np.testing.assert_array_equal(after.derivatives, before.derivatives)
         assert not np.array_equal(after.vertices, before.vertices)
-    facets = [evolve(shell, normals=None, steepness=None) for shell in stack.shells]
+    facets = [evolve(shell, normals=None, derivatives=None) for shell in stack.shells]
     assert not smoothed(evolve(stack, shells=facets), 3).has_normals
 
 

@@ -68,10 +68,10 @@ def test_thinned_shells_stay_where_they_were(variant: str, tmp_path: Path) -> No
     for before, after in zip(stack.shells, fewer.shells, strict=True):
         assert len(after.faces) <= 505
         assert after.normals is not None
-        assert before.steepness is not None
-        assert after.steepness is not None
-        assert len(after.steepness) == len(after.vertices)
-        assert np.isin(after.steepness, before.steepness).all()
+        assert before.derivatives is not None
+        assert after.derivatives is not None
+        assert len(after.derivatives) == len(after.vertices)
+        assert np.isin(after.derivatives, before.derivatives).all()
         np.testing.assert_allclose(np.linalg.norm(after.normals, axis=1), 1.0, atol=1e-5)
         np.testing.assert_allclose(
             np.ptp(after.vertices, axis=0), np.ptp(before.vertices, axis=0), rtol=0.02

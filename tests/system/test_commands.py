@@ -241,8 +241,8 @@ def test_isosurfaces_of_its_own_come_back(run: Run, hot: HotBlock) -> None:
     run("shells", "made/shells.vtm", "-o", "moved", "--isosurfaces", *moved)
     outermost = load_shells("moved").shells[0]
     np.testing.assert_allclose(outermost.vertices.mean(axis=0) - (0, 0, 100), 0.0, atol=1e-3)
-    assert load_shells("made").shells[0].steepness is not None
-    assert outermost.steepness is None
+    assert load_shells("made").shells[0].derivatives is not None
+    assert outermost.derivatives is None
 
 
 def test_units_and_axes_of_field_and_part(run: Run, hot: HotBlock, tmp_path: Path) -> None:

@@ -61,8 +61,8 @@ def every_second(stack: ShellStack) -> ShellStack:
     def put(k: int, shell: Shell) -> Shell:
         # Files count the gradient in the shell's own steps.
         share = (shell.ext - shell.int_) / (outer[k] - inner[k])
-        steepness = shell.steepness * share
-        return evolve(shell, layer=k + 1, ext=outer[k], int_=inner[k], steepness=steepness)
+        derivatives = shell.derivatives * share
+        return evolve(shell, layer=k + 1, ext=outer[k], int_=inner[k], derivatives=derivatives)
 
     return evolve(stack, shells=[put(k, shell) for k, shell in enumerate(kept)])
 

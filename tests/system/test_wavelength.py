@@ -78,7 +78,7 @@ def test_scene_made_for_a_wavelength_equals_the_scene_turned_to_it(
     other = rendered(hot.scene, tmp_path / "turned.exr", "--wavelength=0.45 um")
     assert one.header["wavelength_nm"] == BLUE
     assert other.header["wavelength_nm"] == pytest.approx(BLUE, rel=1e-15)
-    assert one.header["index_rule"] == other.header["index_rule"] == "midpoint"
+    assert one.header["index_rule"] == other.header["index_rule"] == "rim"
     assert one.header["bending"] == other.header["bending"] == "all along the layers"
     same = (one.status == 0) & (other.status == 0)
     assert same.sum() > 0.99 * (one.status == 0).sum()

@@ -13,7 +13,7 @@ from iriftrace.part.part import part_of_mesh
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import tube
-from iriftrace.shells.hessian import radial_steepness
+from iriftrace.shells.hessian import radial_derivatives
 from iriftrace.shells.levels import index_levels
 from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.trace.render import trace_rays
@@ -85,10 +85,10 @@ def traced_shift(folder: Path, air: Air, layers: int, bending: str, rule: str) -
         mesh = tube(radius, 60.0, 4000)
         slope = 2.0 * radius / WIDTH_MM**2 * (ambient - surfaces[k])
         bend = slope / radius - 2.0 * radius / WIDTH_MM**2 * slope
-        step, fall = float(e[k] - e[k + 1]), None if k else float(ambient - surfaces[k])
-        steepness = radial_steepness(mesh[2], slope, bend, radius, step, fall)
+        step = float(e[k] - e[k + 1])
+        derivatives = radial_derivatives(mesh[2], slope, bend, radius, step)
         indices = float(surfaces[k]), float(e[k]), float(e[k + 1])
-        shells.append(Shell(k + 1, *indices, *mesh, steepness))
+        shells.append(Shell(k + 1, *indices, *mesh, derivatives))
     plate = trimesh.creation.box((80.0, 5.0, 200.0))
     plate.apply_translation((0.0, PLATE_MM + 2.5, 0.0))
     part = part_of_mesh(plate.vertices, plate.faces, name="a plate")

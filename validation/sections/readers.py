@@ -19,7 +19,7 @@ from iriftrace.field.read import read_field
 from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.part.part import read_part
-from iriftrace.plugins.kernels.layers import telescoping
+from iriftrace.plugins.kernels.layers import length_gain
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
@@ -155,7 +155,7 @@ def line_integrals(field: IndexField, hits: FloatArray) -> FloatArray:
     unit = gradient / np.where(length > 0, length, 1.0)[..., None]
     cosine = np.einsum("ikj,ij->ik", unit, along)
     missing = np.where(known[:, :-1] & known[:, 1:], change - length * cosine, 0.0)
-    gradient += (telescoping(cosine) * missing)[..., None] * unit
+    gradient += (length_gain(cosine) * missing)[..., None] * unit
     return across(STEP_MM * np.einsum("k,ikj->ij", middles, gradient), hits)
 
 

@@ -1,4 +1,4 @@
-"""Turns of rays between shells against media whose gradient is known everywhere."""
+"""Deflections of rays between shells against quadrature of media known everywhere."""
 
 from __future__ import annotations
 
@@ -9,14 +9,22 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from iriftrace.plugins.kernels.layers import Layer, onto_plane, outside, slope_of
+from iriftrace.plugins.kernels.layers import (
+    DIRECTION_ERROR,
+    AtShell,
+    between_shells,
+    length_gain,
+    onto_plane,
+    outside,
+    to_part,
+)
 
 pytestmark = pytest.mark.usefixtures("variant")
 
 AMBIENT = 1.00027
 WIDTH_MM = 15.0
 DEPTH = 1.5e-4
-STILL = (0.0, 0.0, 0.0)
+UNIFORM = (0.0, 0.0, 0.0)
 
 angles = st.floats(0.0, 2.0 * np.pi)
 
@@ -63,16 +71,16 @@ def column_change(point: np.ndarray, direction: np.ndarray) -> np.ndarray:
 def between(
     start: np.ndarray, direction: np.ndarray, length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What `Layer` says of a straight way through the column: the turn, and how far aside."""
-    places = (start, start + length * direction)
-    slopes = [
-        slope_of(vectors(column(place)[1]), vectors(column_change(place, direction)))
-        for place in places
-    ]
-    levels = [numbers(column(place)[0]) for place in places]
-    layer = Layer(*slopes, *levels, numbers(AMBIENT - DEPTH), numbers(AMBIENT))
-    turn, aside, _ = layer.through(vectors(direction), numbers(length))
-    return row(turn), row(aside)
+    """Deflection and lateral offset on a straight way through the column."""
+    ends = [in_column(start + way * direction, direction) for way in (0.0, length)]
+    deflection, offset = between_shells(*ends, vectors(direction), numbers(length))
+    return row(deflection), row(offset)
+
+
+def in_column(place: np.ndarray, direction: np.ndarray) -> AtShell:
+    """The air at a shell in the column."""
+    index, gradient = column(place)
+    return AtShell(vectors(gradient), vectors(column_change(place, direction)), numbers(index))
 
 
 def exactly(
@@ -89,20 +97,48 @@ def exactly(
 
 
 @given(along=angles, towards=angles, length=st.floats(0.1, 30.0))
-def test_a_uniform_gradient_turns_rays_exactly(along: float, towards: float, length: float) -> None:
-    """The turn is the gradient across the ray times the way; its end lies half of that aside."""
+def test_a_uniform_gradient_bends_rays_exactly(along: float, towards: float, length: float) -> None:
+    """The deflection is the gradient across the ray times the way, the offset half that by it."""
     direction, gradient = heading(along), 1e-5 * heading(towards, -0.2)
     index = AMBIENT - 1e-4
     step = length * float(direction @ gradient)
-    slope = slope_of(vectors(gradient), vectors(STILL))
-    levels = numbers(index - step / 2), numbers(index + step / 2)
-    layer = Layer(slope, slope, *levels, numbers(index), numbers(AMBIENT))
-    turn, aside, rise = layer.through(vectors(direction), numbers(length))
+    ends = [
+        AtShell(vectors(gradient), vectors(UNIFORM), numbers(index + sign * step / 2))
+        for sign in (-1, 1)
+    ]
     expected = (gradient - direction * (direction @ gradient)) * length / index
     size = 1e-5 * length
-    np.testing.assert_allclose(row(turn), expected, rtol=0, atol=1e-9 * size)
-    np.testing.assert_allclose(row(aside), expected * length / 2, rtol=0, atol=1e-9 * size * length)
-    assert np.array(rise)[0] == pytest.approx(0.0, abs=1e-15)
+    for found in (
+        between_shells(*ends, vectors(direction), numbers(length)),
+        to_part(ends[0]._replace(index=numbers(index)), vectors(direction), numbers(length)),
+    ):
+        np.testing.assert_allclose(row(found[0]), expected, rtol=0, atol=1e-9 * size)
+        np.testing.assert_allclose(
+            row(found[1]), expected * length / 2, rtol=0, atol=1e-9 * size * length
+        )
+
+
+@given(cosine=st.floats(-1.0, 1.0))
+def test_length_gain_is_the_best_linear_estimate(cosine: float) -> None:
+    """Against the covariance with the one measured component over that component's variance."""
+    axis, across = np.array((1.0, 0.0)), np.array((0.0, 1.0))
+    ray = cosine * axis + np.sqrt(1 - cosine**2) * across
+    covariance = np.outer(axis, axis) + DIRECTION_ERROR**2 * np.outer(across, across)
+    expected = axis @ covariance @ ray / (ray @ covariance @ ray)
+    assert np.array(length_gain(numbers(cosine)))[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_indexs_step_corrects_a_gradient_of_wrong_length() -> None:
+    """10 % too short a gradient along the ray's plane bends almost as the right one does."""
+    direction, gradient, length = heading(0.4), 1e-5 * heading(0.0, 0.0), 3.0
+    step = length * float(direction @ gradient)
+    ends = [
+        AtShell(vectors(0.9 * gradient), vectors(UNIFORM), numbers(AMBIENT + sign * step / 2))
+        for sign in (-1, 1)
+    ]
+    found = row(between_shells(*ends, vectors(direction), numbers(length))[0])
+    right = (gradient - direction * (direction @ gradient)) * length / AMBIENT
+    assert np.linalg.norm(found - right) < 0.03 * np.linalg.norm(right)
 
 
 @given(
@@ -162,68 +198,44 @@ def test_a_way_turns_a_ray_that_is_sent_back_as_much(
 @given(angle=st.floats(0.1, 1.4), length=st.floats(0.0, 1e3))
 def test_ambient_air_outside_the_first_shell_fades(angle: float, length: float) -> None:
     """A long way gains the step of the index over the cosine; a short one the gradient times it."""
-    steep, half_step = 2e-6, 1e-5
+    magnitude, contrast = 2e-6, 1e-5
     direction = np.array((np.cos(angle), np.sin(angle), 0.0))
     # As it rises exponentially to the ambient's.
-    change = (-(steep**2) / half_step * np.cos(angle), 0.0, 0.0)
-    slope = slope_of(vectors((steep, 0.0, 0.0)), vectors(change))
-    level = numbers(AMBIENT - half_step)
-    ambient = numbers(AMBIENT)
-    turn, arm = outside(slope, level, ambient, ambient, vectors(direction), numbers(length), 1)
-    fading = half_step / (steep * np.cos(angle))
-    expected = steep * np.sin(angle) * min(length, fading) / (AMBIENT - half_step)
-    assert np.linalg.norm(row(turn)) == pytest.approx(expected, rel=1e-9, abs=1e-20)
-    assert np.linalg.norm(row(arm)) == pytest.approx(
-        expected * min(length / 2, fading), rel=1e-9, abs=1e-20
-    )
+    change = (-(magnitude**2) / contrast * np.cos(angle), 0.0, 0.0)
+    shell = AtShell(vectors((magnitude, 0.0, 0.0)), vectors(change), numbers(AMBIENT - contrast))
+    found = outside(shell, numbers(contrast), vectors(direction), numbers(length))
+    fading = contrast / (magnitude * np.cos(angle))
+    expected = magnitude * np.sin(angle) * min(length, fading) / (AMBIENT - contrast)
+    lever = min(length / 2, fading)
+    deflection, moment = (np.linalg.norm(row(value)) for value in found)
+    assert deflection == pytest.approx(expected, rel=1e-9, abs=1e-20)
+    assert moment == pytest.approx(expected * lever, rel=1e-9, abs=1e-20)
 
 
-def test_air_that_rises_linearly_to_the_ambient_ends_at_once() -> None:
-    """So its mean distance is half of what it is where it fades, for rays along the gradient."""
-    steep, half_step, angle = 2e-6, 1e-5, 0.1
-    direction = np.array((np.cos(angle), np.sin(angle), 0.0))
-    slope = slope_of(vectors((steep, 0.0, 0.0)), vectors(STILL))
-    level, ambient = numbers(AMBIENT - half_step), numbers(AMBIENT)
-    turn, arm = outside(slope, level, ambient, ambient, vectors(direction), numbers(100.0), 1)
-    mean = np.linalg.norm(row(arm)) / np.linalg.norm(row(turn))
-    assert mean == pytest.approx(half_step / (steep * np.cos(angle)) / 2, rel=0.01)
+@given(x=st.floats(-20.0, 20.0), y=st.floats(5.0, 20.0), along=angles)
+def test_the_way_to_the_part_is_right_to_second_order(x: float, y: float, along: float) -> None:
+    """Taylor's series of the gradient: a way half as long leaves an eighth of the error."""
+    start, direction = np.array((x, y, 0.0)), heading(along)
+    off = []
+    for length in (0.4, 0.2):
+        found = to_part(in_column(start, direction), vectors(direction), numbers(length))
+        truth = exactly(start, direction, length)
+        size = 4 * DEPTH * (length / WIDTH_MM) ** 3
+        assert np.linalg.norm(row(found[0]) - truth[0]) < size
+        assert np.linalg.norm(row(found[1]) - truth[1]) < size * length
+        off.append(np.linalg.norm(row(found[0]) - truth[0]) / size)
+    assert off[1] == pytest.approx(off[0], abs=0.1)
 
 
-@pytest.mark.parametrize("sense", [1, -1])
-@pytest.mark.parametrize("angle", [0.2, -0.2])
-def test_gradients_that_turn_outside_turn_rays(sense: int, angle: float) -> None:
-    """Against quadrature of plane air whose gradient leans the more, the further out it is."""
-    half_step, fading, lean = 1e-5, 1.5, 0.05
-    out = np.array((np.cos(angle), np.sin(angle), 0.0))
-    s = np.linspace(0.0, 40.0, 100_001)
-    x = s * out[0]
-    fall = half_step / fading * np.exp(-x / fading)
-    pull = np.stack((fall, fall * lean * x / fading, 0 * s), axis=1)
-    pull *= half_step / np.trapezoid(pull @ out, s)
-    pull -= np.outer(pull @ out, out)
-    true = np.trapezoid(pull, s, axis=0)
-    far = np.trapezoid(pull * s[:, None], s, axis=0)
-    steep = half_step / fading
-    derivatives = steep / fading * np.array(((-1.0, lean, 0.0), (lean, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    direction = sense * out
-    ambient = numbers(AMBIENT)
-    slope = slope_of(vectors((steep, 0.0, 0.0)), vectors(derivatives @ direction))
-    level, way = ambient - half_step, numbers(40.0)
-    turn, arm = outside(slope, level, ambient, ambient, vectors(direction), way, sense)
-    index = AMBIENT - half_step
-    np.testing.assert_allclose(row(turn) * index, true, atol=0.03 * np.linalg.norm(true))
-    np.testing.assert_allclose(row(arm) * index, far, atol=0.06 * np.linalg.norm(far))
-    plain = np.sin(angle) / np.cos(angle) * half_step
-    assert abs(np.linalg.norm(true) / abs(plain) - 1) > 0.1
-
-
-def test_shells_without_a_step_turn_nothing() -> None:
-    slope = slope_of(vectors(STILL), vectors(STILL))
-    level, length = numbers(AMBIENT), numbers(5.0)
-    layer = Layer(slope, slope, level, level, level, level)
-    turn, aside = layer.turn(vectors((0.6, 0.8, 0.0)), length, False)
-    np.testing.assert_array_equal(np.array(turn), 0)
-    np.testing.assert_array_equal(np.array(aside), 0)
+def test_shells_without_a_step_bend_nothing() -> None:
+    shell = AtShell(vectors(UNIFORM), vectors(UNIFORM), numbers(AMBIENT))
+    way = vectors((0.6, 0.8, 0.0)), numbers(5.0)
+    for found in (
+        between_shells(shell, shell, *way),
+        to_part(shell, *way),
+        outside(shell, numbers(0.0), *way),
+    ):
+        np.testing.assert_array_equal(np.array(found), 0)
 
 
 @given(angle=angles, tilt=angles)
@@ -250,15 +262,7 @@ def test_air_around_a_tube_fades_sooner_the_more_it_curves(bulge: float, angle: 
     outwards = np.array((1.0, 0.0, 0.0))
     around = np.array((0.0, 1.0, 0.0))
     change = -steep / fading * outwards * direction[0] + steep / bulge * around * direction[1]
-    ambient = numbers(AMBIENT)
-    turn, _ = outside(
-        slope_of(vectors(steep * outwards), vectors(change)),
-        ambient - half_step,
-        ambient,
-        ambient,
-        vectors(direction),
-        numbers(60.0),
-        1,
-    )
+    shell = AtShell(vectors(steep * outwards), vectors(change), numbers(AMBIENT - half_step))
+    turn, _ = outside(shell, numbers(half_step), vectors(direction), numbers(60.0))
     size = steep * min(fading / max(np.cos(angle), 1e-9), np.sqrt(fading * bulge))
     assert np.linalg.norm(row(turn) - true) < 0.2 * size
