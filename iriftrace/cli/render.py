@@ -171,12 +171,13 @@ def _render(
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.trace.render import render_scene
+    from iriftrace.trace.shell_convergence import SAMPLE
 
     with working("Loading the scene"):
         loaded = trace.load(scene)
     with working("Tracing"):
         rendering = render_scene(
-            loaded, include=include, check_shells=True, check_field=check_field
+            loaded, include=include, check_shells=SAMPLE, check_field=check_field
         )
     if figures:
         from iriftrace.figures.pose import pose_figures

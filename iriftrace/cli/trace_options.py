@@ -33,8 +33,9 @@ class TraceOptions:
     variant
         Mitsuba variant, llvm_ad_mono or cuda_ad_mono.
     engine
-        Bend rays at the shells, or along their curved path through the field itself, which needs
-        the field.npz that ``iriftrace scene`` writes; by default what the scene's file says.
+        Bend rays by the shells, or along their curved path through the field itself, which needs
+        the field.npz that ``iriftrace scene`` writes. By default what the scene's file says; and
+        where that is shells, but they are too few for a view, the field if it is there.
     """
 
     define: Variables = None

@@ -122,10 +122,13 @@ def stated_normals(wanted: str, tables: Any) -> str:
     return f"gradient, but facet for {without} of the shells" if without else wanted
 
 
+IN_LAYERS = "all along the layers"
+
+
 def stated_bending(integrator: Any, tables: Any) -> str:
     """Places where rays are bent, with the reason if not all along the layers as was wanted."""
     if integrator.bends_in_layers(tables):
-        return "all along the layers"
+        return IN_LAYERS
     if integrator.bending == "layers" and integrator.normals == "gradient":
         return "at the shells alone, whose files lack the index's derivatives"
     return "at the shells alone"

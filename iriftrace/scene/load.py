@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+import warnings
 import weakref
 from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,11 +17,12 @@ from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.part.part import Part, read_part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import (
+    IN_LAYERS,
     field_table,
     other_shells,
     shells_table_of,
@@ -77,6 +80,8 @@ class LoadedScene:
         Values that were given for the file's ``<default>`` parameters.
     engine : str
         ``"shells"`` or ``"continuous"``.
+    wanted_engine : str or None
+        What was asked for, whatever the XML says; None where nothing was.
     normals : str
         ``"gradient"`` or ``"facet"``, and for how many shells if not for all; for the continuous
         engine where its gradient comes from.
@@ -101,6 +106,7 @@ class LoadedScene:
     full_resolution: tuple[int, ...]
     variables: dict[str, str]
     engine: str
+    wanted_engine: str | None
     normals: str
     bending: str
     index_rule: str
@@ -114,6 +120,26 @@ class LoadedScene:
     _lease: _Lease = field(
         repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
     )
+
+    @cached_property
+    def through_field(self) -> LoadedScene | None:
+        """The same scene traced through its field itself; loaded when it is first asked for.
+
+        None where an engine or `bending` at the shells was asked for, or where the field that the
+        shells were cut from does not lie beside the scene.
+        """
+        if self.wanted_engine is not None or self.bending != IN_LAYERS:
+            return None
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", IriftraceWarning)
+                other = load_scene(
+                    self.path, self.variables, variant=self.variant, engine="continuous"
+                )
+        except InputError:
+            return None
+        own, its = (one.shells_table.get("source") or {} for one in (self, other))
+        return other if own.get("sha256") == its.get("sha256") else None
 
     @property
     def wavelength_nm(self) -> float | None:
@@ -257,6 +283,7 @@ def _load_one(
         full_resolution=sensor.full_resolution(),
         variables=values,
         engine=integrator.engine,
+        wanted_engine=engine,
         normals=f"none, {integrator.gradient} gradient"
         if continuous
         else stated_normals(integrator.normals, prepared.tables),

@@ -138,6 +138,12 @@ OF_POSES: dict[str, Measure] = {
         "change of the hits without every second shell, 95th percentile, over the displacement's",
         regional=False,
     ),
+    "through_field": Measure(
+        ("every_second_shell", "through_field"),
+        "1",
+        "1 where the field itself took the shells' place",
+        regional=False,
+    ),
     **{
         f"time_{stage}": Measure(("time_s", stage), "s", regional=False)
         for stage in ("straight", "refracted", "metrics", "total")

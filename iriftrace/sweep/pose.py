@@ -23,7 +23,6 @@ from iriftrace.scene.file import read_scene_file
 from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.trace.render import render_scene
-from iriftrace.trace.shell_convergence import shell_resolution
 
 _KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions", "ensemble", "every_second_shell")
 
@@ -103,7 +102,7 @@ def source_of(
         # Said when the scene is loaded.
         warnings.simplefilter("ignore", IriftraceWarning)
         files = _files(path, variables)
-        if engine == "continuous":
+        if engine != "shells":
             files = (*files, *_field_files(path, variables))
     contents = {str(file.resolve()): sha256_of(file) for file in files}
     content = [sha256_of(path), *(contents[str(file.resolve())] for file in files)]
@@ -170,14 +169,15 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
         warnings.simplefilter("ignore", IriftraceWarning)
         try:
             rendering = render_scene(
-                scene, camera=task.camera, include=task.include, nearest=task.nearest, empty=True
+                scene,
+                camera=task.camera,
+                include=task.include,
+                nearest=task.nearest,
+                empty=True,
+                check_shells=SAMPLE,
             )
         except InputError as error:
             return Piece(task.number, {"metrics": None, "failure": str(error)})
-    resolution = shell_resolution(scene, rendering.image, task.camera, SAMPLE)
-    if resolution is not None:
-        checked = evolve(rendering.metrics, every_second_shell=resolution.as_dict())
-        rendering = evolve(rendering, metrics=checked)
     if task.exr:
         rendering.save(task.exr)
     measured = {

@@ -97,6 +97,8 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
     from iriftrace.scene.load import load_scene
 
     variant = _variant(named.get("variant"))
+    through_field = "through_field" in dataset and dataset["through_field"].values[pose] == 1
+    engine = "continuous" if through_field else named.get("engine")
     with warnings.catch_warnings():
         # What limits the scene was said when it was swept.
         warnings.simplefilter("ignore", IriftraceWarning)
@@ -104,7 +106,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
             named["path"],
             named.get("variables"),
             variant=variant,
-            engine=named.get("engine"),
+            engine=engine,
         )
     if "focal_length" in dataset:
         focal = float(dataset["focal_length"].values[pose])

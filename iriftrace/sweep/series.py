@@ -172,7 +172,9 @@ def sources_of(series: Sequence[Series]) -> list[SceneSource]:
     for one in series:
         scene = one.scene
         if id(scene) not in known:
-            known[id(scene)] = source_of(scene.path, scene.variables, scene.variant, scene.engine)
+            known[id(scene)] = source_of(
+                scene.path, scene.variables, scene.variant, scene.wanted_engine
+            )
     return [known[id(one.scene)] for one in series]
 
 

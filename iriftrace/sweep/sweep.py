@@ -193,7 +193,9 @@ def run_series(
     )
     if fresh:
         _warn_of_empty_poses(dataset)
-        warn_of_coarse_poses(dataset["every_second_shell_p95"].values)
+        warn_of_coarse_poses(
+            dataset["every_second_shell_p95"].values, dataset["through_field"].values
+        )
     return dataset
 
 

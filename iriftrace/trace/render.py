@@ -90,7 +90,7 @@ def render_scene(
     include: Collection[int] = (0,),
     nearest: bool = True,
     empty: bool = False,
-    check_shells: bool = False,
+    check_shells: int = 0,
     check_field: bool = False,
 ) -> Rendering:
     """Trace a camera's rays through a scene, bent and unbent, and reduce the hits to metrics.
@@ -110,9 +110,10 @@ def render_scene(
         See :func:`iriftrace.image.metrics.pose_metrics`.
     empty : bool
         Whether a picture without a good ray is a result too and not an error.
-    check_shells : bool
-        Trace a sample of the rays without every second shell too (metrics ``every_second_shell``),
-        and warn where that changes them; ``iriftrace render`` does.
+    check_shells : int
+        Rays that are traced without every second shell too (metrics ``every_second_shell``);
+        ``iriftrace render`` does. Where that changes them by more than 3 % the view is traced
+        through the field itself instead, if it lies beside the scene and no engine was asked for.
     check_field : bool
         Trace a sample of the rays through the field itself too (``shells_against_field``); see
         :func:`iriftrace.trace.field_reference.shell_error`.
@@ -126,11 +127,25 @@ def render_scene(
     InputError
         If the camera stands in the hot air or in the part, the film would smear the channels, or
         no ray hits the part in focus.
+
+    Warns
+    -----
+    IriftraceWarning
+        The shells are too few for the view.
     """
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
     against_field = shell_error(loaded).as_dict() if check_field else None
     started = time.perf_counter()
     traced = pose_image(loaded, camera, include)
+    every_second_shell = None
+    resolution = shell_resolution(loaded, traced.image, camera, check_shells)
+    if resolution is not None:
+        instead = None if resolution.suffices else loaded.through_field
+        warn_of_coarse_shells(resolution, instead is not None)
+        if instead is not None:
+            loaded, traced = instead, pose_image(instead, camera, include)
+        through_field = {"through_field": instead is not None}
+        every_second_shell = resolution.as_dict() | through_field
     image, time_s = traced.image, traced.time_s
     if not empty:
         _refuse_empty(image)
@@ -145,18 +160,13 @@ def render_scene(
         # Further members of an ensemble are loaded after the start.
         "total": loaded.load_s + loaded.build_s + done - started,
     }
-    resolution = shell_resolution(loaded, image, camera) if check_shells else None
-    if resolution is not None:
-        warn_of_coarse_shells(resolution)
-    return Rendering(
-        image,
-        evolve(
-            metrics,
-            time_s=times,
-            shells_against_field=against_field,
-            every_second_shell=None if resolution is None else resolution.as_dict(),
-        ),
+    checked = evolve(
+        metrics,
+        time_s=times,
+        shells_against_field=against_field,
+        every_second_shell=every_second_shell,
     )
+    return Rendering(image, checked)
 
 
 def keep_checks(metrics: PoseMetrics, earlier: Mapping[str, Any]) -> PoseMetrics:

@@ -93,7 +93,7 @@ def aligned(values: NDArray[Any]) -> NDArray[Any]:
 
 
 _PLAIN, _WITH_DERIVATIVES = 2, 4
-"""Rows per vertex where the index's slope at the shells is not known, and where it is."""
+"""Rows per vertex without and with the derivatives of the index."""
 
 
 class MeshArrays(NamedTuple):
