@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from attrs import evolve, frozen
+from attrs import frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
