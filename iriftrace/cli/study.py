@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from attrs import frozen
 from cyclopts import App, Group, Parameter
@@ -13,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import out, pose_progress, working
+from iriftrace.cli.console import out, pose_progress, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.options import (
     Whole,
@@ -31,10 +32,10 @@ if TYPE_CHECKING:
 
     from iriftrace.field.index_field import IndexField
     from iriftrace.studies.modes import Mode
-    from iriftrace.studies.picture import View
     from iriftrace.studies.study import Study
 
 
+StudiedField = Annotated[Path, Parameter(help="Volume mesh with temperature, density or index.")]
 StudiedPart = Annotated[Path, Parameter(help="The part's surface mesh.")]
 Output = Annotated[
     Path,
@@ -131,74 +132,58 @@ def whole_numbers(text: str, option: str) -> list[int]:
     return values
 
 
-class StudyInputs:
-    """Fields and part of a study, read after every option was looked at."""
-
-    def __init__(
-        self,
-        fields: Sequence[Path],
-        part: Path,
-        output: Path,
-        options: StudyOptions,
-    ) -> None:
-        from iriftrace.runtime import variant as runtime
-
-        if not options.field.isosurfaces:
-            check_order(fields[0], part)
-        check_field(*fields)
-        check_input(part)
-        check_output(output, ".nc", "study.nc", make=False)
-        if options.field.isosurfaces:
-            raise InputError(
-                "A study contours the field anew for each case, so it needs the volume field and "
-                "no ready-made iso-surfaces."
-            )
-        self._camera = options.camera
-        self.variant = runtime.ensure(options.variant)
-        self.part = options.part.read(part)
-        self.notes = options.field.notes()
-        with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
-            self.fields: list[IndexField] = [
-                options.field.read(path, options.air.air(), self.part) for path in fields
-            ]
-
-    def view(self, scale: float) -> View:
-        """The camera at its traced resolution, with part and variant."""
-        from iriftrace.scene.viewpoint import refuse_camera_inside
-        from iriftrace.shells.contour import contour_shells
-        from iriftrace.studies.picture import View
-
-        finest = self.fields[-1]
-        stack = contour_shells(finest, 1)
-        camera = self._camera.camera(self.part, finest, stack, scale)
-        refuse_camera_inside(camera.origin, self.part, stack, finest)
-        return View(self.part, camera.scaled(scale), self.variant)
-
-
-def short_names(paths: Sequence[Path]) -> list[str]:
-    """Short names of files: their stems where these differ."""
-    stems = [path.stem for path in paths]
-    return stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
-
-
 _WIDEST = 1000
 
 STAGES = ("straight", "metrics", "write", "load", "build")
 
 
-def run(study: Study, output: Path) -> None:
-    """Run a study behind a progress bar, print its tables and draw its figure."""
+def _run(
+    fields: Sequence[Path],
+    part: Path,
+    output: Path,
+    options: StudyOptions,
+    scale: float,
+    describe: Callable[..., Study],
+    *more: Mode,
+) -> None:
+    """Run a study behind a progress bar, print its tables and draw its figure.
+
+    `describe` gets the fields, and by name modes, view and remarks; all options were looked at.
+    """
     from iriftrace.figures.studies import study_figure
     from iriftrace.figures.style import write_figure
+    from iriftrace.runtime import variant
+    from iriftrace.scene.viewpoint import refuse_camera_inside
+    from iriftrace.shells.contour import contour_shells
+    from iriftrace.studies.picture import View
     from iriftrace.studies.study import run_study
 
+    modes = [*options.mode.modes(), *more]
+    if options.field.isosurfaces:
+        raise InputError(
+            "A study contours the field anew for each case, so it needs the volume field and "
+            "no ready-made iso-surfaces."
+        )
+    check_order(fields[0], part)
+    check_field(*fields)
+    check_input(part)
+    check_output(output, ".nc", "study.nc", make=False)
+    traced_by = variant.ensure(options.variant)
+    mesh = options.part.read(part)
+    with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
+        volumes = [options.field.read(path, options.air.air(), mesh) for path in fields]
+    stack = contour_shells(volumes[-1], 1)
+    camera = options.camera.camera(mesh, volumes[-1], stack, scale)
+    refuse_camera_inside(camera.origin, mesh, stack, volumes[-1])
+    view = View(mesh, camera.scaled(scale), traced_by)
+    described = describe(*volumes, view=view, modes=modes, notes=options.field.notes())
     with pose_progress(output, "Cases") as report:
-        dataset = run_study(study, output, report)
-    (print_comparison if study.references else print_timing)(out, dataset)
+        dataset = run_study(described, output, report)
+    (print_comparison if described.references else print_timing)(out, dataset)
     picture = output.with_suffix(".png")
     with working("Drawing"):
         write_figure(study_figure(dataset), picture)
-    out.print(f"Study in {output}, figure in {picture}", markup=False, soft_wrap=True)
+    say(f"Study in {output}, figure in {picture}")
 
 
 def print_comparison(console: Console, dataset: xr.Dataset) -> None:
@@ -297,7 +282,7 @@ study = App(
 
 @study.command
 def layers(
-    field: Path,
+    field: StudiedField,
     part: StudiedPart,
     *,
     output: Output = Path("layers.nc"),
@@ -312,8 +297,6 @@ def layers(
 
     Parameters
     ----------
-    field
-        Volume mesh with temperature, density or index.
     layers
         Numbers of shells, such as "1:20,40,80".
     reference
@@ -324,14 +307,8 @@ def layers(
     from iriftrace.studies.accuracy import layers_study
 
     counts = whole_numbers(layers, "--layers")
-    modes = options.mode.modes()
-    inputs = StudyInputs([field], part, output, options)
-    run(
-        layers_study(
-            inputs.fields[0], inputs.view(scale), counts, modes, reference, notes=inputs.notes
-        ),
-        output,
-    )
+    made = partial(layers_study, layers=counts, references=reference)
+    _run([field], part, output, options, scale, made)
 
 
 @study.command
@@ -369,21 +346,9 @@ def smoothing(
     from iriftrace.studies.modes import Mode
 
     counts = whole_numbers(iterations, "--iterations")
-    modes = [*options.mode.modes(), Mode("ours but facet normals", normals="facet")]
-    inputs = StudyInputs([field, finest], part, output, options)
-    run(
-        smoothing_study(
-            inputs.fields[0],
-            inputs.fields[1],
-            inputs.view(scale),
-            counts,
-            modes,
-            reference,
-            layers=layers,
-            notes=inputs.notes,
-        ),
-        output,
-    )
+    made = partial(smoothing_study, iterations=counts, references=reference, layers=layers)
+    facets = Mode("ours but facet normals", normals="facet")
+    _run([field, finest], part, output, options, scale, made, facets)
 
 
 @study.command
@@ -419,33 +384,27 @@ def mesh(
     """
     from iriftrace.studies.accuracy import mesh_study
 
-    modes = options.mode.modes()
     paths = [field, *finer]
-    names = short_names(paths)
+    stems = [path.stem for path in paths]
+    names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
     twice = [path for path in paths if paths.count(path) > 1]
     if twice:
         raise InputError(f"{twice[0]} is given twice, so it would be compared twice; remove one.")
     for path in split or []:
         if path not in paths:
             raise InputError(f"--split {path} is none of the study's fields; name one of them.")
-    inputs = StudyInputs(paths, part, output, options)
-    run(
-        mesh_study(
-            dict(zip(names, inputs.fields, strict=True)),
-            inputs.view(scale),
-            modes,
-            reference,
-            layers=layers,
-            split=[names[paths.index(path)] for path in split or []],
-            notes=inputs.notes,
-        ),
-        output,
-    )
+    cut = [names[paths.index(path)] for path in split or []]
+
+    def made(*fields: IndexField, **common: Any) -> Study:
+        named = dict(zip(names, fields, strict=True))
+        return mesh_study(named, references=reference, layers=layers, split=cut, **common)
+
+    _run(paths, part, output, options, scale, made)
 
 
 @study.command
 def rays(
-    field: Path,
+    field: StudiedField,
     part: StudiedPart,
     *,
     output: Output = Path("rays.nc"),
@@ -460,23 +419,19 @@ def rays(
 
     Parameters
     ----------
-    field
-        Volume mesh with temperature, density or index.
     scales
         Factors on the camera's resolution.
     """
     from iriftrace.studies.cost import rays_study
 
     factors = numbers(scales, scales.count(",") + 1, "--scales")
-    modes = options.mode.modes()
-    inputs = StudyInputs([field], part, output, options)
-    view, notes = inputs.view(scale), inputs.notes
-    run(rays_study(inputs.fields[0], view, factors, modes, layers=layers, notes=notes), output)
+    made = partial(rays_study, scales=factors, layers=layers)
+    _run([field], part, output, options, scale, made)
 
 
 @study.command
 def polygons(
-    field: Path,
+    field: StudiedField,
     part: StudiedPart,
     *,
     output: Output = Path("polygons.nc"),
@@ -492,8 +447,6 @@ def polygons(
 
     Parameters
     ----------
-    field
-        Volume mesh with temperature, density or index.
     smallest
         Triangles of each shell to begin with; larger shells are thinned out first.
     largest
@@ -502,17 +455,5 @@ def polygons(
     """
     from iriftrace.studies.cost import polygons_study
 
-    modes = options.mode.modes()
-    inputs = StudyInputs([field], part, output, options)
-    run(
-        polygons_study(
-            inputs.fields[0],
-            inputs.view(scale),
-            modes,
-            layers=layers,
-            smallest=smallest,
-            largest=largest,
-            notes=inputs.notes,
-        ),
-        output,
-    )
+    made = partial(polygons_study, layers=layers, smallest=smallest, largest=largest)
+    _run([field], part, output, options, scale, made)

@@ -47,7 +47,7 @@ def test_moving_the_camera_does_not_change_the_resolution(name: str, scale: floa
     words = [name, "field.vtu", "part.ply", "--origin=150,-100,120"]
     _, bound, _ = study.parse_args(words, exit_on_error=False, print_error=False)
     bound.apply_defaults()
-    assert bound.arguments["options"].camera.origin == "150,-100,120"
+    assert bound.arguments["options"].camera.origin == (150.0, -100.0, 120.0)
     assert bound.arguments["scale"] == scale
 
 

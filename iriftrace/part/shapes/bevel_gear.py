@@ -126,18 +126,21 @@ def bevel_gear(
     module_mm
         Pitch diameter at the large end over the number of teeth.
     pitch_angle_deg
-        Half the opening angle of the pitch cone; 45 for two equal gears.
+        Half the opening angle of the pitch cone, degrees; 45 for two equal gears.
     pressure_angle_deg
+        Of the involutes, degrees.
     face_width_mm
         Length of the teeth along the pitch cone; by default a third of the way to the apex.
-    bore_diameter_mm, hub_diameter_mm
+    bore_diameter_mm
+        Diameter of the bore.
+    hub_diameter_mm
+        Diameter of the hub.
     hub_length_mm
         From the plane of the large end's pitch circle to the hub's end.
     rim_mm
         Thickness of the rim below the teeth, along the axis and across it.
     tooth
-        Number of a tooth, counted counter-clockwise from the one towards +x, 0, that becomes the
-        region `TOOTH`.
+        Number of a tooth, counter-clockwise from +x (0), that gets a region of its own, "tooth".
 
     Returns
     -------

@@ -68,12 +68,15 @@ def hybrid_cylinder(
 
     Parameters
     ----------
-    diameter_mm, length_mm, segments
-        As for `cylinder`.
+    diameter_mm
+        Of the circle through the polygon's corners.
+    length_mm
     transition_mm
         Length of the region around the interface in which the temperature changes.
     interface_mm
-        Where the materials meet, x.
+        Where the materials meet, as x.
+    segments
+        Sides of the polygon.
     stations
         Rows of triangles along the axis, besides those of the transition.
 

@@ -167,12 +167,16 @@ def wishbone(
         Height of the arms' control points above the hubs' middle.
     thickness
         Factor on the arms' section.
-    hub_diameter_mm, hub_bore_mm
-        Outer and bore diameter of the ball hub.
-    bush_diameter_mm, bush_bore_mm
-        Outer and bore diameter of the bushes.
+    hub_diameter_mm
+        Outer diameter of the ball hub.
+    hub_bore_mm
+        Its bore.
+    bush_diameter_mm
+        Outer diameter of the bushes.
+    bush_bore_mm
+        Their bore.
     spacing_mm
-        Of the lattice; triangles are about as large.
+        Of the lattice on which the shape is contoured; triangles are about as large.
 
     Returns
     -------
