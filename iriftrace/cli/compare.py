@@ -9,8 +9,8 @@ from cyclopts import Parameter
 from rich.markup import escape
 from rich.table import Table
 
-from iriftrace.cli.console import out, working
-from iriftrace.cli.options import Statuses, Wavelength, check_input, check_output, statuses
+from iriftrace.cli.console import out, say, working
+from iriftrace.cli.options import LightOf, Statuses, check_input, check_output, statuses
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 
@@ -22,7 +22,7 @@ def compare(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     positions: Literal["cold", "hot"] = "cold",
     include: Statuses = None,
-    wavelength: Wavelength | None = None,
+    wavelength: LightOf = None,
     figures: bool = True,
 ) -> None:
     """Compare measured pixel shifts between a cold and a hot picture with a rendering.
@@ -45,10 +45,6 @@ def compare(
         out_against_markers.json. The picture goes beside it.
     positions
         The picture in which the places were measured; most programs take the first, cold one.
-    include
-        Further status codes whose rays count, such as 5.
-    wavelength
-        Wavelength that the rendering must be of, "450 nm"; one of other light is refused.
     figures
         Draw measured and simulated shifts and residuals.
     """
@@ -78,7 +74,7 @@ def compare(
         written.append(picture)
     comparison.save(target)
     _print_report(report, image.name, comparison.image.resolution)
-    out.print("Files: " + ", ".join(map(str, written)), markup=False, soft_wrap=True)
+    say("Files: " + ", ".join(map(str, written)))
 
 
 def _print_report(report: dict[str, Any], name: str, resolution: tuple[int, int]) -> None:

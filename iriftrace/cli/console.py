@@ -184,12 +184,7 @@ def exit_status() -> int:
 
 
 def raise_if_noticed() -> None:
-    """Raise again what was swallowed on its way.
-
-    Raises
-    ------
-    KeyboardInterrupt
-    """
+    """Raise again what was swallowed on its way."""
     if noticed():
         _pending.clear()
         raise KeyboardInterrupt

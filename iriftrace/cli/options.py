@@ -129,6 +129,10 @@ Whole = Annotated[int, _parameter("INT", _whole)]
 Length = Annotated[float, _quantity("LENGTH", "mm", "mm")]
 LengthWithUnit = Annotated[float, _parameter("LENGTH", _length_with_unit)]
 Wavelength = Annotated[float, _quantity("LENGTH", "nm", "nm")]
+LightOf = Annotated[
+    Wavelength | None,
+    Parameter(help='Wavelength that the file must be of, "450 nm"; one of other light is refused.'),
+]
 Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "Pa")]
 Duration = Annotated[float, _quantity("TIME", "second", "s")]
 Angle = Annotated[float, _quantity("ANGLE", "degree", "deg")]
@@ -207,12 +211,7 @@ def statuses(include: list[int] | None) -> tuple[int, ...]:
 
 
 def check_input(*paths: Path | None) -> None:
-    """Refuse a folder where a file is read, and a file that may not be read.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a folder where a file is read, and a file that may not be read."""
     for path in paths:
         if path is None:
             continue
@@ -224,12 +223,7 @@ def check_input(*paths: Path | None) -> None:
 
 
 def check_field(*paths: Path) -> None:
-    """Refuse a folder that is no OpenFOAM case where a field is read, and an unreadable file.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a folder that is no OpenFOAM case where a field is read, and an unreadable file."""
     from iriftrace.field.readers.members import kind_of
 
     for path in paths:
@@ -239,12 +233,7 @@ def check_field(*paths: Path) -> None:
 
 
 def check_order(field: Path, part: Path) -> None:
-    """Refuse a field and a part that change places, as their names say.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a field and a part that change places, as their names say."""
     from trimesh import available_formats
 
     from iriftrace.field.readers.members import COMPRESSED, SUFFIXES
@@ -263,13 +252,7 @@ def check_order(field: Path, part: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse before the work a folder that could not be written after it.
-
-    Raises
-    ------
-    InputError
-        If it is a file, lies in one, or may not be written.
-    """
+    """Refuse before the work a folder that could not be written after it."""
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not there.is_dir():
         raise InputError(f"Cannot use {folder} as a folder: {there} is a file; name another one.")
@@ -293,10 +276,6 @@ def check_output(path: Path, suffix: str, example: str, *, make: bool = True) ->
         Name to propose.
     make : bool
         Whether its folder would be made.
-
-    Raises
-    ------
-    InputError
     """
     if path.is_dir():
         raise InputError(

@@ -20,17 +20,6 @@ if TYPE_CHECKING:
     from iriftrace.shells.stack import ShellStack
 
 
-MEANING = {
-    Status.GOOD: "good",
-    Status.MISSED: "missed the part",
-    Status.OUT_OF_FOCUS: "out of focus",
-    Status.REFRACTED_MISSED: "only the straight ray hit",
-    Status.ONLY_REFRACTED: "only the refracted ray hit",
-    Status.INDEX_MISMATCH: "index steps do not add up",
-    Status.GAVE_UP: "gave up (crossing limit)",
-    Status.BLOCKED: "another object in the way",
-}
-
 MANY_SHELLS = 30
 """From here on still more shells hardly bring a picture closer to the field."""
 
@@ -152,10 +141,10 @@ def print_summary(console: Console, metrics: PoseMetrics) -> None:
     )
     rays = metrics.rays
     table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
-    for status, meaning in MEANING.items():
+    for status in Status:
         if rays.of(status):
             share = _out_of_hits(status, rays)
-            table.add_row("", f"{rays.of(status):,} {meaning}{share}")
+            table.add_row("", f"{rays.of(status):,} {status.text}{share}")
     if rays.index_mismatch > MANY_MISMATCHES * max(rays.hit, 1):
         table.add_row(
             "",

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
-from iriftrace.cli.console import notes, out, raise_if_noticed
+from iriftrace.cli.console import notes, out, raise_if_noticed, say
 from iriftrace.cli.options import (
     Angle,
     LengthWithUnit,
-    Wavelength,
+    LightOf,
     Whole,
     check_input,
     check_output,
@@ -51,7 +50,7 @@ def plan(
     *,
     ranking: Ranking = THE_PAPERS,
     top: Whole = 10,
-    wavelength: Wavelength | None = None,
+    wavelength: LightOf = None,
     views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
     max_displacement: Annotated[LengthWithUnit | None, Parameter(group=VIEWS)] = None,
     max_incidence: Annotated[Angle | None, Parameter(group=VIEWS)] = None,
@@ -76,8 +75,6 @@ def plan(
         A file that ``iriftrace sweep`` wrote.
     top
         Rows of the ranking to print.
-    wavelength
-        Wavelength that the sweep must be of, "450 nm"; one of other light is refused.
     views
         Number of poses that together are to see as much area as possible.
     max_displacement
@@ -134,16 +131,16 @@ def plan(
     if save_poses is not None:
         _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
     # All that can be wrong has been found by now, so that nothing is printed in vain.
-    print_plan(out, summary, table)
+    print_plan(summary, table)
     if found.views is not None:
-        print_views(out, summary, found.views, limits)
+        print_views(summary, found.views, limits)
     if found.refined is not None:
-        print_refined(out, summary, found.refined)
+        print_refined(summary, found.refined)
         if output is not None:
             write_refined(output, found.refined, summary.plan, dataset)
-            out.print(f"Refined pose in {output}", markup=False, soft_wrap=True)
+            say(f"Refined pose in {output}")
     if save_poses is not None:
-        out.print(f"Ranked poses in {save_poses}", markup=False, soft_wrap=True)
+        say(f"Ranked poses in {save_poses}")
 
 
 @contextmanager
@@ -188,7 +185,7 @@ def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
             raise InputError(f"{name} is given without {needed}, so it changes nothing; add it.")
 
 
-def print_plan(console: Console, summary: SweepSummary, ranking: RankingTable) -> None:
+def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     """The ranking, how sure it is, and the best pose."""
     from iriftrace.planning.summary import alternative_text, front_text, stability_text
 
@@ -199,58 +196,52 @@ def print_plan(console: Console, summary: SweepSummary, ranking: RankingTable) -
     )
     for row in ranking.rows:
         table.add_row(*row)
-    console.print(table)
+    out.print(table)
     if ranking.note:
-        _say(console, ranking.note)
+        say(ranking.note)
     if plan.unranked:
         pose, reason = next(iter(plan.unranked.items()))
         count = len(plan.unranked)
         noun = "pose" if count == 1 else "poses, the first of them"
-        _say(console, f"Unranked: {count} {noun} {pose}: {reason}")
-    _say(console, stability_text(summary))
+        say(f"Unranked: {count} {noun} {pose}: {reason}")
+    say(stability_text(summary))
     unclear = alternative_text(summary)
     if unclear:
-        _say(console, unclear)
-    _say(console, front_text(summary))
-    _print_swept(console, "Best pose", summary, plan.best)
+        say(unclear)
+    say(front_text(summary))
+    _print_swept("Best pose", summary, plan.best)
 
 
-def _print_swept(console: Console, kind: str, summary: SweepSummary, pose: int) -> None:
+def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
     from iriftrace.sweep.diagnostics import setting_of
 
     setting = setting_of(summary.varied, pose)
     name = f"{kind} {pose}{f' ({setting})' if setting else ''}"
-    print_pose(console, name, summary.matrices[pose], summary.distance[pose])
+    print_pose(name, summary.matrices[pose], summary.distance[pose])
 
 
-def print_pose(console: Console, name: str, matrix: ArrayLike, distance_mm: float) -> None:
+def print_pose(name: str, matrix: ArrayLike, distance_mm: float) -> None:
     """A pose as matrix, as look-at and as XML."""
     from iriftrace.camera.pose import pose_text
 
     text = pose_text(matrix, distance_mm)
-    _say(console, f"{name}, camera to world (x right, y down, z forward; mm):")
+    say(f"{name}, camera to world (x right, y down, z forward; mm):")
     for row in text.matrix:
-        _say(console, f"  {row}")
-    _say(console, f"Look-at: {text.look_at}")
-    _say(console, "In the scene file, inside the sensor:")
+        say(f"  {row}")
+    say(f"Look-at: {text.look_at}")
+    say("In the scene file, inside the sensor:")
     for line in text.xml:
-        _say(console, f"  {line}")
+        say(f"  {line}")
 
 
-def print_views(
-    console: Console, summary: SweepSummary, views: ViewSet, limits: ViewLimits
-) -> None:
+def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
     """Poses that together see the most, what each adds, and how good the choice is."""
     region = summary.plan.criteria.region
     what = "the part" if region == "part" else f"region {region}"
-    _say(
-        console,
+    say(
         f"Poses that together see the most of {what}; a face counts that is seen {limits.text}:",
     )
-    table = _table(
-        None,
-        ("view", "pose", "azim. °", "elev. °", "adds %", "together %"),
-    )
+    table = _table(None, ("view", "pose", "azim. °", "elev. °", "adds %", "together %"))
     together = 0.0
     for number, (pose, added) in enumerate(
         zip(views.poses.tolist(), views.added.tolist(), strict=True), start=1
@@ -264,22 +255,21 @@ def print_views(
             f"{100 * added:.2f}",
             f"{100 * together:.2f}",
         )
-    console.print(table)
+    out.print(table)
     proof = (
         "no other choice of as many poses sees more (exact)."
         if views.exact
         else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
     )
-    _say(
-        console,
+    say(
         f"Together they see {100 * views.covered:.2f} % of the area of {what}, of "
         f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}",
     )
     for pose in views.poses.tolist():
-        _print_swept(console, "Pose", summary, pose)
+        _print_swept("Pose", summary, pose)
 
 
-def print_refined(console: Console, summary: SweepSummary, refined: Refinement) -> None:
+def print_refined(summary: SweepSummary, refined: Refinement) -> None:
     """Gain of a search around the best pose."""
     from iriftrace.sweep.diagnostics import setting_of
 
@@ -293,8 +283,7 @@ def print_refined(console: Console, summary: SweepSummary, refined: Refinement) 
         )
     else:
         found = f"found nothing better than its score {refined.start_score:.4f}."
-    _say(
-        console,
+    say(
         f"The search around pose {refined.start} ({refined.evaluations} poses, {end}) {found}",
     )
     table = _table("Metrics", ("", "swept pose", "refined pose"))
@@ -302,10 +291,10 @@ def print_refined(console: Console, summary: SweepSummary, refined: Refinement) 
         factor = {"µm": 1e3, "%": 100.0, "mm": 1.0}[metric.unit]
         values = (refined.start_metrics[metric.key], refined.metrics[metric.key])
         table.add_row(metric.label, *(f"{factor * value:.4g}" for value in values))
-    console.print(table)
+    out.print(table)
     setting = setting_of(summary.varied, refined.start)
     name = f"Refined pose ({setting})" if setting else "Refined pose"
-    print_pose(console, name, refined.matrix, refined.distance_mm)
+    print_pose(name, refined.matrix, refined.distance_mm)
 
 
 def _table(title: str | None, headings: tuple[str, ...]) -> Table:
@@ -314,7 +303,3 @@ def _table(title: str | None, headings: tuple[str, ...]) -> Table:
     for heading in headings:
         table.add_column(heading, justify="right" if heading else "left")
     return table
-
-
-def _say(console: Console, text: str) -> None:
-    console.print(text, markup=False, soft_wrap=True)

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import (
-    Wavelength,
+    LightOf,
     Whole,
     check_folder,
     check_input,
@@ -27,7 +27,7 @@ def plot(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
     ranking: Ranking = THE_PAPERS,
-    wavelength: Wavelength | None = None,
+    wavelength: LightOf = None,
 ) -> None:
     """Draw a sweep, a study or one pose.
 
@@ -45,8 +45,6 @@ def plot(
         which the options for the ranking do not apply.
     output
         Folder for the pictures (PNG, and PDF where there are vectors).
-    wavelength
-        Wavelength that the file must be of, "450 nm"; one of other light is refused.
     """
     from iriftrace.figures.result import plot as draw
     from iriftrace.figures.result import read_result
@@ -74,7 +72,7 @@ def report(
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
     ranking: Ranking = THE_PAPERS,
     top: Whole = 10,
-    wavelength: Wavelength | None = None,
+    wavelength: LightOf = None,
 ) -> None:
     """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
 
@@ -88,8 +86,6 @@ def report(
         The HTML file.
     top
         Rows of the ranking.
-    wavelength
-        Wavelength that the sweep must be of, "450 nm"; one of other light is refused.
     """
     from iriftrace.figures.report import write_report
     from iriftrace.planning.summary import summarise

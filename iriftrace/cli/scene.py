@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import out, show_warning, working
+from iriftrace.cli.console import out, say, show_warning, working
 from iriftrace.cli.field_options import (
     AirOptions,
     FieldOptions,
@@ -277,7 +277,7 @@ def _ensemble(
     out.print(table)
     for origin in dict.fromkeys(member.source["origin"] for member in built.members):
         if origin:
-            out.print(f"Field: {origin}.", markup=False, soft_wrap=True)
+            say(f"Field: {origin}.")
     what = f"Scene of an ensemble of {len(built.members)} fields"
     _print_scene(output, camera, settings["scale"], what)
 
@@ -287,4 +287,4 @@ def _print_scene(path: Path, camera: Camera, scale: float, what: str = "Scene") 
     from iriftrace.cli.output import print_camera
 
     print_camera(out, camera, scale)
-    out.print(f"{what} written; now run:  iriftrace render {path}", markup=False, soft_wrap=True)
+    say(f"{what} written; now run:  iriftrace render {path}")

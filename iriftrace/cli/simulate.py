@@ -89,13 +89,7 @@ class SimulationOptions:
     snapshots: Whole = 0
 
     def case(self, part: Part, processes: int) -> Case:
-        """The case these options describe.
-
-        Raises
-        ------
-        InputError
-            It cannot be simulated.
-        """
+        """The case these options describe."""
         from iriftrace.cfd.openfoam.case import natural_case
         from iriftrace.cfd.openfoam.wall import WallTemperatures
 

@@ -11,7 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from iriftrace.cli.camera_options import OrbitOptions
-from iriftrace.cli.console import notes, out, pose_progress
+from iriftrace.cli.console import notes, out, pose_progress, say
 from iriftrace.cli.options import Lengths, Statuses, Whole, check_input, check_output, statuses
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import InputError
@@ -61,8 +61,6 @@ def sweep(
         Add the two nearest-neighbour readings of the resolution, which takes longer.
     exr
         Keep each pose's AOV image in a folder beside the result.
-    include
-        Further status codes whose rays the metrics use, such as 5.
     export
         Write the table of the whole part to this .csv or .parquet file too.
     surface
@@ -98,13 +96,13 @@ def sweep(
         from iriftrace.sweep.export import write_table
 
         write_table(export, dataset)
-        out.print(f"Table in {export}", markup=False, soft_wrap=True)
+        say(f"Table in {export}")
     if surface is not None:
         from iriftrace.sweep.export import write_surface
 
         write_surface(surface, dataset, loaded[0].part)
-        out.print(f"Part with the maps of all poses in {surface}", markup=False, soft_wrap=True)
-    out.print(f"Sweep in {output}; now run:  iriftrace plan {output}", markup=False, soft_wrap=True)
+        say(f"Part with the maps of all poses in {surface}")
+    say(f"Sweep in {output}; now run:  iriftrace plan {output}")
 
 
 def _check(
@@ -159,12 +157,10 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     good = whole["rays_good"].values
     failed = [text for text in dataset["failure"].values if text]
     blurred = (whole["rays_out_of_focus"].values > 0) & (good == 0)
-    out.print(
+    say(
         f"{len(good)} poses: {(good >= 100).sum()} with at least 100 good rays, {blurred.sum()} "
         f"({blurred.mean():.0%}) with nothing in focus, {len(failed)} failed"
         f"{': ' + failed[0] if failed else ''}",
-        markup=False,
-        soft_wrap=True,
     )
     for name, unit, factor in (
         ("displacement_median", "um", 1e3),
@@ -180,7 +176,7 @@ def _print_sweep(dataset: xr.Dataset) -> None:
             )
     assumed = attribute(dataset, "assumptions").get("field_origin", "not stated")
     if assumed != "not stated":
-        out.print(f"  field: {assumed}", markup=False, soft_wrap=True)
+        say(f"  field: {assumed}")
     seen = dataset["face_times_seen"].values > 0
     area = dataset["face_area"].values
     out.print(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")

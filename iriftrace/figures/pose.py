@@ -31,13 +31,13 @@ UM_PER_MM = 1000.0
 # Flat colours that differ from each other, from the white background, from the colour map and from
 # the black lines of silhouettes. Beside these lie most rays whose refracted twin misses: they get
 # the vermilion that colour-blind eyes tell from viridis and from greys.
-STATUS_COLOURS: dict[Status, tuple[str, str]] = {
-    Status.OUT_OF_FOCUS: ("0.84", "Out of focus"),
-    Status.BLOCKED: ("0.70", "Another object in the way"),
-    Status.REFRACTED_MISSED: (COLOURS[1], "Refracted ray missed the part"),
-    Status.ONLY_REFRACTED: ("0.56", "Only the refracted ray hit"),
-    Status.INDEX_MISMATCH: ("0.42", "Index steps do not add up"),
-    Status.GAVE_UP: ("0.27", "Gave up (crossing limit)"),
+STATUS_COLOURS = {
+    Status.OUT_OF_FOCUS: "0.84",
+    Status.BLOCKED: "0.70",
+    Status.REFRACTED_MISSED: COLOURS[1],
+    Status.ONLY_REFRACTED: "0.56",
+    Status.INDEX_MISMATCH: "0.42",
+    Status.GAVE_UP: "0.27",
 }
 
 
@@ -186,18 +186,18 @@ def _draw_without_displacement(
     codes = np.full(status.shape, np.nan)
     total = int((status != Status.MISSED).sum())
     entries = []
-    for place, (code, (colour, label)) in enumerate(STATUS_COLOURS.items()):
+    for place, (code, colour) in enumerate(STATUS_COLOURS.items()):
         pixels = others & (status == code)
         count = int(pixels.sum())
         if count:
             codes[pixels] = place
             share = f"{100 * count / total:.1f} %" if count / total >= 0.0005 else "< 0.1 %"
-            text = f"{label}: {count:,} px ({share})"
+            text = f"{code.text.capitalize()}: {count:,} px ({share})"
             entries.append(Patch(facecolor=colour, edgecolor="0.3", linewidth=0.4, label=text))
     axes.imshow(
         codes,
         norm=Normalize(-0.5, len(STATUS_COLOURS) - 0.5),
-        cmap=ListedColormap([colour for colour, _ in STATUS_COLOURS.values()]),
+        cmap=ListedColormap(list(STATUS_COLOURS.values())),
         extent=extent,
         interpolation="nearest",
     )

@@ -16,7 +16,6 @@ from iriftrace.camera.pose import PoseText, pose_text
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
-from iriftrace.figures.sweep_charts import RAY_OUTCOMES
 from iriftrace.image.aov_image import Status
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.stability import stability
@@ -309,7 +308,7 @@ def _rays(dataset: xr.Dataset) -> Rows:
     total = max(1, sum(counts.values()))
     return tuple(
         (
-            "Missed the part" if status is Status.MISSED else RAY_OUTCOMES[status][1],
+            status.text.capitalize(),
             f"{count:,}",
             f"{100 * count / total:.3g} %",
         )

@@ -137,15 +137,7 @@ def temperature_ticks(norm: FuncNorm) -> list[float]:
 
 
 def camera_body(camera: Camera, size: float) -> pv.PolyData:
-    """A box and a lens behind the pinhole; mm, world.
-
-    Parameters
-    ----------
-    camera
-        Whose pose it is.
-    size
-        About the width of the body, mm.
-    """
+    """A box and a lens behind the pinhole, about `size` mm wide; mm, world."""
     box = pv.Cube(
         center=(0.0, 0.0, -0.75 * size),
         x_length=1.3 * size,
@@ -165,20 +157,9 @@ def camera_body(camera: Camera, size: float) -> pv.PolyData:
 
 
 def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
-    """Edges of a camera's view and outlines of its focus interval.
+    """Edges of a camera's view, without names, and outlines of its focus interval; mm, world.
 
-    Parameters
-    ----------
-    camera
-        The camera. Where its far focus lies well behind the part, the edges end earlier and there
-        is no outline of it.
-    part
-        What it looks at.
-
-    Returns
-    -------
-    list of (name, points)
-        Polylines, (n, 3) arrays, mm, world; the names of the edges are empty.
+    Where the far focus lies well behind the part, the edges end earlier and it has no outline.
     """
     local = camera.to_camera(part.vertices)
     pinhole = camera.projection == "pinhole"

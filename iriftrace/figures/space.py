@@ -311,13 +311,7 @@ def thinned(surface: pv.PolyData) -> pv.PolyData:
 
 
 def rendered(view: View, box: Box, draw: Callable[[pv.Plotter], None]) -> NDArray[np.uint8]:
-    """(height, width, 3) array: what `draw` adds to a plotter, before the grids of the box.
-
-    Raises
-    ------
-    SetupError
-        This machine has no OpenGL that draws without a display.
-    """
+    """(height, width, 3) array: what `draw` adds to a plotter, before the grids of the box."""
     with off_screen(view.size_px) as plotter:
         add_box(plotter, view, box)
         draw(plotter)
@@ -343,19 +337,7 @@ def add_picture(
 ) -> Axes:
     """Put a rendered picture, pixel for pixel, under the labels of its box.
 
-    Parameters
-    ----------
-    figure
-        From `titled_figure`.
-    picture, view, box
-        What was rendered, and how.
-    corner_px
-        Where the picture's lower left corner goes.
-
-    Returns
-    -------
-    Axes
-        Whose coordinates are the pixels of the view.
+    Its lower left corner goes to `corner_px`; the axes have the pixels of the view as coordinates.
     """
     (width, height), (columns, rows) = SIZE_PX, view.size_px
     left, foot = corner_px

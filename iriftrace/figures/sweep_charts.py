@@ -33,15 +33,15 @@ from iriftrace.planning.summary import SweepSummary
 _BAR_COLOUR = "#31688e"
 _BINS = 24
 
-# Colours and names; what can be used has the colour of the bars.
-RAY_OUTCOMES: dict[Status, tuple[str, str]] = {
-    Status.GOOD: (_BAR_COLOUR, "Good"),
-    Status.OUT_OF_FOCUS: ("#b8c4cf", "Out of focus"),
-    Status.BLOCKED: ("#7f7f7f", "Another object in the way"),
-    Status.REFRACTED_MISSED: (COLOURS[4], "Only the straight ray hit"),
-    Status.ONLY_REFRACTED: (COLOURS[1], "Only the refracted ray hit"),
-    Status.INDEX_MISMATCH: (COLOURS[3], "Index steps do not add up"),
-    Status.GAVE_UP: ("#222222", "Gave up (crossing limit)"),
+# What can be used has the colour of the bars.
+_OUTCOME_COLOURS = {
+    Status.GOOD: _BAR_COLOUR,
+    Status.OUT_OF_FOCUS: "#b8c4cf",
+    Status.BLOCKED: "#7f7f7f",
+    Status.REFRACTED_MISSED: COLOURS[4],
+    Status.ONLY_REFRACTED: COLOURS[1],
+    Status.INDEX_MISMATCH: COLOURS[3],
+    Status.GAVE_UP: "#222222",
 }
 
 
@@ -154,13 +154,13 @@ def rays_figure(summary: SweepSummary) -> Figure:
     edges = np.arange(count + 1) - 0.5
     base = np.zeros(count)
     entries: list[Patch | Line2D] = []
-    for status, (colour, text) in RAY_OUTCOMES.items():
+    for status, colour in _OUTCOME_COLOURS.items():
         if status not in summary.rays:
             continue
         top = base + np.maximum(summary.rays[status], 0)
         upper.stairs(top, edges, baseline=base, fill=True, color=colour)
         most = int(summary.rays[status].max())
-        entries.append(Patch(facecolor=colour, label=f"{text}: up to {most:,}"))
+        entries.append(Patch(facecolor=colour, label=f"{status.text.capitalize()}: up to {most:,}"))
         base = top
     for axes, (numbers, label) in zip(others, counts, strict=True):
         axes.stairs(np.maximum(numbers, 0), edges, fill=True, color="0.45")

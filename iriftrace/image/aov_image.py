@@ -93,6 +93,23 @@ class Status(IntEnum):
         """Name of the code in the metrics JSON, such as ``out_of_focus``."""
         return self.name.lower()
 
+    @property
+    def text(self) -> str:
+        """The outcome in words, as in tables and legends."""
+        return _OUTCOMES[self]
+
+
+_OUTCOMES = {
+    Status.GOOD: "good",
+    Status.MISSED: "missed the part",
+    Status.OUT_OF_FOCUS: "out of focus",
+    Status.REFRACTED_MISSED: "only the straight ray hit",
+    Status.ONLY_REFRACTED: "only the refracted ray hit",
+    Status.INDEX_MISMATCH: "index steps do not add up",
+    Status.GAVE_UP: "gave up (crossing limit)",
+    Status.BLOCKED: "another object in the way",
+}
+
 
 @frozen(eq=False)
 class AovImage:
