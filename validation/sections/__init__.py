@@ -6,6 +6,7 @@ from validation.sections import (
     exact_continuous,
     exact_shells,
     index_steps,
+    known_air,
     ledger,
     naive,
     noise_floor,
@@ -19,6 +20,7 @@ SECTIONS = tuple(
     for module in (
         exact_shells,
         exact_continuous,
+        known_air,
         column,
         noise_floor,
         index_steps,
