@@ -267,15 +267,8 @@ def check_folder(folder: Path) -> None:
 def check_output(path: Path, suffix: str, example: str, *, make: bool = True) -> None:
     """Refuse before the work a file that could not be written after it.
 
-    Parameters
-    ----------
-    path : Path
-    suffix : str
-        What its name must end in: the program's other files are named after it.
-    example : str
-        Name to propose.
-    make : bool
-        Whether its folder would be made.
+    Its name must end in `suffix`, since other files are named after it; `example` is one to
+    propose, and `make` says whether its folder would be made.
     """
     if path.is_dir():
         raise InputError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -166,8 +166,12 @@ def scene(
         else chosen_members([field, *(member or [])], field_options.time)
     )
     if len(states) > 1:
-        fields = _fields(states, measured, air, field_options, shell_options)
-        _ensemble(fields, measured, output, camera_options, settings)
+
+        def cut(one: Member) -> tuple[ShellStack, IndexField]:
+            volume = field_options.read(one.path, air.air(), measured, one.index)
+            return shell_options.build(volume), volume
+
+        _ensemble(states, measured, output, camera_options, cut, settings)
         return
     # Without --time whoever reads the file says which of several states it is.
     number = states[0].index if states and field_options.time is not None else None
@@ -221,45 +225,31 @@ def _unit_of(stack: ShellStack) -> str:
     return "mm" if stack.source is None else stack.source.length_unit
 
 
-def _fields(
-    given: Sequence[Member],
-    part: Part,
-    air: AirOptions,
-    field_options: FieldOptions,
-    shell_options: ShellOptions,
-) -> Iterator[MemberAir]:
-    """Field by field with its shells, each read when it is asked for."""
-    from iriftrace.scene.build import named
-    from iriftrace.scene.write_ensemble import MemberAir
-
-    for number, one in enumerate(given, start=1):
-        with working(f"Member {number} of {len(given)}: {one.label}"), named(one.label):
-            volume = field_options.read(one.path, air.air(), part, one.index)
-            stack = shell_options.build(volume)
-        yield MemberAir(one.label, one.time, stack, volume)
-
-
 def _ensemble(
-    fields: Iterator[MemberAir],
+    given: Sequence[Member],
     part: Part,
     output: Path,
     camera_options: CameraOptions,
+    cut: Callable[[Member], tuple[ShellStack, IndexField]],
     settings: dict[str, Any],
 ) -> None:
-    """Write the scene of several fields, seen by one camera, and say what was written."""
-    from iriftrace.scene.build import build_ensemble
+    """Write the scene of several fields, each cut when it is needed, and say what was written."""
+    from iriftrace.scene.build import build_ensemble, named
+    from iriftrace.scene.write_ensemble import MemberAir
 
     hottest_k: list[float] = []
 
-    def noted(members: Iterable[MemberAir]) -> Iterator[MemberAir]:
-        for member in members:
-            assert member.field is not None
-            hottest_k.append(float(member.field.temperature_k.max()))
-            yield member
+    def members() -> Iterator[MemberAir]:
+        for number, one in enumerate(given, start=1):
+            with working(f"Member {number} of {len(given)}: {one.label}"), named(one.label):
+                stack, volume = cut(one)
+            hottest_k.append(float(volume.temperature_k.max()))
+            yield MemberAir(one.label, one.time, stack, volume)
 
+    fields = members()
     first = next(fields)
     camera = camera_options.camera(part, first.field, first.shells, settings["scale"])
-    built = build_ensemble(noted(chain((first,), fields)), part, camera, output, **settings)
+    built = build_ensemble(chain((first,), fields), part, camera, output, **settings)
     table = Table(title=f"Ensemble of {len(built.members)} fields")
     table.add_column("member", justify="right")
     table.add_column("field")

@@ -148,7 +148,7 @@ def _run(
 ) -> None:
     """Run a study behind a progress bar, print its tables and draw its figure.
 
-    `describe` gets the fields, and by name modes, view and remarks; all options were looked at.
+    `describe` gets the fields, and by name modes and view; all options were looked at.
     """
     from iriftrace.figures.studies import study_figure
     from iriftrace.figures.style import write_figure
@@ -175,8 +175,8 @@ def _run(
     stack = contour_shells(volumes[-1], 1)
     camera = options.camera.camera(mesh, volumes[-1], stack, scale)
     refuse_camera_inside(camera.origin, mesh, stack, volumes[-1])
-    view = View(mesh, camera.scaled(scale), traced_by)
-    described = describe(*volumes, view=view, modes=modes, notes=options.field.notes())
+    view = View(mesh, camera.scaled(scale), traced_by, options.field.notes())
+    described = describe(*volumes, view=view, modes=modes)
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
     (print_comparison if described.references else print_timing)(out, dataset)

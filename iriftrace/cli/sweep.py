@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,8 +17,6 @@ from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from iriftrace.sweep.series import RenderPoses
 
 
 def sweep(
@@ -73,13 +70,20 @@ def sweep(
         Number of local workers; by default one for every two cores, at least two.
     """
     from iriftrace.sweep.sweep import SweepOptions, run_sweep
+    from iriftrace.sweep.workers import pose_workers
 
     if workers is not None and scheduler is None:
         scheduler = "local"
     _check(scenes, output, export, surface, scheduler, workers)
     with notes.status("Loading the scene ..."):
         loaded = [trace.load(scene) for scene in scenes]
-    with _renderer(scheduler, workers) as render, pose_progress(output) as report:
+    render = None
+    with ExitStack() as stack:
+        if scheduler is not None:
+            starting = scheduler == "local"
+            with notes.status("Starting workers ..." if starting else f"Calling {scheduler} ..."):
+                render = stack.enter_context(pose_workers(scheduler, workers))
+        report = stack.enter_context(pose_progress(output))
         dataset = run_sweep(
             loaded,
             orbit.pose_sets(loaded[0]),
@@ -131,23 +135,6 @@ def _check(
             check_output(path, path.suffix.lower(), example, make=False)
     if scheduler is not None:
         check_scheduler(scheduler, workers)
-
-
-@contextmanager
-def _renderer(scheduler: str | None, count: int | None) -> Iterator[RenderPoses | None]:
-    """Renderer of poses; None is this process."""
-    if scheduler is None:
-        yield None
-        return
-    from contextlib import ExitStack
-
-    from iriftrace.sweep.workers import pose_workers
-
-    with ExitStack() as stack:
-        starting = scheduler == "local"
-        with notes.status("Starting workers ..." if starting else f"Calling {scheduler} ..."):
-            render = stack.enter_context(pose_workers(scheduler, count))
-        yield render
 
 
 def _print_sweep(dataset: xr.Dataset) -> None:

@@ -69,25 +69,10 @@ _MOST_REASONS = 200
 
 @frozen(eq=False)
 class ReportContent:
-    """The report's text.
+    """The report's text; rows are of name and value.
 
-    Attributes
-    ----------
-    title, question, answer : str
-    unclear : str or None
-        That the winner is not clear.
-    setting, assumptions : rows of (name, value)
-    ranking, front : RankingTable
-    best : PoseText
-    best_pose : int
-    stability : str
-    varied_weights : rows
-        Metric; rank of the best pose and winner with the smaller weight; the same with the larger.
-    rays : rows
-        What became of the rays, their number, their share.
-    limits : tuple of str
-        A sentence each.
-    unranked : rows of (pose, reason)
+    Rows of the varied weights: metric; rank of the best pose and winner with the smaller weight;
+    the same with the larger. Of the rays: what became of them, their number, their share.
     """
 
     title: str
@@ -108,20 +93,7 @@ class ReportContent:
 
 
 def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> ReportContent:
-    """Collect what is said of a sweep.
-
-    Parameters
-    ----------
-    dataset, summary
-        The sweep.
-    top
-        Rows of the ranking.
-
-    Raises
-    ------
-    InputError
-        If no row is wanted.
-    """
+    """Collect what is said of a sweep, with `top` rows of the ranking."""
     plan = summary.plan
     ranking = ranking_table(summary, top)
     part = _name(attribute(dataset, "part"))
@@ -307,11 +279,7 @@ def _rays(dataset: xr.Dataset) -> Rows:
     }
     total = max(1, sum(counts.values()))
     return tuple(
-        (
-            status.text.capitalize(),
-            f"{count:,}",
-            f"{100 * count / total:.3g} %",
-        )
+        (status.text.capitalize(), f"{count:,}", f"{100 * count / total:.3g} %")
         for status, count in counts.items()
         if count
     )

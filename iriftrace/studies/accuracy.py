@@ -36,8 +36,6 @@ def layers_study(
     layers: Sequence[int],
     modes: Sequence[Mode],
     references: Sequence[str] | None = None,
-    *,
-    notes: Mapping[str, str] | None = None,
 ) -> Study:
     """Compare numbers of shells with references.
 
@@ -52,8 +50,6 @@ def layers_study(
         ``"continuous"``, ``"linear cells"`` (see `iriftrace.studies.study.References`), or a
         number: a stack of as many shells in the case's own mode. By default 20, as in the paper,
         and continuous.
-    notes : mapping of str, optional
-        What the fields do not say of themselves.
 
     Raises
     ------
@@ -77,7 +73,7 @@ def layers_study(
         modes=tuple(modes),
         view=lambda position: view,
         stack=lambda mode, position: shells_of(field, layers[position], mode),
-        source=source_of(view, [field], notes),
+        source=source_of(view, [field]),
         references=References(
             tuple(names), field, lambda mode, name: shells_of(field, int(name), mode)
         ),
@@ -93,7 +89,6 @@ def smoothing_study(
     references: Sequence[str] | None = None,
     *,
     layers: int = 13,
-    notes: Mapping[str, str] | None = None,
 ) -> Study:
     """Compare shells of one field, smoothed by Taubin's method, with those of a finer field.
 
@@ -112,8 +107,6 @@ def smoothing_study(
         (2025). ``"continuous"``: the continuous engine on that field. By default both.
     layers : int
         Number of shells.
-    notes : mapping of str, optional
-        What the fields do not say of themselves.
     """
     fields = [field, finest]
     for mode in modes:
@@ -133,7 +126,7 @@ def smoothing_study(
         modes=tuple(modes),
         view=lambda position: view,
         stack=stack,
-        source=source_of(view, fields, notes, layers=layers),
+        source=source_of(view, fields, layers=layers),
         references=_finest(fields, layers, references),
     )
 
@@ -146,7 +139,6 @@ def mesh_study(
     *,
     layers: int = 13,
     split: Sequence[str] = (),
-    notes: Mapping[str, str] | None = None,
 ) -> Study:
     """Compare fields of several resolutions with the last of them, cut at the same levels.
 
@@ -164,8 +156,6 @@ def mesh_study(
         Names of fields that are also contoured after their cells were divided into tetrahedra
         (`TETRAHEDRA` is put after the name), and after these were split into eight (`SPLIT`).
         Between the last two only coplanar triangles are added.
-    notes : mapping of str, optional
-        What the fields do not say of themselves.
 
     Raises
     ------
@@ -212,7 +202,7 @@ def mesh_study(
         modes=tuple(modes),
         view=lambda position: view,
         stack=stack,
-        source=source_of(view, list(fields.values()), notes, layers=layers),
+        source=source_of(view, list(fields.values()), layers=layers),
         references=_finest(list(fields.values()), layers, references),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -32,7 +32,6 @@ def rays_study(
     modes: Sequence[Mode],
     *,
     layers: int = 13,
-    notes: Mapping[str, str] | None = None,
 ) -> Study:
     """Time the stages of one picture at several resolutions.
 
@@ -46,8 +45,6 @@ def rays_study(
     modes : sequence of Mode
     layers : int
         Number of shells.
-    notes : mapping of str, optional
-        What the field does not say of itself.
 
     Raises
     ------
@@ -69,7 +66,7 @@ def rays_study(
         modes=tuple(modes),
         view=lambda position: evolve(view, camera=cameras[position]),
         stack=lambda mode, position: shells_of(field, layers, mode),
-        source=source_of(view, [field], notes, layers=layers),
+        source=source_of(view, [field], layers=layers),
     )
 
 
@@ -81,7 +78,6 @@ def polygons_study(
     layers: int = 13,
     smallest: int = SMALLEST,
     largest: int = LARGEST,
-    notes: Mapping[str, str] | None = None,
 ) -> Study:
     """Time the stages of one picture at several numbers of triangles.
 
@@ -99,8 +95,6 @@ def polygons_study(
         Triangles of each shell to begin with; larger shells are thinned out to it.
     largest : int
         No more subdivisions than give this mean number of triangles for each shell.
-    notes : mapping of str, optional
-        What the field does not say of itself.
 
     Raises
     ------
@@ -127,7 +121,7 @@ def polygons_study(
         modes=tuple(modes),
         view=lambda position: view,
         stack=lambda mode, position: subdivide_midpoint(start(mode), position),
-        source=source_of(view, [field], notes, layers=layers, smallest=smallest),
+        source=source_of(view, [field], layers=layers, smallest=smallest),
     )
 
 

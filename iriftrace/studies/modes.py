@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from attrs import Attribute, asdict, evolve, field, frozen
 
@@ -21,6 +22,17 @@ the same with one gradient in each cell."""
 
 NORMALS = ("gradient", "facet")
 INSIDE_HITS = ("refract", "drop")
+
+
+def _one_of(allowed: Sequence[str]) -> Callable[[Any, Attribute[str], str], None]:
+    def check(_: Any, choice: Attribute[str], value: str) -> None:
+        if value not in allowed:
+            raise InputError(
+                f"Unknown {choice.name.replace('_', ' ')} '{value}'; use one of "
+                f"{', '.join(allowed)}."
+            )
+
+    return check
 
 
 @frozen
@@ -45,22 +57,10 @@ class Mode:
     """
 
     name: str
-    normals: str = field(default="gradient")
-    index_rule: str = field(default=RULES[0])
-    inside_hit: str = field(default="refract")
+    normals: str = field(default="gradient", validator=_one_of(NORMALS))
+    index_rule: str = field(default=RULES[0], validator=_one_of(RULES))
+    inside_hit: str = field(default="refract", validator=_one_of(INSIDE_HITS))
     drop_inner: tuple[int, ...] = field(default=(0,), converter=tuple[int, ...])
-
-    @normals.validator
-    def _check_normals(self, _: Attribute[str], value: str) -> None:
-        _check("normals", value, NORMALS)
-
-    @index_rule.validator
-    def _check_rule(self, _: Attribute[str], value: str) -> None:
-        _check("index rule", value, RULES)
-
-    @inside_hit.validator
-    def _check_inside_hit(self, _: Attribute[str], value: str) -> None:
-        _check("treatment of inside hits", value, INSIDE_HITS)
 
     @drop_inner.validator
     def _check_drop_inner(self, _: Attribute[tuple[int, ...]], value: tuple[int, ...]) -> None:
@@ -110,11 +110,6 @@ class Mode:
     def as_dict(self) -> dict[str, object]:
         """Plain JSON values."""
         return {**asdict(self), "drop_inner": list(self.drop_inner)}
-
-
-def _check(what: str, value: str, allowed: Sequence[str]) -> None:
-    if value not in allowed:
-        raise InputError(f"Unknown {what} '{value}'; use one of {', '.join(allowed)}.")
 
 
 OURS = Mode("ours")

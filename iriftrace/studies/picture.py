@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-from attrs import frozen
+from attrs import field, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import IriftraceWarning
@@ -33,11 +33,14 @@ class View:
         At the resolution that is traced.
     variant : str
         Mitsuba variant.
+    notes : mapping of str
+        What the fields do not say of themselves, for the study's file.
     """
 
     part: Part
     camera: Camera
     variant: str
+    notes: Mapping[str, str] = field(factory=dict)
 
 
 @contextmanager

@@ -137,9 +137,7 @@ class Study:
                 )
 
 
-def source_of(
-    view: View, fields: Sequence[IndexField], notes: Mapping[str, str] | None = None, **more: Any
-) -> dict[str, Any]:
+def source_of(view: View, fields: Sequence[IndexField], **more: Any) -> dict[str, Any]:
     """Where a study comes from, as plain JSON values."""
     return {
         "version": version("iriftrace"),
@@ -148,7 +146,7 @@ def source_of(
         "air": asdict(fields[0].air),
         "wavelength_nm": fields[0].air.wavelength_nm,
         "camera": view.camera.as_dict(),
-        "notes": dict(notes or {}),
+        "notes": dict(view.notes),
         "variant": view.variant,
         "length_unit": "mm",
         **more,
