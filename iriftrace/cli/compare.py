@@ -52,12 +52,13 @@ def compare(
     from iriftrace.image.comparison import compare as compare_files
 
     check_input(image, measured)
+    header = read_exr(image).header
     target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
     check_output(target, ".json", "comparison.json", make=False)
     if target.resolve() == measured.resolve():
         raise InputError(f"The output {target} would replace the measured shift; name another one.")
     used = statuses(include)
-    check_light(wavelength, read_exr(image).header, image)
+    check_light(wavelength, header, image)
     with working("Comparing"):
         comparison = compare_files(image, measured, positions=positions, include=used)
     report = comparison.as_dict()

@@ -21,7 +21,9 @@ def test_rules_place_the_shells_where_they_say() -> None:
         papers = shells_of(sphere_field(), 4, PAPERS)
     assert ours is not None
     assert papers is not None
-    np.testing.assert_allclose([s.refractivity for s in ours.shells], (e[1:] + e[:-1]) / 2)
+    steps = np.linspace(AMBIENT, HOTTEST, 4)
+    levels = [0.9 * steps[0] + 0.1 * steps[1], *(steps[1:] + steps[:-1]) / 2]
+    np.testing.assert_allclose([s.refractivity for s in ours.shells], levels)
     # The fourth level is the hottest air itself, which is one point of this field.
     np.testing.assert_allclose([s.refractivity for s in papers.shells], e[1:4])
 

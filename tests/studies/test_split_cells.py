@@ -18,7 +18,7 @@ def volume(field: IndexField) -> np.ndarray:
 
 
 def area(field: IndexField) -> np.ndarray:
-    shells = contour_shells(field, 3, min_size_mm=0.0).shells
+    shells = contour_shells(field, 3, rule="midpoint", min_size_mm=0.0).shells
     return np.array(
         [np.linalg.norm(area_vectors(s.vertices, s.faces), axis=1).sum() for s in shells]
     )
