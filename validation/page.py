@@ -15,8 +15,8 @@ from validation.line import Line, Section
 
 INTRODUCTION = """# Accuracy
 
-Computed by `make accuracy`; a section alone by `make accuracy PARTS="{first}"`. The tests compute
-the cheap sections and fail when an error leaves its bound. mitsuba {mitsuba}, drjit {drjit},
+Computed by `make accuracy`; a section alone by `make accuracy PARTS="{first}"`. `make test-all`
+checks what has a bound, but for the agreement of the engines. mitsuba {mitsuba}, drjit {drjit},
 variant {variant}.
 """
 

@@ -18,7 +18,7 @@ from validation.oracles.closed_forms import (
     RoundAir,
     layered_cylinder_displacement_um,
 )
-from validation.sections.exact_shells import cylinder_hits, displacements_um, slab_hits
+from validation.sections.exact_shells import cylinder_hits, displacements_um, slab_hits, usual_hits
 
 LAYERS = (13, 26, 100)
 EXACT_UM = np.array(list(CYLINDER_UM.values()))
@@ -33,8 +33,13 @@ def slab(variant: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Ra
 def cylinders(
     variant: str, tmp_path_factory: pytest.TempPathFactory
 ) -> dict[int, dict[str, RayHits]]:
-    """By number of shells and where they bend."""
-    return {n: cylinder_hits(tmp_path_factory.mktemp(f"cylinder_{n}"), n) for n in LAYERS}
+    """By number of shells and where they bend; ``"equal"`` in layers of equal steps."""
+    found = {}
+    for n in LAYERS:
+        folder = tmp_path_factory.mktemp(f"cylinder_{n}")
+        found[n] = usual_hits(folder, n)
+        found[n]["equal"] = cylinder_hits(folder / "equal", n, "midpoint", "layers")
+    return found
 
 
 def errors_of(hits: RayHits) -> dict[float, float]:
@@ -63,7 +68,7 @@ def test_rays_to_the_cylinder_cross_every_shell(
     np.testing.assert_array_equal(hits.crossings, layers)
 
 
-@pytest.mark.parametrize("bending", BENDING)
+@pytest.mark.parametrize("bending", ["equal", "shells"])
 def test_cylinder_converges_at_second_order(
     cylinders: dict[int, dict[str, RayHits]], bending: str
 ) -> None:
@@ -80,8 +85,10 @@ def test_layers_of_thirteen_shells_err_half_as_much_near_the_silhouette(
 ) -> None:
     """Where a ray runs along a layer, the law at its surface is not enough."""
     errors = {way: errors_of(hits) for way, hits in cylinders[13].items()}
-    assert abs(errors["layers"][0.95]) < 0.55 * abs(errors["shells"][0.95])
-    assert all(abs(error) < 0.001 for error in errors["layers"].values())
+    for way in ("layers", "equal"):
+        assert abs(errors[way][0.95]) < 0.55 * abs(errors["shells"][0.95])
+        assert all(abs(error) < 0.001 for error in errors[way].values())
+    assert all(abs(error) < 0.0005 for error in errors_of(cylinders[100]["layers"]).values())
 
 
 @pytest.mark.parametrize("layers", LAYERS)
@@ -107,7 +114,7 @@ def test_shells_midway_between_layers_are_nearer_and_graded_steps_nearest(
     """
     hits = {"midpoint": cylinders[13]["shells"]}
     for rule in ("graded", "outer"):
-        hits[rule] = cylinder_hits(tmp_path / rule, 13, rule, ("shells",))["shells"]
+        hits[rule] = cylinder_hits(tmp_path / rule, 13, rule, "shells")
     error = {rule: np.abs(displacements_um(found) / EXACT_UM - 1) for rule, found in hits.items()}
     assert (error["graded"] < error["midpoint"]).all()
     assert (error["midpoint"] < 0.2 * error["outer"]).all()

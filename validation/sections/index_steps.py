@@ -26,7 +26,7 @@ TRIMMED = 0.001
 TRIMMED_MEAN = "mean (without the largest 0.1 %)"
 """One ray that jumps from one side of a silhouette to the other changes the mean by per cents."""
 
-REAL_RULES = ("midpoint", "graded")
+REAL_RULES = ("rim", "midpoint", "graded")
 MEAN_BOUND = 2.0
 """Per cent, of the default rule with the default number of shells."""
 
@@ -35,7 +35,7 @@ def in_the_cylinder(folder: Path) -> list[Line]:
     """Errors of 13 shells where the air ends somewhere."""
     lines = []
     for rule in RULES:
-        hits = cylinder_hits(folder / rule, USUAL, rule, ("layers",))["layers"]
+        hits = cylinder_hits(folder / rule, USUAL, rule, "layers")
         found = displacements_um(hits)
         lines += [
             Line(
@@ -96,7 +96,8 @@ def _lines(folder: Path) -> list[Line]:
 SECTION = Section(
     "steps",
     "Where the shells lie",
-    "Equal steps of the index (midpoint), the default, against graded ones, which are 0.3 times as "
+    "Equal steps of the index with a thin one outside (rim), the default, against equal steps "
+    "(midpoint), graded ones, which are 0.3 times as "
     "large at both ends, and against shells that lie at the layer's own index (outer): 13 shells "
     "each, on the exact hot cylinder and on the bundled pose, there against 80 shells of the same "
     "rule. With rays bent all along the layers it hardly matters; with rays bent at the shells "
