@@ -79,6 +79,7 @@ def outcome(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: object
 ) -> tuple[int, str]:
     monkeypatch.setattr(program, "app", command)
+    monkeypatch.setattr(program, "_import_listed", lambda arguments: None)
     return main([]), capsys.readouterr().err
 
 
@@ -145,6 +146,7 @@ def test_errors_without_ctrl_c_stay_errors(monkeypatch: pytest.MonkeyPatch) -> N
         raise SystemError("broken")
 
     monkeypatch.setattr(program, "app", command)
+    monkeypatch.setattr(program, "_import_listed", lambda arguments: None)
     with pytest.raises(SystemError, match="broken"):
         main([])
 

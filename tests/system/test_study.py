@@ -190,7 +190,7 @@ def test_explain_adds_a_mode_for_every_choice(
         "ours",
         "paper's",
         "paper's but gradient normals",
-        "paper's but midpoint rule",
+        "paper's but rim rule",
         "paper's but inside hits refracted",
     ]
 
