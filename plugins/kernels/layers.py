@@ -26,8 +26,9 @@ way, and the index at the shells, hence :math:`n_b - n_a`.
    lacks, :math:`r = n_b - n_a - t \cdot \int g \, ds`, follows by how much its gradient is too
    short: see :func:`length_gain`.
 
-From the last shell to the part the way is known and :math:`g(s) = g_a + s g_a'` (:func:`to_part`);
-in the ambient air outside the first shell n approaches the ambient index (:func:`outside`).
+From the last shell to the part the way is known and :math:`g(s) = g_a + s g_a'`
+(:func:`beside_part`); in the ambient air outside the first shell n approaches the ambient index
+(:func:`outside`).
 """
 
 from __future__ import annotations
@@ -177,15 +178,43 @@ def between_shells(before: AtShell, here: AtShell, direction: Any, length: Any) 
     return deflection, offset
 
 
-def to_part(shell: AtShell, direction: Any, length: Any) -> tuple[Any, Any]:
-    """Deflection between the last shell and the part, and lateral offset at the part.
+def beside_part(shell: AtShell, direction: Any, length: Any) -> tuple[Any, Any]:
+    """Deflection between a shell and the part, and its first moment about the shell.
 
-    By Taylor's series of the gradient. Parameters and results as for :func:`between_shells`.
+    By Taylor's series of the gradient. For a ray from the part to a shell `direction` and the
+    shell's `change` are reversed.
+
+    Parameters
+    ----------
+    shell : AtShell
+    direction : vector
+        Unit direction from the shell to the part.
+    length : number, mm
+
+    Returns
+    -------
+    deflection : vector, rad
+    moment : vector, mm
+        The deflection times its mean distance from the shell.
     """
     first, second = shell.gradient * length, shell.change * (length * length)
     index = type(length)(shell.index)
     deflection = transverse(first + second / 2, direction) / index
-    return deflection, transverse(first / 2 + second / 6, direction) * (length / index)
+    return deflection, transverse(first / 2 + second / 3, direction) * (length / index)
+
+
+def stays_in_layer(shell: AtShell, contrast: Any, direction: Any, length: Any) -> Any:
+    """True for ways along which Taylor's series neither leaves a layer nor turns over.
+
+    Other ways, of which but the length is known, began outside the data. Parameters as for
+    :func:`outside`; a layer reaches to the next shell, twice the contrast away.
+    """
+    import drjit as dr
+
+    linear = dr.dot(shell.gradient, direction) * length
+    square = dr.dot(shell.change, direction) * (length * length / 2)
+    within = dr.abs(linear + square) <= 2 * contrast
+    return within & (dr.norm(shell.change) * (length / 2) <= dr.norm(shell.gradient))
 
 
 def outside(shell: AtShell, contrast: Any, direction: Any, length: Any) -> tuple[Any, Any]:
@@ -294,7 +323,7 @@ class InLayers:
     hits the part in the end.
 
     Before the first shell, and where a ray leaves all of them or comes back, there is one shell to
-    go by (:func:`outside`); so there is at the part, at a known distance (:func:`to_part`).
+    go by (:func:`outside`); so there is at the part, at a known distance (:func:`beside_part`).
 
     Snell's law at the shells sees a ray that just touches a shell turned much and one that just
     misses it not at all, so single rays that turn round in the air converge with order 1/2 in the
@@ -339,7 +368,11 @@ class InLayers:
             between_corners(changes, weights),
             self._tables.level(passage.shape, crossed),
         )
-        deflection, offset = self._layer(last.shell, here, passage, heading, length)
+        # The mean direction, which a guess tells, is the same for a ray that runs back.
+        guess = transverse(last.gradient + here.gradient, heading) * (length / 2)
+        guess = dr.select(passage.first, self._to_first(here, passage, heading, length)[0], guess)
+        mean = dr.normalize(heading + guess / 2)
+        deflection, offset = self._layer(last.shell, here, passage, mean, length)
 
         ahead = direction + mi.Vector3d(deflection)
         away = dr.select(passage.outward, passage.facet, -passage.facet)
@@ -354,6 +387,28 @@ class InLayers:
         )
         return dr.normalize(ahead), mi.Bool(False), kept
 
+    def _to_first(
+        self, here: AtShell, passage: Passage, heading: Any, length: Any
+    ) -> tuple[Any, Any]:
+        """Deflection and lateral offset on the way to the first shell."""
+        import drjit as dr
+
+        contrast = type(length)(dr.abs(passage.near - here.index))
+        return self._open_layer(
+            here._replace(change=-here.change), passage.near, contrast, -heading, length
+        )
+
+    def _open_layer(
+        self, shell: AtShell, layer: Any, contrast: Any, direction: Any, length: Any
+    ) -> tuple[Any, Any]:
+        """Deflection, and its moment, in a layer with one shell, along a ray that leaves that."""
+        import drjit as dr
+
+        inside = (layer != self._ambient) & stays_in_layer(shell, contrast, direction, length)
+        there = beside_part(shell, direction, length)
+        beyond = outside(shell, contrast, direction, length)
+        return tuple(dr.select(inside, a, b) for a, b in zip(there, beyond, strict=True))
+
     def _layer(
         self, before: AtShell, here: AtShell, passage: Passage, heading: Any, length: Any
     ) -> tuple[Any, Any]:
@@ -361,17 +416,17 @@ class InLayers:
         import drjit as dr
         import mitsuba as mi
 
+        first = self._to_first(here, passage, heading, length)
         through = between_shells(before, here, heading, length)
-        contrast = mi.Float(dr.abs(passage.near - here.index))
         # Out into the ambient air and back: nothing says what lies between but the two ends.
-        ambient = (passage.near == self._ambient) & ~passage.first
-        half = dr.select(ambient, 0.5 * length, length)
-        coming = outside(here, contrast, heading, half)
-        leaving = outside(before, contrast, heading, half)
+        ambient = passage.near == self._ambient
+        contrast = mi.Float(dr.abs(passage.near - here.index))
+        coming = outside(here, contrast, heading, 0.5 * length)
+        leaving = outside(before, contrast, heading, 0.5 * length)
         back = leaving[0] + coming[0], leaving[0] * length - leaving[1] + coming[1]
         return tuple(
-            dr.select(passage.first, first, dr.select(ambient, gap, layer))
-            for first, gap, layer in zip(coming, back, through, strict=True)
+            dr.select(passage.first, one, dr.select(ambient, gap, layer))
+            for one, gap, layer in zip(first, back, through, strict=True)
         )
 
     def end(
@@ -384,16 +439,14 @@ class InLayers:
         last = Memory(*memory)
         beside, heading = mi.Vector3d(last.offset), mi.Vector3f(direction)
         length = length + onto_plane(beside, direction, facet) - last.along
-        way = mi.Float(length)
-        contrast = mi.Float(dr.abs(last.beyond - last.index))
-        leaving, moment = (mi.Vector3d(v) for v in outside(last.shell, contrast, heading, way))
+        way, contrast = mi.Float(length), mi.Float(dr.abs(last.beyond - last.index))
+        air = last.shell, last.beyond, contrast
+        guess, _ = self._open_layer(*air, heading, way)
+        found = self._open_layer(*air, dr.normalize(heading + guess / 2), way)
+        deflection, moment = (mi.Vector3d(vector) for vector in found)
         # What leaves the scene is given by a point at its last shell and the direction far away.
-        on_part = dr.isfinite(length)
-        lever = dr.select(on_part, length, 0)
-        arriving, aside = (mi.Vector3d(v) for v in to_part(last.shell, heading, mi.Float(lever)))
-        inside = on_part & (last.beyond != self._ambient)
-        deflection = dr.select(inside, arriving, leaving)
-        offset = beside + dr.select(inside, aside, leaving * lever - moment)
+        lever = dr.select(dr.isfinite(length), length, 0)
+        offset = beside + deflection * lever - moment
         return (
             dr.select(any_shell, offset, 0),
             dr.select(any_shell, dr.normalize(direction + deflection), direction),

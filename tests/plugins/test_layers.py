@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from iriftrace.plugins.kernels.layers import (
     DIRECTION_ERROR,
     AtShell,
+    beside_part,
     between_shells,
     length_gain,
     onto_plane,
     outside,
-    to_part,
+    stays_in_layer,
 )
 
 pytestmark = pytest.mark.usefixtures("variant")
@@ -110,7 +111,7 @@ def test_a_uniform_gradient_bends_rays_exactly(along: float, towards: float, len
     size = 1e-5 * length
     for found in (
         between_shells(*ends, vectors(direction), numbers(length)),
-        to_part(ends[0]._replace(index=numbers(index)), vectors(direction), numbers(length)),
+        beside_part(ends[0]._replace(index=numbers(index)), vectors(direction), numbers(length)),
     ):
         np.testing.assert_allclose(row(found[0]), expected, rtol=0, atol=1e-9 * size)
         np.testing.assert_allclose(
@@ -218,13 +219,32 @@ def test_the_way_to_the_part_is_right_to_second_order(x: float, y: float, along:
     start, direction = np.array((x, y, 0.0)), heading(along)
     off = []
     for length in (0.4, 0.2):
-        found = to_part(in_column(start, direction), vectors(direction), numbers(length))
+        found = beside_part(in_column(start, direction), vectors(direction), numbers(length))
         truth = exactly(start, direction, length)
         size = 4 * DEPTH * (length / WIDTH_MM) ** 3
         assert np.linalg.norm(row(found[0]) - truth[0]) < size
-        assert np.linalg.norm(row(found[1]) - truth[1]) < size * length
+        moment = truth[0] * length - truth[1]
+        assert np.linalg.norm(row(found[1]) - moment) < size * length
         off.append(np.linalg.norm(row(found[0]) - truth[0]) / size)
     assert off[1] == pytest.approx(off[0], abs=0.1)
+
+
+def test_ways_that_leave_a_layer_began_outside_the_data() -> None:
+    """A layer that ends 5 mm away; a gradient that turns over within 20 mm."""
+    contrast, gradient = 1e-5, np.array((4e-6, 0.0, 0.0))
+    along, across = vectors((1.0, 0.0, 0.0)), vectors((0.0, 1.0, 0.0))
+    level = numbers(AMBIENT)
+    uniform = AtShell(vectors(gradient), vectors(UNIFORM), level)
+    turning = AtShell(vectors(gradient), vectors((0.0, 4e-7, 0.0)), level)
+    for shell, way, length, inside in (
+        (uniform, along, 4.9, True),
+        (uniform, along, 5.1, False),
+        (uniform, across, 500.0, True),
+        (turning, across, 9.0, True),
+        (turning, across, 21.0, False),
+    ):
+        found = stays_in_layer(shell, numbers(contrast), way, numbers(length))
+        assert np.array(found)[0] == inside
 
 
 def test_shells_without_a_step_bend_nothing() -> None:
@@ -232,7 +252,7 @@ def test_shells_without_a_step_bend_nothing() -> None:
     way = vectors((0.6, 0.8, 0.0)), numbers(5.0)
     for found in (
         between_shells(shell, shell, *way),
-        to_part(shell, *way),
+        beside_part(shell, *way),
         outside(shell, numbers(0.0), *way),
     ):
         np.testing.assert_array_equal(np.array(found), 0)
