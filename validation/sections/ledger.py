@@ -30,7 +30,7 @@ def _lines(folder: Path) -> list[Line]:
                 "rays",
             )
         )
-        share = 100 * (counts["gave_up"] + counts["index_mismatch"]) / rays["hit"]
+        share = 100 * (counts["gave_up"] + counts["index_mismatch"]) / rays.hit
         lines.append(
             Line(
                 f"{name}: hits given up, or with index steps that do not add up",

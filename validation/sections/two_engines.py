@@ -31,7 +31,6 @@ PLUME = ("corner", "45 degrees above", "oblique")
 FIELDS: dict[str, dict[str, Position]] = {
     "cylinder": {"corner": VIEWS["corner"]},
     **{name: {"own pose": component.origin_mm} for name, component in COMPONENTS.items()},
-    **{f"cylinder_{letter}": {"corner": VIEWS["corner"]} for letter in "BCD"},
 }
 FIELDS["wishbone"] |= {f"plume, {view}": VIEWS[view] for view in PLUME}
 
