@@ -37,4 +37,5 @@ axes.legend()
 
 print(f"best pose at {azimuths[best]:.0f}°")
 print(f"head on: {median[0]:.2f} µm, {coverage[0]:.1f} % of the area")
-assert median.argmin() == 0 and coverage[0] < 10.0
+assert median.argmin() == 0
+assert coverage[0] < 10.0
