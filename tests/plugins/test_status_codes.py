@@ -267,7 +267,7 @@ def test_open_boundary_counts_rays_that_enter_through_the_open_end(tmp_path: Pat
     """Tubes of hot air are open at both ends. Rays that cross the end disc inside the outermost
     tube and then hit the lateral surface start in hot air, also those that cross no tube at all;
     their status stays 0. What hits the head, outside the tubes, does not."""
-    body, stack = concentric_cylinders(3, sections=120, length_mm=60.0)
+    body, stack = concentric_cylinders(3, sections=120, length_mm=60.0, rule="midpoint")
     mesh = trimesh.Trimesh(body.vertices, body.faces, process=False)
     tubes = {
         f"shell_{s.layer}": shell(
