@@ -27,6 +27,10 @@ from iriftrace.sweep.sweep import run_sweep
 from iriftrace.sweep.workers import check_scheduler, host_of, pose_workers
 
 
+# The pose from above is traced through the field, of which the sweep tells.
+pytestmark = pytest.mark.filterwarnings("ignore:Rays of . of . poses change")
+
+
 @pytest.fixture(scope="module")
 def scene(variant: str) -> LoadedScene:
     return load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1}, variant=variant)
