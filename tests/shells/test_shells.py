@@ -222,8 +222,8 @@ def hot_spots(big: float) -> np.ndarray:
 
 def test_small_components_are_dropped_and_reported():
     field = field_of(hexahedra(24, 6.0), hot_spots(3.0))
-    complete = contour_shells(field, layers=2, min_size_mm=0.0)
-    without = contour_shells(field, layers=2, min_size_mm=1.5)
+    complete = contour_shells(field, layers=2, rule="midpoint", min_size_mm=0.0)
+    without = contour_shells(field, layers=2, rule="midpoint", min_size_mm=1.5)
     assert complete.small_components == ()
     # Around a single point each of the 6 edges is cut: an octahedron of 8 triangles.
     assert without.small_components == ((1, 1, 8), (2, 1, 8))
