@@ -24,7 +24,6 @@ def test_displacement_maps_differ_by_the_interpolation_alone(
             print(f"\n{line.case}: {line.obtained}, expected {line.expected}", end="")
     assert len(others) == 4
     assert all(line.holds for line in others)
-    assert max(line.error for line in others) < 2.5
     assert float(first.obtained.split()[0]) == pytest.approx(
         float(first.expected.split()[0]), rel=0.01
     )

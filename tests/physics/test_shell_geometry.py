@@ -36,7 +36,7 @@ def radii() -> np.ndarray:
 @pytest.fixture(scope="module", params=[24, 48], ids=["1 mm cells", "0.5 mm cells"])
 def spheres(request) -> tuple[float, ShellStack]:
     field = sphere_field(request.param, HALF, RADIUS)
-    return 2 * HALF / request.param, contour_shells(field, LAYERS)
+    return 2 * HALF / request.param, contour_shells(field, LAYERS, rule="midpoint")
 
 
 def test_vertices_lie_at_the_radius_of_their_index(spheres):
@@ -110,7 +110,8 @@ def test_cooler_shells_leave_through_the_top_and_hotter_ones_are_closed(plume, s
 def test_gradient_normals_agree_with_the_facets(plume):
     # Both are normals of the same surface. The outer shells run through cells as large as the
     # surface's own curvature, where facets form steps, so only a mean over the area is asked for.
-    for shell in contour_shells(plume, 13).shells:
+    # The thin layer's shell lies in the coarsest cells of all and is left out.
+    for shell in contour_shells(plume, 13).shells[1:]:
         areas = area_vectors(shell.vertices, shell.faces)
         mean = shell.normals[shell.faces].astype(float).mean(axis=1)
         cosine = np.einsum("ij,ij->i", areas, mean) / np.linalg.norm(areas, axis=1).sum()

@@ -27,7 +27,7 @@ from iriftrace.sweep.sweep import run_sweep
 from iriftrace.sweep.workers import check_scheduler, host_of, pose_workers
 
 # The pose from above is traced through the field, of which the sweep tells.
-pytestmark = pytest.mark.filterwarnings("ignore:Rays of . of . poses change")
+pytestmark = pytest.mark.filterwarnings("ignore:.*every second shell")
 
 
 @pytest.fixture(scope="module")
