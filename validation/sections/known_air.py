@@ -36,7 +36,7 @@ CYLINDER_VIEWS = {name: VIEWS[name] for name in ("corner", "45 degrees above", "
 GEAR_SIDE: dict[str, Position] = {"from the side": (0.0, -230.0, 0.0)}
 GEAR_ABOVE: dict[str, Position] = {"from above, through the plume": (1e-3, 0.0, 300.0)}
 
-CYLINDER_BOUND = (2.0, 4.0)
+CYLINDER_BOUND = (2.0, 3.0)
 GEAR_BOUND = (15.0, 15.0)
 """Per cent of median and 95th percentile: five cells across the boundary layer leave a tenth."""
 
