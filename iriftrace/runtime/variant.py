@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from attrs import frozen
@@ -28,6 +29,7 @@ from iriftrace.runtime.llvm import (
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 DEFAULT_VARIANT = "llvm_ad_mono"
 VARIANT_VARIABLE = "IRIFTRACE_VARIANT"
+LIBRARY_SUFFIXES = (".so", ".dylib", ".dll")
 
 
 @frozen
@@ -96,7 +98,8 @@ def ensure(variant: str | None = None) -> str:
     Raises
     ------
     InputError
-        The variant is a scalar one or otherwise not among `VARIANTS`.
+        The variant is a scalar one or otherwise not among `VARIANTS`, or the working folder holds
+        compiled plugins; see `refuse_foreign_plugins`.
     SetupError
         No usable LLVM or CUDA, or Mitsuba was imported earlier and took an LLVM that is not usable.
     """
@@ -105,8 +108,28 @@ def ensure(variant: str | None = None) -> str:
         _set_variant(name)
     if name.startswith("llvm"):
         _check_loaded_llvm()
+    refuse_foreign_plugins(Path.cwd())
     _register_plugins()
     return name
+
+
+def refuse_foreign_plugins(folder: Path) -> None:
+    """Refuse a folder whose compiled plugins Mitsuba would load in place of its own.
+
+    For a plugin Mitsuba runs the library ``plugins/NAME.so`` of a scene's folder and of the working
+    folder, whoever put it there, before it looks among its own.
+
+    Raises
+    ------
+    InputError
+    """
+    files = (folder / "plugins").glob("*")
+    found = sorted(file.name for file in files if file.suffix in LIBRARY_SUFFIXES)
+    if found and folder.resolve() != Path(str(_mitsuba().__file__)).parent.resolve():
+        raise InputError(
+            f"{folder / 'plugins'} holds compiled code ({found[0]}) that Mitsuba would run as a "
+            "plugin of its own; work in another folder, or take it away."
+        )
 
 
 @contextmanager

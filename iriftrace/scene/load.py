@@ -212,7 +212,8 @@ def load_scene(
     Raises
     ------
     InputError
-        If the file is missing, Mitsuba cannot read it, or it is no scene that can be traced.
+        If the file is missing, Mitsuba cannot read it, it is no scene that can be traced, or
+        compiled plugins lie beside it.
     SetupError
         If no usable LLVM or CUDA is there.
 
@@ -239,6 +240,7 @@ def _load_one(
 ) -> LoadedScene:
     """A scene with one field, or with one member of several."""
     chosen = runtime.ensure(variant)
+    runtime.refuse_foreign_plugins(path.parent)
     import mitsuba as mi
 
     from iriftrace.plugins.aov_integrator import camera_of
