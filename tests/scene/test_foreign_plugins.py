@@ -1,4 +1,4 @@
-"""Code beside a scene or in the working folder is not run, though Mitsuba would look for it there."""
+"""Code beside a scene or in the working folder is refused, as Mitsuba would run it."""
 
 from __future__ import annotations
 

@@ -40,9 +40,8 @@ SHELLS_BOUND = (2.0, 3.0)
 """Per cent of median and 95th percentile, on the cylinder in the fine mesh."""
 
 ENGINE_BOUND = (2.5, 4.0)
-"""The same of the continuous engine, which sees every cell: lengths of gradients that are recovered,
-the cells' own or any mixture of them leave 2.9 to 3.6 % at the 95th percentile of the view from
-45 degrees above."""
+"""The same of the continuous engine, which sees every cell: recovered lengths of the gradients, the
+cells' own or a mixture of them leave 2.9 to 3.6 % at the 95th percentile from 45 degrees above."""
 
 GEAR_BOUND = (15.0, 15.0)
 """Per cent of median and 95th percentile: five cells across the boundary layer leave a tenth."""
