@@ -60,6 +60,12 @@ class Surface:
         return unit_vectors(area_vectors(self.vertices, self.faces))
 
     @cached_property
+    def _corners(self) -> FloatArray:
+        """(c, 3) places of the triangles' corners, mm, each once."""
+        corners: FloatArray = np.unique(self.vertices[np.unique(self.faces)], axis=0)
+        return corners
+
+    @cached_property
     def _locator(self) -> vtkStaticCellLocator:
         from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
@@ -129,9 +135,7 @@ class Surface:
         pass each other still closer; on finely meshed surfaces that differs by a small part of a
         triangle's size.
         """
-        pairs = tuple(
-            (one, two.vertices[np.unique(two.faces)]) for one, two in ((self, other), (other, self))
-        )
+        pairs = (self, other._corners), (other, self._corners)
         least = min(float(one.distance(points[::_FIRST_LOOK]).min()) for one, points in pairs)
         for one, points in pairs:
             least = one._distance_below(points, least)
