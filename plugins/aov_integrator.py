@@ -22,7 +22,7 @@ from iriftrace.plugins.kernels.bundle import Bundle, Trace, trace_bundle
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART, StraightHits
 from iriftrace.plugins.stock_sensor import StockSensor
-from iriftrace.runtime.variant import full_precision
+from iriftrace.runtime.variant import cuda_state, current_variant, full_precision
 
 BYTES_PER_PIXEL = 170
 """Least memory of a picture: channels, straight rays, their state and the metrics.
@@ -37,7 +37,9 @@ _LIMIT_OF_CONTAINER = Path("/sys/fs/cgroup/memory.max")
 
 
 def memory_bytes() -> float:
-    """Memory of this machine or container; infinite where the system does not say."""
+    """Memory of the GPU, machine or container; infinite where the system does not say."""
+    if (current_variant() or "").startswith("cuda"):
+        return cuda_state().memory_bytes or float("inf")
     try:
         installed = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     except (AttributeError, ValueError, OSError):

@@ -34,11 +34,15 @@ _DRIVERS = {
 }
 
 # The maximum is what LLVM 15 and 16 abort on; 2.5 shows that the kernel ran and what it computed.
+# The ray to a square needs OptiX on a GPU.
 _TRIAL = """
 from iriftrace.runtime.variant import ensure
 variant = ensure({variant!r})
 import drjit, mitsuba
 assert drjit.maximum(mitsuba.Float64([1.0, 2.5]), 1.5)[1] == 2.5
+scene = mitsuba.load_dict({{"type": "scene", "square": {{"type": "rectangle"}}}})
+ray = mitsuba.Ray3f(mitsuba.Point3f([0, 0], 0, 3), mitsuba.Vector3f(0, 0, -1))
+assert abs(scene.ray_intersect_preliminary(ray, coherent=True).t[1] - 3) < 1e-5
 """
 
 
@@ -141,7 +145,7 @@ def _cuda(cuda: CudaState) -> Finding:
 
 
 def _variant() -> Finding:
-    """Run one double-precision kernel with the variant that would be set."""
+    """Run one double-precision kernel and one ray query with the variant that would be set."""
     try:
         variant = wanted_variant()
     except InputError as error:
@@ -150,11 +154,11 @@ def _variant() -> Finding:
         run_trial(variant)
     except SetupError as error:
         return Finding("variant", "error", str(error))
-    return Finding("variant", "ok", f"{variant}: a double-precision kernel ran")
+    return Finding("variant", "ok", f"{variant}: a double-precision kernel and a ray query ran")
 
 
 def run_trial(variant: str) -> None:
-    """Run one kernel with `variant` in another process.
+    """Run one kernel and one ray query with `variant` in another process.
 
     Raises
     ------

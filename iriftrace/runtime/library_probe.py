@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
 import sys
 from typing import Any
 
@@ -40,13 +41,13 @@ def probe_llvm(path: str) -> dict[str, Any]:
 
 
 def probe_cuda() -> dict[str, Any]:
-    """Return {"devices": names, "error": why there is none}."""
+    """Return {"devices": names, "memory_bytes": of the first, "error": why there is none}."""
     windows = sys.platform == "win32"
     try:
-        driver = ctypes.CDLL("nvcuda.dll" if windows else "libcuda.so.1")
+        driver = _library("DRJIT_LIBCUDA_PATH", "nvcuda.dll" if windows else "libcuda.so.1")
         # On Windows OptiX lies in the driver store and is found through the registry.
         if not windows:
-            ctypes.CDLL("libnvoptix.so.1")
+            _library("DRJIT_LIBOPTIX_PATH", "libnvoptix.so.1")
     except OSError as error:
         return {"devices": [], "error": str(error)}
     status = driver.cuInit(0)
@@ -61,7 +62,17 @@ def probe_cuda() -> dict[str, Any]:
         name = ctypes.create_string_buffer(256)
         driver.cuDeviceGetName(name, len(name), device)
         names.append(name.value.decode(errors="replace"))
-    return {"devices": names, "error": "" if names else "the driver reports no device"}
+    memory, first = ctypes.c_size_t(), ctypes.c_int()
+    if names:
+        driver.cuDeviceGet(ctypes.byref(first), 0)
+        driver.cuDeviceTotalMem_v2(ctypes.byref(memory), first)
+    why = "" if names else "the driver reports no device"
+    return {"devices": names, "memory_bytes": memory.value, "error": why}
+
+
+def _library(variable: str, name: str) -> ctypes.CDLL:
+    """The library that an environment variable of Dr.Jit names, or the system's."""
+    return ctypes.CDLL(os.environ.get(variable) or name)
 
 
 if __name__ == "__main__":

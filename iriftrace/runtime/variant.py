@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,16 +35,18 @@ LIBRARY_SUFFIXES = (".so", ".dylib", ".dll")
 
 @frozen
 class CudaState:
-    """The CUDA devices of this machine by name, and why there are none."""
+    """The CUDA devices of this machine by name, why there are none, and the first one's memory."""
 
     devices: tuple[str, ...]
     why: str
+    memory_bytes: int = 0
 
 
+@cache
 def cuda_state() -> CudaState:
     """Ask the CUDA driver for its devices, in another process."""
     answer = run_probe("cuda")
-    return CudaState(devices=tuple(answer["devices"]), why=answer["error"])
+    return CudaState(tuple(answer["devices"]), answer["error"], answer.get("memory_bytes", 0))
 
 
 def current_variant() -> str | None:
@@ -208,6 +211,20 @@ def _require_cuda() -> None:
             f"cuda_ad_mono needs an NVIDIA GPU with its driver, and none answers ({state.why}); "
             f"install the driver or use {DEFAULT_VARIANT}."
         )
+
+
+def refuse_gpu_without_optix(error: Exception) -> None:
+    """Say what to do where Mitsuba's error is that the driver brings no OptiX that it can use.
+
+    Raises
+    ------
+    SetupError
+    """
+    if "initialize OptiX" in str(error):
+        raise SetupError(
+            "This GPU's driver has no OptiX that Mitsuba can trace rays with; install a newer "
+            f"NVIDIA driver, or use {DEFAULT_VARIANT}."
+        ) from error
 
 
 def _check_loaded_llvm() -> None:

@@ -254,6 +254,7 @@ def _load_one(
             **of_the_file(values),  # type: ignore[arg-type]
         )
     except (RuntimeError, ValueError) as error:
+        runtime.refuse_gpu_without_optix(error)
         raise InputError(readable(error)) from error
     loaded = time.perf_counter()
     air = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent

@@ -11,6 +11,7 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.plugins import aov_integrator as picture_memory
 from iriftrace.plugins.aov_integrator import BYTES_PER_PIXEL, check_picture_size, memory_bytes
+from iriftrace.runtime.variant import CudaState
 from iriftrace.scenes import folder_of
 
 
@@ -45,3 +46,10 @@ def test_a_scene_scaled_up_too_far_ends_in_one_sentence(
     assert "Traceback" not in said
     assert list(tmp_path.iterdir()) == []
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**20
+
+
+def test_on_cuda_the_gpus_memory_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(picture_memory, "current_variant", lambda: "cuda_ad_mono")
+    state = CudaState(("a GPU",), "", memory_bytes=12 * 2**30)
+    monkeypatch.setattr(picture_memory, "cuda_state", lambda: state)
+    assert memory_bytes() == 12 * 2**30

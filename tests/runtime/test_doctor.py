@@ -44,7 +44,7 @@ def test_this_machine_is_well() -> None:
     diagnosis = diagnose()
     assert diagnosis.ok, [finding for finding in diagnosis.findings if finding.state != "ok"]
     (variant,) = [finding for finding in diagnosis.findings if finding.name == "variant"]
-    assert variant.text.endswith("a double-precision kernel ran")
+    assert variant.text.endswith("a double-precision kernel and a ray query ran")
 
 
 def test_versions_of_the_packages_that_matter_are_listed(machine) -> None:

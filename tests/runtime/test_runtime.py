@@ -411,3 +411,9 @@ def test_mitsuba_imported_earlier_with_a_bad_llvm_needs_a_restart(path: str) -> 
     assert done.returncode == 0, done.stderr
     assert "Mitsuba was imported" in done.stdout
     assert "restart Python" in done.stdout
+
+
+def test_a_driver_without_optix_is_a_matter_of_setup() -> None:
+    with pytest.raises(SetupError, match="newer NVIDIA driver"):
+        runtime.refuse_gpu_without_optix(RuntimeError("Could not initialize OptiX!"))
+    runtime.refuse_gpu_without_optix(RuntimeError("something else"))
