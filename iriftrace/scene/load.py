@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 import weakref
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -94,6 +94,10 @@ class LoadedScene:
         continuous engine air and source of its field, and the notes of the shells' table.
     load_s, build_s : float
         Seconds for files and Mitsuba's acceleration structure, and for the tables.
+    second : Camera or None
+        The second sensor, with which points are triangulated; None where there is none.
+    second_id : str
+        Its id in the file.
     ensemble : LoadedEnsemble or None
         The members that are traced together, where the scene has several fields and none of them
         was chosen. All else is then that of the first member.
@@ -116,6 +120,8 @@ class LoadedScene:
     variant: str
     mitsuba_scene: Any = field(repr=False)
     integrator: Any = field(repr=False)
+    second: Camera | None = None
+    second_id: str = ""
     ensemble: LoadedEnsemble | None = field(default=None, repr=False)
     _lease: _Lease = field(
         repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
@@ -275,6 +281,7 @@ def _load_one(
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
     sensor = camera_of(scene.sensors()[0])
+    second, second_id = _second_device(scene.sensors())
     continuous = integrator.engine == "continuous"
     if continuous:
         table = field_table(integrator.air.cells, table, path)
@@ -300,7 +307,19 @@ def _load_one(
         variant=chosen,
         mitsuba_scene=scene,
         integrator=integrator,
+        second=second,
+        second_id=second_id,
     )
+
+
+def _second_device(sensors: Sequence[Any]) -> tuple[Camera | None, str]:
+    """The second sensor of a scene, with which points are triangulated, and its id."""
+    from iriftrace.plugins.aov_integrator import camera_of
+
+    if len(sensors) < 2:
+        return None, ""
+    camera = Camera.from_dict(camera_of(sensors[1]).description())
+    return _seen_by(sensors[1].film(), camera), str(sensors[1].id())
 
 
 def _seen_by(film: Any, camera: Camera) -> Camera:

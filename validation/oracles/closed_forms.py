@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from iriftrace.air.refractivity import Air
 
@@ -81,11 +82,54 @@ def cylinder_displacement_um(height: float) -> float:
     height : float
         b over the cylinder's radius.
     """
+    return _apart_um(_sweep(height * RADIUS_MM))
+
+
+def _sweep(b: float) -> float:
+    """Angle about the axis by which a ray at distance b, mm, goes beyond a straight one."""
     r = RADIUS_MM + (OUTER_MM - RADIUS_MM) * NODES**2
-    b = height * RADIUS_MM
     nr, c = (1 + around(r)) * r, (1 + REFRACTIVITY) * b
     sweep = c / (r * np.sqrt((nr - c) * (nr + c))) - b / (r * np.sqrt((r - b) * (r + b)))
-    return _apart_um(WEIGHTS @ (sweep * 2 * (OUTER_MM - RADIUS_MM) * NODES))
+    return float(WEIGHTS @ (sweep * 2 * (OUTER_MM - RADIUS_MM) * NODES))
+
+
+def slab_pair_error_um(first: float, second: float) -> tuple[float, float]:
+    """Depth and lateral error of a point of the plate that two devices triangulate.
+
+    Each device's straight line meets the plate beside the point by the slab's shift; the lines meet
+    below it.
+
+    Parameters
+    ----------
+    first, second : float
+        Tangents of the devices' angles to the normal, signed, in one plane with it.
+    """
+    shifts = [np.sign(t) * slab_shift_um(np.degrees(np.arctan(abs(t)))) for t in (first, second)]
+    height = (shifts[0] - shifts[1]) / (second - first)
+    return -float(height), float(shifts[0] + first * height)
+
+
+def cylinder_pair_error_um(first: float, second: float) -> tuple[float, float]:
+    """Normal and tangential error of a point of the cylinder that two devices triangulate.
+
+    Parameters
+    ----------
+    first, second : float, rad
+        Angles to the outward normal, signed, across the axis, of devices far away.
+    """
+
+    def height(angle: float) -> float:
+        """Distance from the axis of the straight line whose bent ray ends on the point."""
+
+        def turned(b: float) -> float:
+            return float(np.arcsin(b / RADIUS_MM) + _sweep(b)) - abs(angle)
+
+        most = RADIUS_MM * np.sin(abs(angle))
+        return float(np.sign(angle) * brentq(turned, 0.9 * most, most, xtol=1e-15, rtol=1e-15))
+
+    lines = np.array([(np.sin(angle), -np.cos(angle)) for angle in (first, second)])
+    point = np.linalg.solve(lines, (height(first), height(second)))
+    return float(1e3 * (point[0] - RADIUS_MM)), float(1e3 * point[1])
 
 
 def layered_cylinder_displacement_um(

@@ -1,0 +1,186 @@
+"""A measured cloud without the air's share.
+
+A sensor found X' where the straight lines of its devices meet; the bent ones end on X. The error
+e(X) = X' - X of a point is known by `lines_of_sight`, so X is the fixed point of X <- X' - e(X).
+Since e changes by some 1e-3 of a step, two evaluations leave a nanometre.
+"""
+
+from __future__ import annotations
+
+import json
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import ArrayLike, NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.measure.scan import Phase, System, devices_of, spread, triangulated
+from iriftrace.measure.two_points import lines_of_sight
+from iriftrace.scene.load import LoadedScene
+
+SCHEMA = "iriftrace.correction/1"
+
+REACH_MM = 1.0
+"""Farthest distance from the part of a point that is still one of it.
+
+Forged parts are off their CAD model by some tenths of a millimetre.
+"""
+
+EVALUATIONS = 2
+
+
+class CorrectionStatus(IntEnum):
+    """What became of a measured point."""
+
+    CORRECTED = 0
+    FAR_FROM_PART = 1
+    HIDDEN = 2
+    SEVERAL_IMAGES = 3
+
+    @property
+    def key(self) -> str:
+        """Name in JSON."""
+        return self.name.lower()
+
+
+@frozen(eq=False)
+class Correction:
+    """Corrected points.
+
+    Attributes
+    ----------
+    measured : (n, 3) array, mm, world
+    error : (n, 3) array, mm
+        The air's share of each; 0 where it is not known.
+    status : (n,) array of int
+        `CorrectionStatus`; points with another one than 0 stay as they were measured.
+    system : str
+    assumptions : dict
+    """
+
+    measured: FloatArray
+    error: FloatArray
+    status: NDArray[np.int64]
+    system: str
+    assumptions: dict[str, str]
+
+    @property
+    def points(self) -> FloatArray:
+        """(n, 3) array, mm, world: the measured points without the air's share."""
+        return self.measured - self.error
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, schema ``iriftrace.correction/1``."""
+        counts = {s.key: int((self.status == s).sum()) for s in CorrectionStatus}
+        corrected = self.status == CorrectionStatus.CORRECTED
+        return {
+            "schema": SCHEMA,
+            "system": self.system,
+            "points": {"measured": len(self.measured), **counts},
+            "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
+            "assumptions": self.assumptions,
+        }
+
+    def save(self, path: str | Path) -> tuple[Path, Path]:
+        """Write the corrected cloud (.vtp), with its errors, and its numbers (.json).
+
+        Raises
+        ------
+        InputError
+            If the name does not end in .vtp.
+        """
+        import pyvista as pv
+
+        cloud = Path(path)
+        if cloud.suffix != ".vtp":
+            raise InputError(f"{cloud} is no name of a cloud that can be written; end it in .vtp.")
+        data = pv.PolyData(self.points)
+        for i, axis in enumerate("xyz"):
+            data.point_data[f"error_{axis}"] = self.error[:, i]
+        data.point_data["status"] = self.status
+        with whole_file(cloud) as partial:
+            data.save(partial)
+        numbers = cloud.with_suffix(".json")
+        with whole_file(numbers) as partial:
+            partial.write_text(json.dumps(self.as_dict(), indent=2) + "\n", encoding="utf-8")
+        return cloud, numbers
+
+
+def correct(
+    points: ArrayLike,
+    scene: LoadedScene | str | Path,
+    camera: Camera | None = None,
+    second: Camera | None = None,
+    *,
+    system: System | None = None,
+    phase: Phase = "columns",
+) -> Correction:
+    """Take the air's share out of measured points.
+
+    Parameters
+    ----------
+    points : (n, 3) array, mm, world
+        Of one scan by these devices, before it was merged with others or aligned.
+    scene : LoadedScene or path
+    camera, second, system, phase
+        As for `iriftrace.measure.measure`. A laser's sheet is taken to pass through each point.
+
+    Raises
+    ------
+    InputError
+        As `iriftrace.measure.measure`, and if there are no points, some are not finite, or none
+        lies on the part.
+    """
+    measured = np.array(points, dtype=np.float64)
+    if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
+        raise InputError(
+            f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm."
+        )
+    if not np.isfinite(measured).all():
+        raise InputError("Some points of the cloud are not finite; leave them out.")
+    loaded, camera, second, system = devices_of(scene, camera, second, system, phase)
+    _refuse_another_part(measured, loaded)
+    place = measured.copy()
+    offsets: tuple[FloatArray | None, FloatArray | None] = (None, None)
+    for _ in range(EVALUATIONS):
+        lines = [
+            lines_of_sight(loaded, device.origin, place, offset)
+            for device, offset in zip((camera, second), offsets, strict=True)
+        ]
+        offsets = lines[0].offset, lines[1].offset
+        shifts, _ = triangulated(
+            camera, second, lines[0].direction, lines[1].direction, system, phase
+        )
+        error = shifts - place
+        place = measured - error
+    found = lines[0].found & lines[1].found
+    lacking = np.column_stack([line.lacking for line in lines])
+    with np.errstate(invalid="ignore"):
+        # NaN where a ray misses the part.
+        far = ~(lacking >= -REACH_MM).all(axis=1)
+        hidden = (lacking > REACH_MM).any(axis=1)
+    status = np.select(
+        [~found, far, hidden],
+        [CorrectionStatus.SEVERAL_IMAGES, CorrectionStatus.FAR_FROM_PART, CorrectionStatus.HIDDEN],
+        CorrectionStatus.CORRECTED,
+    )
+    error[status != CorrectionStatus.CORRECTED] = 0.0
+    assumptions = {"engine": loaded.engine, "bending": loaded.bending}
+    return Correction(measured, error, status, system, assumptions)
+
+
+def _refuse_another_part(points: FloatArray, scene: LoadedScene) -> None:
+    """Refuse a cloud none of whose points is near the part."""
+    sample = points[:: max(1, len(points) // 1000)]
+    distance = float(np.median(scene.part.surface.distance(sample)))
+    if distance > REACH_MM:
+        raise InputError(
+            f"The cloud lies {distance:.3g} mm beside the part (median), so it is another part's, "
+            "in another unit or another frame; give its points in mm in the frame of the scene."
+        )

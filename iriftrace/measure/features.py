@@ -1,0 +1,226 @@
+"""Gaussian best-fit features of points: least squares of the distances from the surface or curve.
+
+As ISO 10360-6 asks of software for coordinate measuring machines. A start in closed form, then
+Gauss and Newton's method by SciPy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, get_args
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import ArrayLike
+from scipy.optimize import least_squares
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+Kind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
+
+FEWEST = {"plane": 3, "line": 2, "circle": 3, "sphere": 4, "cylinder": 5, "cone": 6}
+"""Points that determine each kind of feature."""
+
+
+@frozen(eq=False)
+class Feature:
+    """A fitted feature.
+
+    Attributes
+    ----------
+    kind : str
+    position : (3,) array, mm
+        Centre of a sphere or circle; else the point of plane or axis that is nearest to the points'
+        centre.
+    direction : (3,) array or None
+        Unit normal of a plane or circle, unit axis of a line, cylinder or cone; none of a sphere.
+        Its largest component is positive.
+    size_mm : float or None, mm
+        Diameter (of a cone at `position`); none of plane and line.
+    half_angle : float or None, rad
+        Of a cone.
+    residuals : (n,) array, mm
+        Signed distances, positive outwards; of a line or circle unsigned.
+    """
+
+    kind: str
+    position: FloatArray
+    direction: FloatArray | None
+    size_mm: float | None
+    half_angle: float | None
+    residuals: FloatArray
+
+    @property
+    def form_mm(self) -> float:
+        """Form deviation: the largest residual less the smallest."""
+        return float(np.ptp(self.residuals))
+
+
+def fit_feature(points: ArrayLike, kind: Kind) -> Feature:
+    """Fit a feature to points by least squares.
+
+    Parameters
+    ----------
+    points : (n, 3) array, mm
+    kind : str
+        ``"plane"``, ``"line"``, ``"circle"``, ``"sphere"``, ``"cylinder"`` or ``"cone"``.
+
+    Raises
+    ------
+    InputError
+        If there are too few points, or they do not determine the feature.
+    """
+    places = np.asarray(points, dtype=np.float64)
+    if kind not in get_args(Kind):
+        raise InputError(f"There is no feature {kind!r}; use one of {', '.join(get_args(Kind))}.")
+    if places.ndim != 2 or places.shape[1] != 3 or len(places) < FEWEST[kind]:
+        raise InputError(
+            f"An array of shape {places.shape} does not determine a {kind}; give at least "
+            f"{FEWEST[kind]} points, (n, 3)."
+        )
+    centre = places.mean(axis=0)
+    scale = float(np.abs(places - centre).max())
+    if not scale > 0.0:
+        raise InputError(f"All points are the same, so they are no {kind}; give others.")
+    # About their centre and of size 1, so that all parameters weigh alike.
+    found = _FITS[kind]((places - centre) / scale)
+    return Feature(
+        kind,
+        centre + scale * found.position,
+        found.direction,
+        None if found.size_mm is None else scale * found.size_mm,
+        found.half_angle,
+        scale * found.residuals,
+    )
+
+
+def _axes(points: FloatArray) -> FloatArray:
+    """Principal axes of points about 0, as rows, that of the largest extent first."""
+    axes: FloatArray = np.linalg.svd(points, full_matrices=False)[2]
+    return axes
+
+
+def _signed(direction: FloatArray) -> FloatArray:
+    signed: FloatArray = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    return signed
+
+
+def _plane(points: FloatArray) -> Feature:
+    normal = _signed(_axes(points)[2])
+    return Feature("plane", np.zeros(3), normal, None, None, points @ normal)
+
+
+def _line(points: FloatArray) -> Feature:
+    axis = _signed(_axes(points)[0])
+    off = np.linalg.norm(np.cross(points, axis), axis=1)
+    return Feature("line", np.zeros(3), axis, None, None, off)
+
+
+def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
+    """Centre and radius by linear least squares of x^2 = 2 c x + r^2 - c^2, in any dimension."""
+    squares = np.einsum("ij,ij->i", points, points)
+    system = np.column_stack((2 * points, np.ones(len(points))))
+    *centre, rest = np.linalg.lstsq(system, squares, rcond=None)[0]
+    middle = np.array(centre)
+    return middle, float(np.sqrt(max(rest + middle @ middle, 0.0)))
+
+
+def _solved(residuals: Callable[[FloatArray], FloatArray], start: ArrayLike) -> FloatArray:
+    """Parameters of least squares, to rounding."""
+    exact = 1e-15
+    found = least_squares(
+        residuals, start, method="lm", xtol=exact, ftol=exact, gtol=exact, max_nfev=10_000
+    )
+    return np.asarray(found.x, dtype=np.float64)
+
+
+def _sphere(points: FloatArray) -> Feature:
+    centre, radius = _algebraic_sphere(points)
+
+    def residuals(values: FloatArray) -> FloatArray:
+        off: FloatArray = np.linalg.norm(points - values[:3], axis=1) - values[3]
+        return off
+
+    best = _solved(residuals, (*centre, radius))
+    return Feature("sphere", best[:3], None, 2 * float(best[3]), None, residuals(best))
+
+
+def _frame(axis: FloatArray) -> FloatArray:
+    """Rows: two directions across an axis, and the axis."""
+    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    first = np.cross(axis, helper)
+    first /= np.linalg.norm(first)
+    return np.array((first, np.cross(axis, first), axis))
+
+
+def _tilted(frame: FloatArray, tilt: FloatArray) -> FloatArray:
+    """The frame's axis leaned by small components along its two other directions."""
+    axis: FloatArray = frame[2] + tilt @ frame[:2]
+    return axis / np.linalg.norm(axis)
+
+
+def _circle(points: FloatArray) -> Feature:
+    frame = _frame(_axes(points)[2])
+    centre, radius = _algebraic_sphere(points @ frame[:2].T)
+
+    def parts(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        normal = _tilted(frame, values[3:5])
+        arm = points - values[:3]
+        height = arm @ normal
+        return np.linalg.norm(arm - np.outer(height, normal), axis=1) - values[5], height
+
+    start = (*(centre @ frame[:2]), 0.0, 0.0, radius)
+    best = _solved(lambda values: np.concatenate(parts(values)), start)
+    off = np.hypot(*parts(best))
+    normal = _signed(_tilted(frame, best[3:5]))
+    return Feature("circle", best[:3], normal, 2 * float(best[5]), None, off)
+
+
+def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> tuple[FloatArray, Feature]:
+    """Cylinder or cone from a first guess of its axis; the sum of squares first."""
+    frame = _frame(axis)
+    across = points @ frame[:2].T
+    centre, radius = _algebraic_sphere(across)
+    slope = np.polyfit(points @ axis, np.linalg.norm(across - centre, axis=1), 1)[0]
+
+    def residuals(values: FloatArray) -> FloatArray:
+        direction = _tilted(frame, values[2:4])
+        arm = points - values[:2] @ frame[:2]
+        height = arm @ direction
+        distance = np.linalg.norm(arm - np.outer(height, direction), axis=1)
+        if not opening:
+            return np.asarray(distance - values[4])
+        angle = values[5]
+        return np.asarray((distance - values[4]) * np.cos(angle) - height * np.sin(angle))
+
+    start = [*centre, 0.0, 0.0, radius, *([float(np.arctan(slope))] if opening else [])]
+    best = _solved(residuals, start)
+    direction = _tilted(frame, best[2:4])
+    foot = best[:2] @ frame[:2]
+    # The point of the axis nearest to the points' centre, which is the origin.
+    position = foot - (foot @ direction) * direction
+    angle = float(best[5]) if opening else 0.0
+    diameter = 2 * (best[4] + np.tan(angle) * float((position - foot) @ direction))
+    off = residuals(best)
+    kind = "cone" if opening else "cylinder"
+    feature = Feature(
+        kind, position, _signed(direction), float(diameter), abs(angle) if opening else None, off
+    )
+    return off, feature
+
+
+def _round(points: FloatArray, opening: bool) -> Feature:
+    """Best of the fits that start along the three principal axes."""
+    fits = [_about_axis(points, axis, opening) for axis in _axes(points)]
+    return min(fits, key=lambda fit: float(fit[0] @ fit[0]))[1]
+
+
+_FITS: dict[str, Callable[[FloatArray], Feature]] = {
+    "plane": _plane,
+    "line": _line,
+    "circle": _circle,
+    "sphere": _sphere,
+    "cylinder": lambda points: _round(points, opening=False),
+    "cone": lambda points: _round(points, opening=True),
+}

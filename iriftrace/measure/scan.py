@@ -1,0 +1,416 @@
+"""The cloud of points that a triangulating sensor measures through hot air, and its error.
+
+The camera's pixel sees X on the part along a bent ray, and the second device sees or lights X along
+another one. The sensor's software knows neither: it intersects the two straight lines of sight of
+its calibration, and finds X'. The error is X' - X.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.files import whole_file
+from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.image.aov_image import Status
+from iriftrace.measure.triangulation import nearest_point, on_plane
+from iriftrace.measure.two_points import lines_of_sight
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.trace.render import trace_rays
+
+SCHEMA = "iriftrace.scan/1"
+
+System = Literal["stereo", "fringe", "laser"]
+Phase = Literal["columns", "rows", "both"]
+
+SYSTEM_OF_DEVICE: dict[str, System] = {
+    "camera_2": "stereo",
+    "projector": "fringe",
+    "laser": "laser",
+}
+"""Kind of sensor by the id of the scene's second device."""
+
+LEAST_ANGLE = math.radians(1.0)
+"""Lines at a smaller angle are warned of: their intersection moves 57 times as far as they do."""
+
+
+CLEAR_MM = 1e-3
+"""Length of a ray that may lack at a point it sees: what the miss allows at 0.06 degrees."""
+
+
+class ScanStatus(IntEnum):
+    """What became of a pixel of the first device."""
+
+    MEASURED = 0
+    NOT_SEEN = 1
+    OUTSIDE_PICTURE = 2
+    SHADOW = 3
+    SEVERAL_IMAGES = 4
+    OUT_OF_FOCUS = 5
+
+    @property
+    def key(self) -> str:
+        """Name in JSON."""
+        return self.name.lower()
+
+
+@frozen(eq=False)
+class Scan:
+    """Measured points and their errors, in the world's frame.
+
+    Attributes
+    ----------
+    points : (n, 3) array, mm
+        Measured points X'.
+    true : (n, 3) array, mm
+        The points X on the part.
+    normal : (n, 3) array
+        Outward unit normals of the part at X.
+    gap : (n,) array, mm
+        Distance of the two straight lines; 0 where a plane was intersected.
+    angle : (n,) array, rad
+        Between the two straight lines.
+    pixel : (n, 2) array, px
+        Of the camera; pixel centres at whole numbers.
+    face : (n,) array of int
+        Of the part, from 0.
+    status : (h, w) array of int
+        `ScanStatus` of every pixel of the device that was traced forward.
+    system : str
+        ``"stereo"``, ``"fringe"`` or ``"laser"``.
+    phase : str
+        Direction of the fringes' phase: ``"columns"``, ``"rows"`` or ``"both"``.
+    camera, second : Camera
+    assumptions : dict
+        How the rays were traced.
+    """
+
+    points: FloatArray
+    true: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    angle: FloatArray
+    pixel: FloatArray
+    face: IntArray
+    status: NDArray[np.int64]
+    system: str
+    phase: str
+    camera: Camera
+    second: Camera
+    assumptions: dict[str, str]
+
+    @property
+    def error(self) -> FloatArray:
+        """(n, 3) array, mm: X' - X."""
+        return self.points - self.true
+
+    @property
+    def error_normal(self) -> FloatArray:
+        """(n,) array, mm: the error along the outward normal, as a map against the CAD shows it."""
+        along: FloatArray = np.einsum("ij,ij->i", self.error, self.normal)
+        return along
+
+    def best_fit(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What a rigid alignment of the cloud to the part takes for pose, and what it leaves.
+
+        Least squares of the errors along the normals over small motions, x -> x + w x (x - c) + t
+        about the cloud's centre c (Chen and Medioni, Image and Vision Computing 10 (1992) 145).
+        Motions that no normal tells of, as of a cylinder along its axis, are left at 0.
+
+        Returns
+        -------
+        translation : (3,) array, mm
+        rotation : (3,) array, rad
+        error_normal : (n,) array, mm
+            After the alignment.
+        """
+        arm = self.true - self.true.mean(axis=0)
+        motions = np.hstack((self.normal, np.cross(arm, self.normal)))
+        found, *_ = np.linalg.lstsq(motions, -self.error_normal, rcond=1e-6)
+        return found[:3], found[3:], self.error_normal + motions @ found
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, schema ``iriftrace.scan/1``."""
+        translation, rotation, left = self.best_fit()
+        counts = {s.key: int((self.status == s).sum()) for s in ScanStatus}
+        return {
+            "schema": SCHEMA,
+            "system": self.system,
+            "phase": self.phase,
+            "points": {"pixels": int(self.status.size), **counts},
+            "error_normal_mm": spread(self.error_normal),
+            "error_mm": spread(np.linalg.norm(self.error, axis=1)),
+            "gap_mm": spread(self.gap),
+            "angle_deg": spread(np.degrees(self.angle)),
+            "best_fit": {
+                "translation_mm": translation.tolist(),
+                "rotation_rad": rotation.tolist(),
+                "error_normal_mm": spread(left),
+            },
+            "devices": {"camera": self.camera.as_dict(), "second": self.second.as_dict()},
+            "assumptions": self.assumptions,
+        }
+
+    def save(self, path: str | Path) -> tuple[Path, Path]:
+        """Write the cloud (.vtp) and, beside it, its numbers (.json).
+
+        Raises
+        ------
+        InputError
+            If the name does not end in .vtp.
+        """
+        import pyvista as pv
+
+        cloud = Path(path)
+        if cloud.suffix != ".vtp":
+            raise InputError(f"{cloud} is no name of a cloud that can be written; end it in .vtp.")
+        data = pv.PolyData(self.points)
+        for name, column in self._columns().items():
+            data.point_data[name] = column
+        with whole_file(cloud) as partial:
+            data.save(partial)
+        numbers = cloud.with_suffix(".json")
+        with whole_file(numbers) as partial:
+            partial.write_text(json.dumps(self.as_dict(), indent=2) + "\n", encoding="utf-8")
+        return cloud, numbers
+
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        columns: dict[str, NDArray[Any]] = {}
+        for name, vectors in (("true", self.true), ("error", self.error)):
+            columns |= {f"{name}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
+        return columns | {
+            "error_normal": self.error_normal,
+            "gap": self.gap,
+            "angle": self.angle,
+            "pixel_u": self.pixel[:, 0],
+            "pixel_v": self.pixel[:, 1],
+            "face": self.face,
+        }
+
+
+def spread(values: FloatArray) -> dict[str, float]:
+    """Mean, median, p95, rms, min and max of some values."""
+    median, p95 = np.percentile(values, (50, 95))
+    return {
+        "mean": float(values.mean()),
+        "median": float(median),
+        "p95": float(p95),
+        "rms": float(np.sqrt(np.mean(values**2))),
+        "min": float(values.min()),
+        "max": float(values.max()),
+    }
+
+
+def measure(
+    scene: LoadedScene | str | Path,
+    camera: Camera | None = None,
+    second: Camera | None = None,
+    *,
+    system: System | None = None,
+    phase: Phase = "columns",
+) -> Scan:
+    """Simulate a measurement with two devices in hot air.
+
+    The camera's pixels (the rays of the sheet, of a laser) are traced along their bent rays to the
+    part. The other device's line of sight to each point is found by `lines_of_sight`. The measured
+    point is where the straight lines meet:
+
+    - ``stereo``: the midpoint between two cameras' lines.
+    - ``fringe``: the camera's line meets the plane of the projector's column (``phase="columns"``)
+      or row (``"rows"``) that lights the point; with ``"both"`` the midpoint between the lines.
+    - ``laser``: the camera's line meets the sheet of light, which is the middle column of the
+      second device.
+
+    Parameters
+    ----------
+    scene : LoadedScene or path
+    camera, second : Camera, optional
+        The scene's own two sensors by default.
+    system : str, optional
+        By default what the id of the scene's second sensor says: ``camera_2``, ``projector`` or
+        ``laser``; stereo for other ones.
+    phase : str
+        Of fringe projection.
+
+    Raises
+    ------
+    InputError
+        If there is no second device, both stand at one place, they see nothing in common, or the
+        scene is an ensemble.
+
+    Warns
+    -----
+    IriftraceWarning
+        If half of the lines meet at less than 1 degree.
+    """
+    return _scan(*devices_of(scene, camera, second, system, phase), phase)
+
+
+def devices_of(
+    scene: LoadedScene | str | Path,
+    camera: Camera | None,
+    second: Camera | None,
+    system: System | None,
+    phase: Phase,
+) -> tuple[LoadedScene, Camera, Camera, System]:
+    """The scene, its two devices and the kind of sensor, with the defaults of `measure`.
+
+    Raises
+    ------
+    InputError
+        As `measure`.
+    """
+    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    camera = loaded.camera if camera is None else camera
+    if second is None:
+        second = loaded.second
+    if second is None:
+        raise InputError(
+            f"{loaded.path} has no second device, so there is nothing to triangulate with; give it "
+            "a second sensor, or give measure(..., second=Camera(...))."
+        )
+    if system is None:
+        system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")
+    _check(camera, second, system, phase)
+    return loaded, camera, second, system
+
+
+def _check(camera: Camera, second: Camera, system: str, phase: str) -> None:
+    for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
+        if value not in get_args(kinds):
+            raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
+    if "orthographic" in (camera.projection, second.projection):
+        raise InputError(
+            "A device with parallel rays has no place from which to triangulate; give both devices "
+            "a focal length."
+        )
+    if np.linalg.norm(camera.origin - second.origin) < 1e-3:
+        raise InputError(
+            "Both devices stand at one place, so their lines meet nowhere else; move one of them."
+        )
+
+
+def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:
+    forward, solved = (second, camera) if system == "laser" else (camera, second)
+    pixels, shape = _pixels(forward, sheet=system == "laser")
+    origin, direction = forward.rays(pixels)
+    hits = trace_rays(scene, origin, direction, focus_mm=forward.focus_mm, coherent=True)
+    seen = np.isin(hits.status, (Status.GOOD, Status.INDEX_MISMATCH))
+    status = np.where(seen, ScanStatus.MEASURED, ScanStatus.NOT_SEEN)
+    normals = scene.part.surface.normals
+    candidates = np.flatnonzero(seen)
+    true, face = hits.refracted[candidates], hits.refracted_face[candidates]
+    normal = normals[face]
+
+    distance = np.linalg.norm(true - solved.origin, axis=1)
+    near, far = solved.focus_mm
+    turned = np.einsum("ij,ij->i", normal, solved.origin - true) <= 0
+    codes = np.select(
+        [~_in_picture(solved, true), (distance < near) | (distance > far), turned],
+        [ScanStatus.OUTSIDE_PICTURE, ScanStatus.OUT_OF_FOCUS, ScanStatus.SHADOW],
+        ScanStatus.MEASURED,
+    )
+    asked = np.flatnonzero(codes == ScanStatus.MEASURED)
+    lines = lines_of_sight(scene, solved.origin, true[asked])
+    clear = np.abs(lines.lacking) <= CLEAR_MM
+    codes[asked[~lines.found]] = ScanStatus.SEVERAL_IMAGES
+    codes[asked[lines.found & ~clear]] = ScanStatus.SHADOW
+    status[candidates] = codes
+    good = lines.found & clear
+    kept = asked[good]
+    if len(kept) == 0:
+        raise InputError(
+            "The two devices see no point of the part in common; point both at the same side."
+        )
+    one, other = direction[candidates[kept]], lines.direction[good]
+    a, b = (other, one) if system == "laser" else (one, other)
+    points, gap = triangulated(camera, second, a, b, system, phase)
+    angle = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1.0, 1.0))
+    if np.median(angle) < LEAST_ANGLE:
+        warnings.warn(
+            f"The lines of the two devices meet at {np.degrees(np.median(angle)):.2g} degrees "
+            "(median), so that small errors of either become large in depth; set them farther "
+            "apart.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    seen_at = camera.project(camera.origin + a) if system == "laser" else pixels[candidates[kept]]
+    return Scan(
+        points=points,
+        true=true[kept],
+        normal=normal[kept],
+        gap=gap,
+        angle=angle,
+        pixel=seen_at - 0.5,
+        face=face[kept],
+        status=status.reshape(shape),
+        system=system,
+        phase=phase if system == "fringe" else "both" if system == "stereo" else "columns",
+        camera=camera,
+        second=second,
+        assumptions={
+            "engine": scene.engine,
+            "bending": scene.bending,
+            "index_rule": scene.index_rule,
+            "exposure": "one instant: both devices see the same air",
+        },
+    )
+
+
+def _pixels(device: Camera, sheet: bool) -> tuple[FloatArray, tuple[int, int]]:
+    """Positions of a device's rays, px, and how they are laid out (rows, columns)."""
+    width, height = device.resolution
+    columns = np.array([width / 2]) if sheet else np.arange(width) + 0.5
+    u, v = np.meshgrid(columns, np.arange(height) + 0.5)
+    return np.column_stack((u.ravel(), v.ravel())), (height, len(columns))
+
+
+def _in_picture(device: Camera, points: FloatArray) -> NDArray[np.bool_]:
+    with np.errstate(invalid="ignore"):
+        places = device.project(points)
+        inside = (places >= 0) & (places <= device.resolution)
+    return np.asarray(inside.all(axis=1))
+
+
+def triangulated(
+    camera: Camera, second: Camera, a: FloatArray, b: FloatArray, system: System, phase: Phase
+) -> tuple[FloatArray, FloatArray]:
+    """Measured points, mm, and gaps, mm, of lines of the camera and of the second device."""
+    if system == "stereo" or (system == "fringe" and phase == "both"):
+        return nearest_point(camera.origin, a, second.origin, b)
+    if system == "laser":
+        normal = np.broadcast_to(_sheet_normal(second), a.shape)
+    else:
+        normal = _phase_planes(second, b, phase)
+    return on_plane(camera.origin, a, second.origin, normal), np.zeros(len(a))
+
+
+def _sheet_normal(laser: Camera) -> FloatArray:
+    """Normal of the plane of the laser's middle column."""
+    middle = laser.resolution[0] / 2
+    _, (top, bottom) = laser.rays(((middle, 0.0), (middle, laser.resolution[1])))
+    normal: FloatArray = np.cross(top, bottom)
+    return normal / np.linalg.norm(normal)
+
+
+def _phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:
+    """Normals of the planes of a projector's columns or rows at its lines of sight.
+
+    With a distorting lens a column is no plane; the plane through its tangent takes its place.
+    """
+    place = projector.project(projector.origin + direction)
+    along = np.array((0.0, 0.5) if phase == "columns" else (0.5, 0.0))
+    (_, before), (_, after) = projector.rays(place - along), projector.rays(place + along)
+    normals: FloatArray = np.cross(before, after)
+    return unit_vectors(normals)

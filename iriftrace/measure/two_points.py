@@ -1,0 +1,95 @@
+r"""Lines of sight from a device to given points: the two-point problem of geometrical optics.
+
+A device at o sees (or lights) a point X along the bent ray that ends there. The sensor's software
+knows the straight line along which that ray leaves the device, so its direction is sought. The
+straight line is aimed at A, beginning with A = X; the traced ray passes X by the *miss*
+
+.. math:: m = (I - d d^T)(Y - X)
+
+with a point Y of its last straight way and the direction d there, and A - m is the next aim. The
+deflection changes little between neighbouring aims, so each round shrinks the miss by the factor
+:math:`|\partial\delta / \partial x|`, some 1e-3 on a part's side, up to 0.3 straight down a plume.
+Where that is not below 1 the point has several images.
+
+Points need not lie on the part: a ray goes on along its last straight way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.scene.load import LoadedScene
+from iriftrace.trace.render import trace_rays
+
+MISS_MM = 1e-6
+"""A ray that passes a point by less has found it: a thousandth of what sensors resolve."""
+
+ROUNDS = 8
+
+
+@frozen(eq=False)
+class LinesOfSight:
+    """Straight lines from a device whose bent rays end on points.
+
+    Attributes
+    ----------
+    direction : (n, 3) array
+        Of the straight line, unit; of the last round where none was found.
+    offset : (n, 3) array, mm
+        From the point to what the line is aimed at.
+    found : (n,) array of bool
+        The bent ray passes the point by `MISS_MM` at most.
+    lacking : (n,) array, mm
+        From the ray's end on the part to the point, along the ray: far from 0 where something lies
+        between the device and the point; NaN where the ray meets no part.
+    """
+
+    direction: FloatArray
+    offset: FloatArray
+    found: BoolArray
+    lacking: FloatArray
+
+
+def lines_of_sight(
+    scene: LoadedScene, origin: FloatArray, points: FloatArray, offset: FloatArray | None = None
+) -> LinesOfSight:
+    """Find the straight lines along which a device sees points of the part.
+
+    Parameters
+    ----------
+    scene : LoadedScene
+    origin : (3,) array, mm, world
+        Of the device.
+    points : (n, 3) array, mm, world
+        On the part or near it.
+    offset : (n, 3) array, mm, optional
+        First guess of `LinesOfSight.offset`.
+
+    Raises
+    ------
+    InputError
+        If the scene is an ensemble.
+    """
+    aim = points + (np.zeros(3) if offset is None else offset)
+    direction = unit_vectors(aim - origin)
+    miss = np.full(len(points), np.inf)
+    lacking = np.full(len(points), np.nan)
+    active = np.arange(len(points))
+    for _ in range(ROUNDS):
+        if len(active) == 0:
+            break
+        direction[active] = unit_vectors(aim[active] - origin)
+        starts = np.broadcast_to(origin, (len(active), 3))
+        hits = trace_rays(scene, starts, direction[active], coherent=True)
+        beyond = points[active] - hits.last_point
+        along = np.einsum("ij,ij->i", beyond, hits.direction)
+        off = along[:, None] * hits.direction - beyond
+        miss[active] = np.linalg.norm(off, axis=1)
+        lacking[active] = np.where(np.isfinite(hits.path_length), along, np.nan)
+        unsettled = ~(miss[active] <= MISS_MM)
+        active = active[unsettled]
+        aim[active] -= off[unsettled]
+    return LinesOfSight(direction, aim - points, miss <= MISS_MM, lacking)

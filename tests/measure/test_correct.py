@@ -1,0 +1,105 @@
+"""Correction of clouds: what a simulated measurement got wrong is taken out again.
+
+Against the true points of the simulation, on the part and beside it.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import InputError
+from iriftrace.measure.correct import CorrectionStatus, correct
+from iriftrace.measure.features import fit_feature
+from iriftrace.measure.scan import Scan, ScanStatus, measure
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scenes import folder_of
+
+DEVICES = [
+    Camera(
+        focal_length_mm=10.0,
+        sensor_mm=(6.7, 5.6),
+        resolution=(122, 102),
+        matrix=look_at((x, -190.0, -110.0), (0.0, 0.0, 0.0)),
+    )
+    for x in (-35.0, 35.0)
+]
+
+
+@pytest.fixture(scope="module", params=["shells", "continuous"])
+def scene(request: pytest.FixtureRequest, variant: str) -> LoadedScene:
+    return load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine=request.param)
+
+
+@pytest.fixture(scope="module", params=["stereo", "fringe"])
+def scan(request: pytest.FixtureRequest, scene: LoadedScene) -> Scan:
+    return measure(scene, *DEVICES, system=request.param)
+
+
+def test_what_was_simulated_is_taken_out(scan: Scan, scene: LoadedScene) -> None:
+    """Within 10 nm for 99 % of the points."""
+    assert (scan.status == ScanStatus.MEASURED).sum() > 1500
+    found = correct(scan.points, scene, *DEVICES, system=scan.system)
+    good = found.status == CorrectionStatus.CORRECTED
+    assert good.mean() > 0.97
+    before = np.linalg.norm(scan.error, axis=1)
+    left = np.linalg.norm(found.points - scan.true, axis=1)[good]
+    assert np.median(before) > 1e-3
+    assert np.quantile(left, 0.99) < 1e-5
+    np.testing.assert_array_equal(found.points[~good], scan.points[~good])
+
+
+def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: LoadedScene) -> None:
+    """The part is 0.2 mm thicker than its model; a layer some millimetres thick changes by 10 %."""
+    thicker = scan.points + 0.2 * scan.normal
+    found = correct(thicker, scene, *DEVICES, system=scan.system)
+    good = found.status == CorrectionStatus.CORRECTED
+    assert good.mean() > 0.9
+    size = np.linalg.norm(scan.error, axis=1)
+    off = np.linalg.norm(found.error - scan.error, axis=1)[good]
+    assert np.median(off) < 0.1 * np.median(size)
+
+
+def test_the_diameter_comes_out_as_it_is(scan: Scan, scene: LoadedScene) -> None:
+    """Air makes the cylinder micrometres too small; the correction gives its own fit back."""
+    found = correct(scan.points, scene, *DEVICES, system=scan.system)
+    good = found.status == CorrectionStatus.CORRECTED
+    cold, hot, corrected = (
+        fit_feature(points[good], "cylinder").size_mm
+        for points in (scan.true, scan.points, found.points)
+    )
+    assert 1.0 < 1e3 * (cold - hot) < 20.0
+    assert 1e3 * abs(corrected - cold) < 0.02
+
+
+def test_a_saved_correction_can_be_undone(scan: Scan, scene: LoadedScene, tmp_path: Path) -> None:
+    found = correct(scan.points, scene, *DEVICES, system=scan.system)
+    cloud, numbers = found.save(tmp_path / "corrected.vtp")
+    read = pv.read(cloud)
+    error = np.column_stack([read[f"error_{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(read.points + error, scan.points, rtol=0, atol=1e-12)
+    table = json.loads(numbers.read_text())
+    assert table["points"]["corrected"] == (found.status == 0).sum()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda points: points / 1e3, "another unit"),
+        (lambda points: points[:0], "n > 0 points"),
+        (lambda points: points[:, :2], "n > 0 points"),
+        (lambda points: points * np.nan, "not finite"),
+        (lambda points: points + 50.0, "beside the part"),
+    ],
+)
+def test_wrong_clouds_are_one_sentence(
+    scan: Scan, scene: LoadedScene, change: object, said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        correct(change(scan.points), scene, *DEVICES, system=scan.system)

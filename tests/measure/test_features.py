@@ -1,0 +1,127 @@
+"""Fitted features against points of surfaces that are known, and against what no motion changes.
+
+Points of exact surfaces come back to rounding; of disturbed ones the sum of squares is stationary
+(its gradient by finite differences vanishes), which is what a least-squares fit is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from iriftrace.core.errors import InputError
+from iriftrace.measure.features import Feature, fit_feature
+
+AXIS = np.array((0.2, -0.5, 0.8)) / np.linalg.norm((0.2, -0.5, 0.8))
+PLACE = np.array((120.0, -45.0, 33.0))
+TURN = Rotation.align_vectors([AXIS], [(0.0, 0.0, 1.0)])[0]
+
+
+def placed(local: np.ndarray) -> np.ndarray:
+    points: np.ndarray = TURN.apply(local) + PLACE
+    return points
+
+
+def grid(kind: str, share: float = 1.0) -> np.ndarray:
+    """Points of a feature about z, of a part of its circumference."""
+    angle, height = (
+        values.ravel()
+        for values in np.meshgrid(np.linspace(0, share * 6.0, 40), np.linspace(-8, 11, 12))
+    )
+    if kind == "plane":
+        return np.column_stack((10 * np.cos(angle) * height, 5 * np.sin(angle) * height, 0 * angle))
+    if kind == "line":
+        return np.column_stack((0 * height, 0 * height, height))
+    if kind == "circle":
+        return 7.5 * np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
+    if kind == "sphere":
+        polar = height / 8.0
+        return 7.5 * np.column_stack(
+            (np.cos(polar) * np.cos(angle), np.cos(polar) * np.sin(angle), np.sin(polar))
+        )
+    radius = 7.5 + (height * np.tan(0.2) if kind == "cone" else 0.0)
+    return np.column_stack((radius * np.cos(angle), radius * np.sin(angle), height))
+
+
+KINDS = ("plane", "line", "circle", "sphere", "cylinder", "cone")
+
+
+def check(feature: Feature, atol: float) -> None:
+    off = feature.position - PLACE
+    if feature.direction is not None:
+        assert abs(abs(feature.direction @ AXIS) - 1) < atol
+        along = off @ AXIS
+        if feature.kind in ("plane",):
+            off = along * AXIS
+        elif feature.kind != "circle":
+            off = off - along * AXIS
+    else:
+        along = 0.0
+    assert np.linalg.norm(off) < atol
+    if feature.kind == "cone":
+        assert feature.half_angle == pytest.approx(0.2, abs=atol)
+        assert feature.size_mm == pytest.approx(15.0 + 2 * along * np.tan(0.2), abs=atol)
+    elif feature.size_mm is not None:
+        assert feature.size_mm == pytest.approx(15.0, abs=atol)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_exact_points_come_back(kind: str, share: float) -> None:
+    """To 1e-9 mm, of 3 to 170 degrees of the circumference, 130 mm from the origin."""
+    feature = fit_feature(placed(grid(kind, share)), kind)
+    assert feature.kind == kind
+    check(feature, 1e-9)
+    assert feature.form_mm < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_motion_makes_the_squares_smaller(kind: str) -> None:
+    """Noisy points are moved a little every way: the fit's own residuals are the least."""
+    noise = np.random.default_rng(2).normal(0, 0.01, grid(kind).shape)
+    points = placed(grid(kind) + noise)
+    feature = fit_feature(points, kind)
+    best = float(feature.residuals @ feature.residuals)
+    assert feature.form_mm == pytest.approx(np.ptp(feature.residuals))
+    for step in np.vstack((np.eye(6), -np.eye(6))) * 1e-3:
+        turned = Rotation.from_rotvec(step[:3] * 0.1).apply(points - feature.position)
+        moved = turned + feature.position + step[3:]
+        assert squares(moved, feature) >= best * (1 - 1e-9)
+
+
+def squares(points: np.ndarray, like: Feature) -> float:
+    """Sum of squared distances of points from a feature that stays where it is."""
+    arm = points - like.position
+    if like.kind == "sphere":
+        off = np.linalg.norm(arm, axis=1) - like.size_mm / 2
+        return float(off @ off)
+    height = arm @ like.direction
+    radius = np.linalg.norm(arm - np.outer(height, like.direction), axis=1)
+    if like.kind == "plane":
+        return float(height @ height)
+    if like.kind == "line":
+        return float(radius @ radius)
+    if like.kind == "circle":
+        return float(height @ height + (radius - like.size_mm / 2) @ (radius - like.size_mm / 2))
+    if like.kind == "cylinder":
+        return float((radius - like.size_mm / 2) @ (radius - like.size_mm / 2))
+    opened = []
+    for sign in (1, -1):
+        off = (radius - like.size_mm / 2) * np.cos(like.half_angle)
+        off -= sign * height * np.sin(like.half_angle)
+        opened.append(float(off @ off))
+    return min(opened)
+
+
+@pytest.mark.parametrize(
+    ("points", "kind", "said"),
+    [
+        (np.zeros((5, 3)), "torus", "no feature 'torus'"),
+        (np.zeros((4, 3)), "cylinder", "at least 5 points"),
+        (np.zeros((9, 3)), "sphere", "All points are the same"),
+    ],
+)
+def test_what_determines_no_feature_is_refused(points: np.ndarray, kind: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        fit_feature(points, kind)

@@ -1,0 +1,257 @@
+"""Measured points against exact results: two bent lines to one point, two straight ones back.
+
+Closed forms by Snell's law in plane layers and Bouguer's around a cylinder, symmetries, and lines
+in space whose intersection is known.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from attrs import evolve
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.measure.scan import Scan, ScanStatus, measure
+from iriftrace.measure.triangulation import nearest_point, on_plane
+from iriftrace.scene.load import LoadedScene
+from iriftrace.scenes.analytic import concentric_cylinders, slab
+from validation.inputs.parts import cylinder_fine_at
+from validation.inputs.scene_rays import loaded
+from validation.oracles.closed_forms import (
+    RADIUS_MM,
+    RoundAir,
+    cylinder_pair_error_um,
+    slab_pair_error_um,
+)
+
+SHELLS = (13, 100)
+BOUND = {13: 0.01, 100: 0.001}
+FAR_MM = 20_000.0
+
+
+def device(
+    origin: tuple[float, float, float], target: tuple[float, float, float], width: int = 5
+) -> Camera:
+    """A camera or projector that sees 1 mm around its target."""
+    distance = float(np.linalg.norm(np.subtract(origin, target)))
+    return Camera(
+        focal_length_mm=distance,
+        sensor_mm=(1.0, 1.0),
+        resolution=(width, width),
+        matrix=look_at(origin, target, up=(1.0, 0.2, 0.3)),
+    )
+
+
+def above(angle_deg: float, distance: float = 300.0) -> Camera:
+    """A device over the plate, at an angle to its normal in the x-z plane."""
+    angle = np.radians(angle_deg)
+    return device((distance * np.sin(angle), 0.4, distance * np.cos(angle)), (0.0, 0.4, 0.0))
+
+
+def aside(angle_deg: float) -> Camera:
+    """A device far from the cylinder, at an angle to the normal at (0, -R, 0)."""
+    angle = np.radians(angle_deg)
+    y, z = -FAR_MM * np.cos(angle) - RADIUS_MM, FAR_MM * np.sin(angle)
+    return device((0.1, y, z), (0.1, -RADIUS_MM, 0.0), width=1)
+
+
+@pytest.fixture(scope="module", params=SHELLS)
+def plates(
+    request: pytest.FixtureRequest, variant: str, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[int, LoadedScene]:
+    part, shells = slab(request.param, air=RoundAir(), size_mm=400.0)
+    return request.param, loaded(tmp_path_factory.mktemp("slab"), part, shells)
+
+
+@pytest.fixture(scope="module", params=SHELLS)
+def cylinders(
+    request: pytest.FixtureRequest, variant: str, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[int, LoadedScene]:
+    _, shells = concentric_cylinders(
+        request.param, air=RoundAir(), sections=4000, part_sections=12, length_mm=60.0
+    )
+    part = cylinder_fine_at(180.0 + 0.005, RADIUS_MM, 60.0)
+    return request.param, loaded(tmp_path_factory.mktemp("cylinder"), part, shells)
+
+
+@pytest.mark.parametrize("angles", [(-15, 15), (-30, 30), (0, 30), (20, 50), (30, 60)])
+@pytest.mark.parametrize("system", ["stereo", "fringe"])
+def test_a_plate_under_hot_layers_is_measured_too_deep(
+    plates: tuple[int, LoadedScene], angles: tuple[float, float], system: str
+) -> None:
+    """Depth and lateral error of every point by quadrature of Snell's law."""
+    layers, scene = plates
+    camera, second = (above(angle) for angle in angles)
+    # The projector's columns must run across the plane of both devices.
+    scan = measure(scene, camera, second, system=system, phase="both")
+    assert len(scan.points) == 25
+    slopes = [
+        (scan.points - eye.origin)[:, 0] / (scan.points - eye.origin)[:, 2]
+        for eye in (camera, second)
+    ]
+    depth, lateral = np.transpose([slab_pair_error_um(*pair) for pair in zip(*slopes, strict=True)])
+    np.testing.assert_allclose(-1e3 * scan.error_normal, depth, rtol=BOUND[layers])
+    bound = BOUND[layers] * depth.max()
+    np.testing.assert_allclose(1e3 * scan.error[:, 0], lateral, rtol=0, atol=bound)
+    # Rays beside the plane of both devices pass each other.
+    assert 1e3 * np.abs(scan.gap).max() < 1e-3 * depth.max()
+
+
+@pytest.mark.parametrize("angles", [(-30, 30), (-60, 60), (30, 60)])
+def test_a_hot_cylinder_is_measured_too_small(
+    cylinders: tuple[int, LoadedScene], angles: tuple[float, float]
+) -> None:
+    """Normal and tangential error by Bouguer's law, devices far away."""
+    layers, scene = cylinders
+    scan = measure(scene, *(aside(angle) for angle in angles), system="stereo")
+    normal, tangential = cylinder_pair_error_um(*np.radians(angles))
+    assert 1e3 * scan.error_normal[0] == pytest.approx(normal, rel=BOUND[layers])
+    around = np.cross(scan.normal[0], (1.0, 0.0, 0.0))
+    found = 1e3 * scan.error[0] @ around
+    assert found == pytest.approx(tangential, abs=BOUND[layers] * abs(normal))
+
+
+@pytest.mark.parametrize(
+    ("form", "angles", "expected"),
+    [
+        (slab_pair_error_um, np.tan(np.radians((-15, 15))), (3.38397, 0.0)),
+        (slab_pair_error_um, np.tan(np.radians((0, 30))), (4.21001, 0.0)),
+        (slab_pair_error_um, np.tan(np.radians((20, 50))), (9.43317, -2.13198)),
+        (slab_pair_error_um, np.tan(np.radians((30, 60))), (16.85334, -7.29963)),
+        (cylinder_pair_error_um, np.radians((-30, 30)), (-1.959423, 0.0)),
+        (cylinder_pair_error_um, np.radians((-60, 60)), (-2.300667, 0.0)),
+        (cylinder_pair_error_um, np.radians((30, 60)), (-2.471288, -0.295525)),
+    ],
+)
+def test_closed_forms_agree_with_quadrature_in_forty_digits(
+    form: object, angles: np.ndarray, expected: tuple[float, float]
+) -> None:
+    """Both were derived twice, independently."""
+    assert form(*angles) == pytest.approx(expected, abs=2e-5)
+
+
+def test_devices_may_be_exchanged(cylinders: tuple[int, LoadedScene]) -> None:
+    """Both see the same points, so that the errors at the pictures' centres are the same."""
+    _, scene = cylinders
+    devices = aside(-40), aside(20)
+    one, other = (measure(scene, *pair, system="stereo") for pair in (devices, devices[::-1]))
+    np.testing.assert_allclose(one.true, other.true, rtol=0, atol=0.01)
+    np.testing.assert_allclose(one.error, other.error, rtol=0, atol=1e-6)
+
+
+def test_a_laser_sheet_errs_as_its_fringe_would(plates: tuple[int, LoadedScene]) -> None:
+    """A sheet is one column of a projector, traced the other way round."""
+    _, scene = plates
+    camera = above(-20)
+    fringe = measure(scene, camera, above(20), system="fringe", phase="rows")
+    sheet = measure(scene, camera, above(20), system="laser")
+    assert len(sheet.points) == 5
+    np.testing.assert_allclose(sheet.gap, 0)
+    np.testing.assert_allclose(
+        np.median(sheet.error_normal), np.median(fringe.error_normal), rtol=5e-3
+    )
+
+
+def test_air_of_one_index_leaves_no_error(
+    variant: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    part, shells = slab(13, air=RoundAir())
+    even = [evolve(s, ext=shells.shells[0].ext, int_=shells.shells[0].ext) for s in shells.shells]
+    stack = evolve(shells, shells=even)
+    scene = loaded(tmp_path_factory.mktemp("even"), part, stack, bending="shells")
+    scan = measure(scene, above(-30), above(30), system="stereo")
+    assert np.abs(scan.error).max() < 1e-6
+
+
+def test_a_step_puts_what_lies_behind_it_into_shadow(
+    variant: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """The camera sees the floor, to which a wall hides the second device."""
+    import trimesh
+
+    from iriftrace.part.part import part_of_mesh
+
+    _, shells = slab(5, air=RoundAir(), size_mm=400.0)
+    floor = trimesh.creation.box((100, 100, 5))
+    floor.apply_translation((0, 0, -2.5))
+    wall = trimesh.creation.box((1, 100, 10))
+    wall.apply_translation((2.0, 0, 5.0))
+    both = trimesh.util.concatenate([floor, wall])
+    part = part_of_mesh(both.vertices, both.faces, name="step")
+    scene = loaded(tmp_path_factory.mktemp("step"), part, shells)
+    camera, hidden, free = above(0.1), above(60), above(-60)
+    scan = measure(scene, camera, free, system="stereo")
+    assert (scan.status == ScanStatus.MEASURED).all()
+    with pytest.raises(InputError, match="no point of the part in common"):
+        measure(scene, camera, hidden, system="stereo")
+
+
+def test_best_fit_takes_out_a_rigid_motion(plates: tuple[int, LoadedScene]) -> None:
+    """A plate that is measured too deep everywhere alike is a plate elsewhere."""
+    _, scene = plates
+    scan = measure(scene, above(-15), above(15), system="stereo")
+    translation, rotation, left = scan.best_fit()
+    assert translation[2] == pytest.approx(-scan.error_normal.mean(), rel=1e-3)
+    assert np.abs(left).max() < 0.01 * np.abs(scan.error_normal).max()
+    assert np.abs(rotation).max() < 1e-4
+
+
+def test_lines_in_space_meet_where_they_should() -> None:
+    random = np.random.default_rng(5)
+    points = random.normal(size=(50, 3))
+    eyes = np.array((10.0, 2.0, -3.0)), np.array((-4.0, 9.0, 5.0))
+    lines = [(points - eye) / np.linalg.norm(points - eye, axis=1)[:, None] for eye in eyes]
+    found, gap = nearest_point(eyes[0], lines[0], eyes[1], lines[1])
+    np.testing.assert_allclose(found, points, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(gap, 0, atol=1e-12)
+    normal = np.cross(lines[1], random.normal(size=(50, 3)))
+    np.testing.assert_allclose(
+        on_plane(eyes[0], lines[0], eyes[1], normal), points, rtol=0, atol=1e-10
+    )
+    apart, gap = nearest_point(
+        np.zeros(3), np.array([[1.0, 0, 0]]), np.array((0.0, 0, 3.0)), np.array([[0, 1.0, 0]])
+    )
+    np.testing.assert_allclose(apart, [[0, 0, 1.5]])
+    np.testing.assert_allclose(gap, 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"second": None}, "no second device"),
+        ({"second": above(-20)}, "at one place"),
+        ({"system": "radar"}, "no system 'radar'"),
+    ],
+)
+def test_wrong_devices_are_one_sentence(
+    plates: tuple[int, LoadedScene], change: dict[str, object], said: str
+) -> None:
+    _, scene = plates
+    chosen = {"second": above(20), "system": "stereo", **change}
+    with pytest.raises(InputError, match=said):
+        measure(scene, above(-20), **chosen)
+
+
+def test_a_small_angle_is_warned_of(plates: tuple[int, LoadedScene]) -> None:
+    _, scene = plates
+    with pytest.warns(IriftraceWarning, match="farther apart"):
+        measure(scene, above(0.0), above(0.5), system="stereo")
+
+
+def test_a_saved_scan_is_what_was_measured(plates: tuple[int, LoadedScene], tmp_path: Path) -> None:
+    _, scene = plates
+    scan: Scan = measure(scene, above(-20), above(20), system="stereo")
+    cloud, numbers = scan.save(tmp_path / "scan.vtp")
+    read = pv.read(cloud)
+    np.testing.assert_array_equal(read.points, scan.points)
+    np.testing.assert_array_equal(read["error_normal"], scan.error_normal)
+    table = json.loads(numbers.read_text())
+    assert table["schema"] == "iriftrace.scan/1"
+    assert table["points"]["measured"] == 25
+    assert table["error_normal_mm"]["mean"] == pytest.approx(scan.error_normal.mean())
