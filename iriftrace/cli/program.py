@@ -139,6 +139,8 @@ for _name, _module in {
     "plan": "plan",
     "plot": "plot",
     "report": "plot",
+    "measure": "measure",
+    "correct": "measure",
     "compare": "compare",
     "study": "study",
     "field": "field",

@@ -7,7 +7,7 @@ Since e changes by some 1e-3 of a step, two evaluations leave a nanometre.
 
 from __future__ import annotations
 
-import json
+from collections.abc import Sequence
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,19 @@ from attrs import frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
-from iriftrace.measure.scan import Phase, System, devices_of, spread, triangulated
+from iriftrace.measure.features import feature_table
+from iriftrace.measure.scan import (
+    Phase,
+    System,
+    devices_of,
+    save_cloud,
+    spread,
+    triangulated,
+)
 from iriftrace.measure.two_points import lines_of_sight
+from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 
 SCHEMA = "iriftrace.correction/1"
@@ -60,6 +68,8 @@ class Correction:
         The air's share of each; 0 where it is not known.
     status : (n,) array of int
         `CorrectionStatus`; points with another one than 0 stay as they were measured.
+    face : (n,) array of int
+        Of the part; -1 where the camera's line meets none.
     system : str
     assumptions : dict
     """
@@ -67,6 +77,7 @@ class Correction:
     measured: FloatArray
     error: FloatArray
     status: NDArray[np.int64]
+    face: IntArray
     system: str
     assumptions: dict[str, str]
 
@@ -74,6 +85,12 @@ class Correction:
     def points(self) -> FloatArray:
         """(n, 3) array, mm, world: the measured points without the air's share."""
         return self.measured - self.error
+
+    def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
+        """Features of the corrected points, measured and corrected; see `feature_table`."""
+        good = self.status == CorrectionStatus.CORRECTED
+        clouds = {"measured": self.measured[good], "corrected": self.points[good]}
+        return feature_table(clouds, self.face[good], part, choices)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.correction/1``."""
@@ -87,29 +104,23 @@ class Correction:
             "assumptions": self.assumptions,
         }
 
-    def save(self, path: str | Path) -> tuple[Path, Path]:
+    def save(self, path: str | Path, features: Sequence[dict[str, Any]] = ()) -> tuple[Path, Path]:
         """Write the corrected cloud (.vtp), with its errors, and its numbers (.json).
+
+        Parameters
+        ----------
+        path : path
+        features : sequence of dict
+            Written with the numbers.
 
         Raises
         ------
         InputError
             If the name does not end in .vtp.
         """
-        import pyvista as pv
-
-        cloud = Path(path)
-        if cloud.suffix != ".vtp":
-            raise InputError(f"{cloud} is no name of a cloud that can be written; end it in .vtp.")
-        data = pv.PolyData(self.points)
-        for i, axis in enumerate("xyz"):
-            data.point_data[f"error_{axis}"] = self.error[:, i]
-        data.point_data["status"] = self.status
-        with whole_file(cloud) as partial:
-            data.save(partial)
-        numbers = cloud.with_suffix(".json")
-        with whole_file(numbers) as partial:
-            partial.write_text(json.dumps(self.as_dict(), indent=2) + "\n", encoding="utf-8")
-        return cloud, numbers
+        columns = {f"error_{axis}": self.error[:, i] for i, axis in enumerate("xyz")}
+        values = self.as_dict() | {"features": list(features)}
+        return save_cloud(path, self.points, columns | {"status": self.status}, values)
 
 
 def correct(
@@ -119,7 +130,7 @@ def correct(
     second: Camera | None = None,
     *,
     system: System | None = None,
-    phase: Phase = "columns",
+    phase: Phase | None = None,
 ) -> Correction:
     """Take the air's share out of measured points.
 
@@ -144,7 +155,7 @@ def correct(
         )
     if not np.isfinite(measured).all():
         raise InputError("Some points of the cloud are not finite; leave them out.")
-    loaded, camera, second, system = devices_of(scene, camera, second, system, phase)
+    loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
     _refuse_another_part(measured, loaded)
     place = measured.copy()
     offsets: tuple[FloatArray | None, FloatArray | None] = (None, None)
@@ -172,7 +183,7 @@ def correct(
     )
     error[status != CorrectionStatus.CORRECTED] = 0.0
     assumptions = {"engine": loaded.engine, "bending": loaded.bending}
-    return Correction(measured, error, status, system, assumptions)
+    return Correction(measured, error, status, lines[0].face, system, assumptions)
 
 
 def _refuse_another_part(points: FloatArray, scene: LoadedScene) -> None:

@@ -1,23 +1,27 @@
 """Gaussian best-fit features of points: least squares of the distances from the surface or curve.
 
 As ISO 10360-6 asks of software for coordinate measuring machines. A start in closed form, then
-Gauss and Newton's method by SciPy.
+Levenberg and Marquardt's method by SciPy.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Literal, get_args
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, get_args
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.part.part import Part
 
 Kind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
+
+SAMPLE = 1000
+"""Points that choose between the principal axes of a cylinder or cone, which differ by far."""
 
 FEWEST = {"plane": 3, "line": 2, "circle": 3, "sphere": 4, "cylinder": 5, "cone": 6}
 """Points that determine each kind of feature."""
@@ -57,7 +61,7 @@ class Feature:
         return float(np.ptp(self.residuals))
 
 
-def fit_feature(points: ArrayLike, kind: Kind) -> Feature:
+def fit_feature(points: ArrayLike, kind: str) -> Feature:
     """Fit a feature to points by least squares.
 
     Parameters
@@ -95,6 +99,60 @@ def fit_feature(points: ArrayLike, kind: Kind) -> Feature:
     )
 
 
+def feature_table(
+    clouds: Mapping[str, FloatArray], face: IntArray, part: Part, choices: Sequence[str]
+) -> list[dict[str, Any]]:
+    """Fit features to the same points as they are in several clouds.
+
+    Parameters
+    ----------
+    clouds : mapping of (n, 3) arrays, mm
+        By name: ``"cold"``, ``"measured"``, ``"corrected"``.
+    face : (n,) array of int
+        Face of the part on which each point lies.
+    part : Part
+    choices : sequence of str
+        Kind of a feature, and the region of the part if not all of it: ``"cylinder:lateral"``.
+
+    Returns
+    -------
+    list of dict
+        ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``form_mm``, ``position_mm`` and
+        ``direction``.
+
+    Raises
+    ------
+    InputError
+        There is no such kind or region, or too few points are on it.
+    """
+    rows = []
+    for choice in choices:
+        kind, _, region = choice.partition(":")
+        chosen = np.ones(len(face), dtype=bool)
+        if region:
+            if region not in part.region_names:
+                raise InputError(
+                    f"The part has no region {region!r}; use one of {', '.join(part.region_names)}."
+                )
+            chosen = part.region_of_face[face] == part.region_names.index(region)
+        fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
+        rows.append(
+            {
+                "kind": kind,
+                "region": region or None,
+                "points": int(chosen.sum()),
+                "size_mm": {name: fit.size_mm for name, fit in fits.items()},
+                "form_mm": {name: fit.form_mm for name, fit in fits.items()},
+                "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
+                "direction": {
+                    name: None if fit.direction is None else fit.direction.tolist()
+                    for name, fit in fits.items()
+                },
+            }
+        )
+    return rows
+
+
 def _axes(points: FloatArray) -> FloatArray:
     """Principal axes of points about 0, as rows, that of the largest extent first."""
     axes: FloatArray = np.linalg.svd(points, full_matrices=False)[2]
@@ -127,11 +185,9 @@ def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _solved(residuals: Callable[[FloatArray], FloatArray], start: ArrayLike) -> FloatArray:
-    """Parameters of least squares, to rounding."""
-    exact = 1e-15
-    found = least_squares(
-        residuals, start, method="lm", xtol=exact, ftol=exact, gtol=exact, max_nfev=10_000
-    )
+    """Parameters of least squares, to 1e-12 of the points' extent."""
+    exact = 1e-13
+    found = least_squares(residuals, start, method="lm", xtol=exact, ftol=exact, gtol=exact)
     return np.asarray(found.x, dtype=np.float64)
 
 
@@ -177,8 +233,8 @@ def _circle(points: FloatArray) -> Feature:
     return Feature("circle", best[:3], normal, 2 * float(best[5]), None, off)
 
 
-def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> tuple[FloatArray, Feature]:
-    """Cylinder or cone from a first guess of its axis; the sum of squares first."""
+def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
+    """Cylinder or cone from a first guess of its axis."""
     frame = _frame(axis)
     across = points @ frame[:2].T
     centre, radius = _algebraic_sphere(across)
@@ -204,16 +260,20 @@ def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> tuple[Fl
     diameter = 2 * (best[4] + np.tan(angle) * float((position - foot) @ direction))
     off = residuals(best)
     kind = "cone" if opening else "cylinder"
-    feature = Feature(
+    return Feature(
         kind, position, _signed(direction), float(diameter), abs(angle) if opening else None, off
     )
-    return off, feature
 
 
 def _round(points: FloatArray, opening: bool) -> Feature:
-    """Best of the fits that start along the three principal axes."""
-    fits = [_about_axis(points, axis, opening) for axis in _axes(points)]
-    return min(fits, key=lambda fit: float(fit[0] @ fit[0]))[1]
+    """Fit from the principal axis along which a sample of the points fits best."""
+    thin = len(points) // SAMPLE
+    sample = points[::thin] if thin > 1 else points
+    fits = [_about_axis(sample, axis, opening) for axis in _axes(points)]
+    best = min(fits, key=lambda fit: float(fit.residuals @ fit.residuals))
+    if sample is points or best.direction is None:
+        return best
+    return _about_axis(points, best.direction, opening)
 
 
 _FITS: dict[str, Callable[[FloatArray], Feature]] = {

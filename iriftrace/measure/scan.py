@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -24,8 +25,10 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.aov_image import Status
+from iriftrace.measure.features import feature_table
 from iriftrace.measure.triangulation import nearest_point, on_plane
 from iriftrace.measure.two_points import lines_of_sight
+from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.trace.render import trace_rays
 
@@ -162,28 +165,27 @@ class Scan:
             "assumptions": self.assumptions,
         }
 
-    def save(self, path: str | Path) -> tuple[Path, Path]:
+    def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
+        """Features of the points, cold and measured; see `feature_table`."""
+        clouds = {"cold": self.true, "measured": self.points}
+        return feature_table(clouds, self.face, part, choices)
+
+    def save(self, path: str | Path, features: Sequence[dict[str, Any]] = ()) -> tuple[Path, Path]:
         """Write the cloud (.vtp) and, beside it, its numbers (.json).
+
+        Parameters
+        ----------
+        path : path
+        features : sequence of dict
+            Written with the numbers.
 
         Raises
         ------
         InputError
             If the name does not end in .vtp.
         """
-        import pyvista as pv
-
-        cloud = Path(path)
-        if cloud.suffix != ".vtp":
-            raise InputError(f"{cloud} is no name of a cloud that can be written; end it in .vtp.")
-        data = pv.PolyData(self.points)
-        for name, column in self._columns().items():
-            data.point_data[name] = column
-        with whole_file(cloud) as partial:
-            data.save(partial)
-        numbers = cloud.with_suffix(".json")
-        with whole_file(numbers) as partial:
-            partial.write_text(json.dumps(self.as_dict(), indent=2) + "\n", encoding="utf-8")
-        return cloud, numbers
+        values = self.as_dict() | {"features": list(features)}
+        return save_cloud(path, self.points, self._columns(), values)
 
     def _columns(self) -> dict[str, NDArray[Any]]:
         columns: dict[str, NDArray[Any]] = {}
@@ -197,6 +199,35 @@ class Scan:
             "pixel_v": self.pixel[:, 1],
             "face": self.face,
         }
+
+
+def save_cloud(
+    path: str | Path,
+    points: FloatArray,
+    columns: Mapping[str, NDArray[Any]],
+    values: Mapping[str, Any],
+) -> tuple[Path, Path]:
+    """Write points with columns of numbers (.vtp) and, beside it, a JSON file of the same name.
+
+    Raises
+    ------
+    InputError
+        If the name does not end in .vtp, or a file cannot be written.
+    """
+    import pyvista as pv
+
+    cloud = Path(path)
+    if cloud.suffix != ".vtp":
+        raise InputError(f"{cloud} is no name of a cloud that can be written; end it in .vtp.")
+    data = pv.PolyData(points)
+    for name, column in columns.items():
+        data.point_data[name] = column
+    with whole_file(cloud) as partial:
+        data.save(partial)
+    numbers = cloud.with_suffix(".json")
+    with whole_file(numbers) as partial:
+        partial.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+    return cloud, numbers
 
 
 def spread(values: FloatArray) -> dict[str, float]:
@@ -218,7 +249,7 @@ def measure(
     second: Camera | None = None,
     *,
     system: System | None = None,
-    phase: Phase = "columns",
+    phase: Phase | None = None,
 ) -> Scan:
     """Simulate a measurement with two devices in hot air.
 
@@ -240,8 +271,9 @@ def measure(
     system : str, optional
         By default what the id of the scene's second sensor says: ``camera_2``, ``projector`` or
         ``laser``; stereo for other ones.
-    phase : str
-        Of fringe projection.
+    phase : str, optional
+        Of fringe projection; by default columns or rows, whichever run more across the way from the
+        projector to the camera.
 
     Raises
     ------
@@ -254,7 +286,7 @@ def measure(
     IriftraceWarning
         If half of the lines meet at less than 1 degree.
     """
-    return _scan(*devices_of(scene, camera, second, system, phase), phase)
+    return _scan(*devices_of(scene, camera, second, system, phase))
 
 
 def devices_of(
@@ -262,8 +294,8 @@ def devices_of(
     camera: Camera | None,
     second: Camera | None,
     system: System | None,
-    phase: Phase,
-) -> tuple[LoadedScene, Camera, Camera, System]:
+    phase: Phase | None,
+) -> tuple[LoadedScene, Camera, Camera, System, Phase]:
     """The scene, its two devices and the kind of sensor, with the defaults of `measure`.
 
     Raises
@@ -283,12 +315,22 @@ def devices_of(
     if system is None:
         system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")
     _check(camera, second, system, phase)
-    return loaded, camera, second, system
+    if system == "stereo":
+        return loaded, camera, second, system, "both"
+    if system == "laser":
+        return loaded, camera, second, system, "columns"
+    return loaded, camera, second, system, phase or _better_phase(camera, second)
 
 
-def _check(camera: Camera, second: Camera, system: str, phase: str) -> None:
+def _better_phase(camera: Camera, projector: Camera) -> Phase:
+    """The lines of a projector's picture that run more across the way to the camera."""
+    base = projector.matrix[:3, :2].T @ (camera.origin - projector.origin)
+    return "columns" if abs(base[0]) >= abs(base[1]) else "rows"
+
+
+def _check(camera: Camera, second: Camera, system: str, phase: str | None) -> None:
     for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
-        if value not in get_args(kinds):
+        if value is not None and value not in get_args(kinds):
             raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
     if "orthographic" in (camera.projection, second.projection):
         raise InputError(
@@ -356,7 +398,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         face=face[kept],
         status=status.reshape(shape),
         system=system,
-        phase=phase if system == "fringe" else "both" if system == "stereo" else "columns",
+        phase=phase,
         camera=camera,
         second=second,
         assumptions={
@@ -387,7 +429,7 @@ def triangulated(
     camera: Camera, second: Camera, a: FloatArray, b: FloatArray, system: System, phase: Phase
 ) -> tuple[FloatArray, FloatArray]:
     """Measured points, mm, and gaps, mm, of lines of the camera and of the second device."""
-    if system == "stereo" or (system == "fringe" and phase == "both"):
+    if phase == "both":
         return nearest_point(camera.origin, a, second.origin, b)
     if system == "laser":
         normal = np.broadcast_to(_sheet_normal(second), a.shape)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.render import trace_rays
@@ -45,12 +45,15 @@ class LinesOfSight:
     lacking : (n,) array, mm
         From the ray's end on the part to the point, along the ray: far from 0 where something lies
         between the device and the point; NaN where the ray meets no part.
+    face : (n,) array of int
+        Of the part, under the ray's end; -1 where it meets none.
     """
 
     direction: FloatArray
     offset: FloatArray
     found: BoolArray
     lacking: FloatArray
+    face: IntArray
 
 
 def lines_of_sight(
@@ -77,6 +80,7 @@ def lines_of_sight(
     direction = unit_vectors(aim - origin)
     miss = np.full(len(points), np.inf)
     lacking = np.full(len(points), np.nan)
+    face = np.full(len(points), -1)
     active = np.arange(len(points))
     for _ in range(ROUNDS):
         if len(active) == 0:
@@ -89,7 +93,8 @@ def lines_of_sight(
         off = along[:, None] * hits.direction - beyond
         miss[active] = np.linalg.norm(off, axis=1)
         lacking[active] = np.where(np.isfinite(hits.path_length), along, np.nan)
+        face[active] = hits.refracted_face
         unsettled = ~(miss[active] <= MISS_MM)
         active = active[unsettled]
         aim[active] -= off[unsettled]
-    return LinesOfSight(direction, aim - points, miss <= MISS_MM, lacking)
+    return LinesOfSight(direction, aim - points, miss <= MISS_MM, lacking, face)

@@ -1,0 +1,183 @@
+"""The commands ``iriftrace measure`` and ``correct``: clouds of points of two devices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from iriftrace.cli.console import say, working
+from iriftrace.cli.options import check_input, check_output
+from iriftrace.cli.trace_options import TraceOptions
+
+UM_PER_MM = 1000.0
+
+System = Annotated[
+    Literal["stereo", "fringe", "laser"] | None,
+    Parameter(help="Kind of sensor; by default what the id of the scene's second sensor says."),
+]
+Phase = Annotated[
+    Literal["columns", "rows", "both"] | None,
+    Parameter(
+        help="Lines of the projector that a fringe system measures by; by default those that run "
+        "more across the way to the camera."
+    ),
+]
+Features = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--feature",
+        negative=(),
+        help='Feature to fit, of a region or of all points: "cylinder:lateral"; repeatable.',
+    ),
+]
+
+
+def measure(
+    scene: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("scan.vtp"),
+    system: System = None,
+    phase: Phase = None,
+    feature: Features = None,
+    trace: TraceOptions = TraceOptions(),
+    figures: bool = True,
+) -> None:
+    """Simulate what two devices measure of the part through hot air: a cloud and its errors.
+
+    The scene's first sensor is the camera; its second one, with the id camera_2, projector or
+    laser, completes a stereo, fringe or laser sensor.
+
+    Example: ``iriftrace measure scene/scene.xml -o scan.vtp --feature cylinder``
+
+    Parameters
+    ----------
+    scene
+        The scene's XML file.
+    output
+        The cloud, .vtp; its numbers (.json) and picture (.png) go beside it.
+    trace
+        How it is traced.
+    figures
+        Draw the errors along the part's normal.
+    """
+    from iriftrace.measure.scan import measure as simulate
+    from iriftrace.scene.file import require_scene
+
+    check_input(scene)
+    require_scene(scene)
+    check_output(output, ".vtp", "scan.vtp", make=False)
+    with working("Loading the scene"):
+        loaded = trace.load(scene)
+    with working("Measuring"):
+        scan = simulate(loaded, system=system, phase=phase)
+    features = scan.features(loaded.part, feature or ())
+    files = list(scan.save(output, features))
+    values = scan.as_dict()
+    if figures:
+        from iriftrace.figures.scan import scan_figure
+        from iriftrace.figures.style import write_figure
+
+        with working("Drawing"):
+            write_figure(scan_figure(scan), output.with_suffix(".png"))
+        files.append(output.with_suffix(".png"))
+    points, error, fit = values["points"], values["error_normal_mm"], values["best_fit"]
+    say(
+        f"{points['measured']:,} points of {points['pixels']:,} pixels were measured: "
+        f"{points['shadow']:,} in shadow, {points['outside_picture']:,} outside the second "
+        f"device's picture, {points['out_of_focus']:,} out of its focus, "
+        f"{points['several_images']:,} with several images."
+    )
+    say(
+        f"Error along the normal: median {_um(error['median'])}, 95th percentile "
+        f"{_um(error['p95'])}, rms {_um(error['rms'])}; after a rigid best fit rms "
+        f"{_um(fit['error_normal_mm']['rms'])}."
+    )
+    if scan.system == "stereo":
+        say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")
+    _say_features(features, "cold", "measured", "as measured through hot air")
+    say("Files: " + ", ".join(map(str, files)))
+
+
+def correct(
+    cloud: Path,
+    scene: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected.vtp"),
+    length_unit: str = "mm",
+    cloud_to_part: Path | None = None,
+    system: System = None,
+    phase: Phase = None,
+    feature: Features = None,
+    trace: TraceOptions = TraceOptions(),
+) -> None:
+    """Take the air's share out of a measured cloud.
+
+    Correct each scan by itself, before it is merged with others. The scene has the two devices
+    where they stood. What was taken from each point is written beside it.
+
+    Example: ``iriftrace correct scan.vtp scene/scene.xml -o corrected.vtp --feature cylinder``
+
+    Parameters
+    ----------
+    cloud
+        Measured points: .ply, .stl, .obj, .vtp, .xyz, .asc, .txt, .csv or .pts.
+    scene
+        The scene's XML file.
+    output
+        The corrected cloud, .vtp, in mm in the scene's frame; its numbers (.json) go beside it.
+    length_unit
+        Unit of the cloud.
+    cloud_to_part
+        Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
+    trace
+        How it is traced.
+    """
+    from iriftrace.geometry.transform import apply, parse_transform
+    from iriftrace.measure.cloud import read_cloud
+    from iriftrace.measure.correct import correct as take_out
+    from iriftrace.scene.file import require_scene
+
+    check_input(cloud, scene, cloud_to_part)
+    require_scene(scene)
+    check_output(output, ".vtp", "corrected.vtp", make=False)
+    points = read_cloud(cloud, length_unit=length_unit)
+    if cloud_to_part is not None:
+        text = " ".join(cloud_to_part.read_text(encoding="utf-8", errors="replace").split())
+        points = apply(parse_transform(text), points)
+    with working("Loading the scene"):
+        loaded = trace.load(scene)
+    with working("Correcting"):
+        found = take_out(points, loaded, system=system, phase=phase)
+    features = found.features(loaded.part, feature or ())
+    files = found.save(output, features)
+    values = found.as_dict()
+    counts, error = values["points"], values["error_mm"]
+    say(
+        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
+        f"{_um(error['median'])} (median; 95th percentile {_um(error['p95'])}). As measured stay "
+        f"{counts['far_from_part']:,} far from the part, {counts['hidden']:,} hidden from a device "
+        f"and {counts['several_images']:,} with several images."
+    )
+    _say_features(features, "corrected", "measured", "as measured through hot air")
+    say("Files: " + ", ".join(map(str, files)))
+
+
+def _say_features(features: list[dict[str, Any]], true: str, hot: str, how: str) -> None:
+    for row in features:
+        where = f" ({row['region']})" if row["region"] else ""
+        form = f"form deviation {_um(row['form_mm'][hot])}, {true} {_um(row['form_mm'][true])}"
+        size = row["size_mm"]
+        if size[hot] is None:
+            say(f"{row['kind'].capitalize()}{where}: {form}.")
+            continue
+        share = size[true] - size[hot]
+        say(
+            f"{row['kind'].capitalize()}{where}: diameter {size[hot]:.4f} mm {how}, "
+            f"{size[true]:.4f} mm {true}: {_um(share)} is air; {form}."
+        )
+
+
+def _um(millimetres: float) -> str:
+    return f"{UM_PER_MM * millimetres:.3g} um"

@@ -1,0 +1,110 @@
+"""Measured clouds of points as other programs write them."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.number_table import is_numbers, numbers, separator_of
+from iriftrace.core.units import length_factor
+
+TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
+MESHES = (".ply", ".stl", ".obj")
+"""What `read_cloud` reads, and .vtp."""
+
+COARSE_DECIMALS = 3
+"""Decimals of a millimetre that hide what hot air does, which is micrometres."""
+
+
+def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
+    """Read the points of a cloud or of a mesh's vertices.
+
+    Text files have a point in each row, its coordinates first; what follows (normals, colours) is
+    left out, and so are rows of words at the beginning and the count of points in a .pts file.
+
+    Parameters
+    ----------
+    path : path
+        .ply, .stl, .obj, .vtp, .xyz, .asc, .txt, .csv or .pts.
+    length_unit : str
+        Unit of the file.
+
+    Returns
+    -------
+    (n, 3) array, mm
+
+    Raises
+    ------
+    InputError
+        The file is missing, of another kind, or holds no points.
+
+    Warns
+    -----
+    IriftraceWarning
+        Coordinates are rounded to a micrometre or coarser; or the file is an STL, whose points are
+        corners of triangles and no longer what the sensor measured.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise InputError(f"There is no file {file}; check the name.")
+    points = _points(file)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+        raise InputError(f"{file} holds no points; export the cloud again.")
+    if not np.isfinite(points).all():
+        raise InputError(f"{file} has points that are not finite; leave them out.")
+    if (np.abs(points - points.round(COARSE_DECIMALS)) < 1e-9).all():
+        warnings.warn(
+            f"All coordinates in {file.name} are rounded to {10.0**-COARSE_DECIMALS:g} "
+            f"{length_unit}, which may be as much as hot air displaces them; export more decimals.",
+            IriftraceWarning,
+            stacklevel=2,
+        )
+    if file.suffix.lower() == ".stl":
+        warnings.warn(
+            f"{file.name} is a mesh made of measured points, often from several scans; correct the "
+            "cloud of each scan before it is merged or meshed.",
+            IriftraceWarning,
+            stacklevel=2,
+        )
+    return points * length_factor(length_unit)
+
+
+def _points(file: Path) -> FloatArray:
+    kind = file.suffix.lower()
+    if kind in TEXT:
+        return _text_points(file)
+    if kind == ".vtp":
+        import pyvista as pv
+
+        return np.asarray(pv.read(file).points, dtype=np.float64)
+    if kind not in MESHES:
+        raise InputError(
+            f"{file} is no cloud that can be read; give {', '.join((*MESHES, '.vtp', *TEXT))}."
+        )
+    import trimesh
+
+    try:
+        mesh: Any = trimesh.load(file, process=False)
+        return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+    # A damaged file meets trimesh in many ways, which it does not list.
+    except Exception as error:
+        raise InputError(f"{file} cannot be read ({error}); export the cloud again.") from error
+
+
+def _text_points(file: Path) -> FloatArray:
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    rows = [line for line in lines if line.strip() and is_numbers(line.lstrip("#/% "))]
+    if file.suffix.lower() == ".pts" and rows and len(rows[0].split()) == 1:
+        rows = rows[1:]
+    rows = [row for row in rows if not row.lstrip().startswith(("#", "/", "%"))]
+    if not rows:
+        return np.empty((0, 3))
+    table = numbers(rows, separator_of(rows[0]), file, "points")
+    if table.shape[1] < 3:
+        raise InputError(f"{file} has {table.shape[1]} columns; a point has three coordinates.")
+    return table[:, :3]

@@ -1,0 +1,116 @@
+"""The commands ``measure`` and ``correct``: a cloud through hot air, and without it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from iriftrace.cli import main
+from iriftrace.scenes import folder_of
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bundled cylinder with a projector 80 mm below its camera."""
+    folder = tmp_path_factory.mktemp("fringe") / "cylinder"
+    shutil.copytree(folder_of("cylinder"), folder)
+    xml = folder / "scene.xml"
+    text = xml.read_text()
+    sensor = text[text.index("    <sensor") : text.index("    </sensor>") + len("    </sensor>\n")]
+    projector = sensor.replace('id="camera"', 'id="projector"').replace("120.0", "40.0", 1)
+    xml.write_text(text.replace(sensor, sensor + projector.replace("-0.461", "-0.0461")))
+    return xml
+
+
+@pytest.fixture(scope="module")
+def scan(variant: str, scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    cloud = tmp_path_factory.mktemp("scan") / "scan.vtp"
+    words = ["measure", str(scene), "-o", str(cloud), "-D", "scale=0.1"]
+    assert main([*words, "--feature", "cylinder:lateral"]) == 0
+    return cloud
+
+
+def test_a_cloud_its_numbers_and_picture_are_written(scan: Path) -> None:
+    values = json.loads(scan.with_suffix(".json").read_text())
+    assert values["system"] == "fringe"
+    assert values["points"]["measured"] == pv.read(scan).n_points > 5000
+    (feature,) = values["features"]
+    air_um = 1e3 * (feature["size_mm"]["cold"] - feature["size_mm"]["measured"])
+    assert 1.0 < air_um < 50.0
+    assert scan.with_suffix(".png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("suffix", [".vtp", ".xyz", ".ply"])
+def test_its_correction_gives_the_diameter_back(
+    scan: Path, scene: Path, suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever kind of file the cloud comes in."""
+    import trimesh
+
+    cloud = tmp_path / f"cloud{suffix}"
+    points = np.asarray(pv.read(scan).points)
+    if suffix == ".xyz":
+        np.savetxt(cloud, points, header="x y z")
+    elif suffix == ".ply":
+        trimesh.PointCloud(points).export(cloud)
+    else:
+        shutil.copy(scan, cloud)
+    target = tmp_path / "corrected.vtp"
+    words = ["correct", str(cloud), str(scene), "-o", str(target), "-D", "scale=0.1"]
+    assert main([*words, "--feature", "cylinder:lateral"]) == 0
+    (corrected,) = json.loads(target.with_suffix(".json").read_text())["features"]
+    (simulated,) = json.loads(scan.with_suffix(".json").read_text())["features"]
+    assert corrected["size_mm"]["corrected"] == pytest.approx(
+        simulated["size_mm"]["cold"], abs=1e-4
+    )
+    assert "is air" in capsys.readouterr().out
+
+
+def test_rounded_coordinates_are_warned_of(
+    scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = tmp_path / "rounded.csv"
+    np.savetxt(cloud, np.asarray(pv.read(scan).points).round(3), delimiter=",", fmt="%.3f")
+    words = ["correct", str(cloud), str(scene), "-o", str(tmp_path / "out.vtp")]
+    assert main([*words, "-D", "scale=0.1"]) == 0
+    assert "rounded to 0.001 mm" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("no numbers at all\n", "holds no points"),
+        ("1,2\n3,4\n", "has 2 columns"),
+        ("1,2,3\n4,x,6\n", "far|cannot be read|beside the part"),
+        ("0.001,0.002,0.0135\n" * 9, "beside the part"),
+    ],
+)
+def test_wrong_clouds_end_in_one_sentence(
+    scene: Path,
+    rows: str,
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    variant: str,
+) -> None:
+    cloud = tmp_path / "cloud.csv"
+    cloud.write_text(rows)
+    assert main(["correct", str(cloud), str(scene), "-o", str(tmp_path / "out.vtp")]) == 2
+    error = capsys.readouterr().err
+    assert "Traceback" not in error
+    assert re.search(said, error)
+    assert not (tmp_path / "out.vtp").exists()
+
+
+def test_a_scene_with_one_device_is_refused(
+    variant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    xml = folder_of("slab") / "scene.xml"
+    assert main(["measure", str(xml), "-o", str(tmp_path / "scan.vtp")]) == 2
+    assert "no second device" in capsys.readouterr().err
