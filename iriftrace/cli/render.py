@@ -71,8 +71,9 @@ def render(
     exr = scene.with_suffix(".exr") if output is None else output
     check_output(exr, ".exr", "out.exr", make=False)
     used = statuses(include)
-    rendering, _ = _render(scene, exr, trace, used, figures, check_shells)
+    rendering, part = _render(scene, exr, trace, used, figures, check_shells)
     print_summary(out, rendering.metrics)
+    _print_view(rendering, part)
     scatter = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
     _list_files(exr, figures, *scatter)
 
@@ -157,6 +158,7 @@ def demo(
         rendering, part = _render(xml, exr, trace, (0,), True)
     pictures = _scene_picture(rendering, part, shells, output / f"{scene}_scene.png")
     print_summary(out, rendering.metrics)
+    _print_view(rendering, part)
     _list_files(exr, True, *pictures)
     out.print(f"Change {xml} and run:  iriftrace render {xml}", markup=False, soft_wrap=True)
 
@@ -191,6 +193,14 @@ def _render(
     with working("Writing"):
         rendering.save(exr)
     return rendering, loaded.part
+
+
+def _print_view(rendering: Rendering, part: Part) -> None:
+    from iriftrace.cli.output import print_view
+    from iriftrace.scene.viewpoint import part_view
+
+    remedy = "move the camera or change focus_near and focus_far in the scene's file"
+    print_view(out, part_view(part, rendering.image.camera), remedy)
 
 
 def _scatter_picture(exr: Path) -> Path:

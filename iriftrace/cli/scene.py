@@ -182,7 +182,7 @@ def scene(
     print_shells(out, built.shells, built.report, _unit_of(stack))
     if built.fit is not None:
         print_fit(out, built.fit)
-    _print_scene(output, camera, scale)
+    _print_scene(output, camera, measured, scale)
 
 
 def _stack(
@@ -269,12 +269,18 @@ def _ensemble(
         if origin:
             say(f"Field: {origin}.")
     what = f"Scene of an ensemble of {len(built.members)} fields"
-    _print_scene(output, camera, settings["scale"], what)
+    _print_scene(output, camera, part, settings["scale"], what)
 
 
-def _print_scene(path: Path, camera: Camera, scale: float, what: str = "Scene") -> None:
-    """Say where the camera of a written scene stands, and how it is rendered."""
-    from iriftrace.cli.output import print_camera
+def _print_scene(path: Path, camera: Camera, part: Part, scale: float, what: str = "Scene") -> None:
+    """Say where the camera of a written scene stands, what it sees, and how to render it."""
+    from iriftrace.cli.output import print_camera, print_view
+    from iriftrace.scene.viewpoint import part_view
 
     print_camera(out, camera, scale)
+    print_view(
+        out,
+        part_view(part, camera),
+        "move it back with --origin, give --focus, or leave out both for a camera that sees all",
+    )
     say(f"{what} written; now run:  iriftrace render {path}")
