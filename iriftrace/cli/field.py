@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import App, Parameter
 
-from iriftrace.cli.console import out, say, working
+from iriftrace.cli.console import command_line, out, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.options import (
     Length,
@@ -195,10 +195,16 @@ def synthetic(
     with working("Meshing the air"):
         grid = write_synthetic_field(output, air, size, gradient=gradient)
     _print_field(air, size, grid)
-    say(
-        f"Field in {output}; now run:  iriftrace scene {output} {part} -o scene/scene.xml "
-        f'--ambient "{celsius(ambient)}"'
-    )
+    say(f"Field in {output}; now run:  {scene_command(output, part, ambient, part_options)}")
+
+
+def scene_command(
+    field: Path, part: Path, ambient_k: float, part_options: PartOptions, *more: str
+) -> str:
+    """The command that makes a scene, beside the field, of a field made here and its part."""
+    scene = field.parent / "scene" / "scene.xml"
+    words = ("--ambient", celsius(ambient_k), *more, *part_options.words())
+    return command_line("scene", field, part, "-o", scene, *words)
 
 
 def _print_field(air: SyntheticAir, size: AirMesh, grid: pv.UnstructuredGrid) -> None:

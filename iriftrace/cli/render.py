@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from iriftrace.cli.console import out, show_warning, working
+from iriftrace.cli.console import command_line, out, say, show_warning, working
 from iriftrace.cli.options import (
     Statuses,
     Wavelength,
@@ -160,7 +160,7 @@ def demo(
     print_summary(out, rendering.metrics)
     _print_view(rendering, part)
     _list_files(exr, True, *pictures)
-    out.print(f"Change {xml} and run:  iriftrace render {xml}", markup=False, soft_wrap=True)
+    say(f"Change {xml} and run:  {command_line('render', xml)}")
 
 
 def _render(

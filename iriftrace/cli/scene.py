@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import out, say, show_warning, working
+from iriftrace.cli.console import command_line, out, say, show_warning, working
 from iriftrace.cli.field_options import (
     AirOptions,
     FieldOptions,
@@ -139,12 +139,14 @@ def scene(
     from iriftrace.cli.output import print_fit, print_shells
     from iriftrace.field.readers.members import chosen_members
     from iriftrace.scene.build import build_scene
+    from iriftrace.scene.write import refuse_edited
 
     if not field_options.isosurfaces:
         check_order(field, part)
     check_field(field)
     check_input(part)
     check_output(output, ".xml", "scene.xml")
+    refuse_edited(output)
     measured = part_options.read(part)
     check_field(*(member or []))
     if field_options.isosurfaces and member:
@@ -283,4 +285,4 @@ def _print_scene(path: Path, camera: Camera, part: Part, scale: float, what: str
         part_view(part, camera),
         "move it back with --origin, give --focus, or leave out both for a camera that sees all",
     )
-    say(f"{what} written; now run:  iriftrace render {path}")
+    say(f"{what} written; now run:  {command_line('render', path)}")
