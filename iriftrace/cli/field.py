@@ -150,8 +150,8 @@ def synthetic(
     For tests, teaching and quick looks: shapes and orders of magnitude are right, numbers are not,
     and every result made from the file says that it is synthetic. The boundary layer falls with
     (1 - d/thickness)^2 from the wall's temperature to ambient, d being the distance to the part;
-    the plume is that of a laminar line source (see iriftrace.synthetic). The mesh ends on the part
-    and is fine there.
+    the plume is that of a laminar line source, round above a part that is round from above (see
+    iriftrace.cfd.synthetic.model). The mesh ends on the part and is fine there.
 
     Example: ``iriftrace field synthetic part.ply -o field.vtu --wall-temperature "900 degC"``
 
