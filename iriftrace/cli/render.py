@@ -35,6 +35,7 @@ def render(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
+    surface: Path | None = None,
     include: Statuses = None,
     check_shells: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
@@ -56,6 +57,9 @@ def render(
         How it is traced.
     figures
         Draw the displacement picture.
+    surface
+        Write the hits on the part with their displacement too, as points for ParaView (.vtp) or
+        CloudCompare (.ply).
     include
         Further status codes whose rays the metrics use, such as 5.
     check_shells
@@ -63,6 +67,7 @@ def render(
         from it; needs the field.npz likewise.
     """
     from iriftrace.cli.output import print_summary
+    from iriftrace.image.surface import SUFFIXES, write_surface
     from iriftrace.scene.file import require_scene
 
     check_input(scene)
@@ -70,12 +75,20 @@ def render(
     require_scene(scene)
     exr = scene.with_suffix(".exr") if output is None else output
     check_output(exr, ".exr", "out.exr", make=False)
+    if surface is not None:
+        known = surface.suffix.lower() in SUFFIXES
+        check_output(
+            surface, surface.suffix.lower() if known else SUFFIXES[0], "out.vtp", make=False
+        )
     used = statuses(include)
     rendering, part = _render(scene, exr, trace, used, figures, check_shells)
     print_summary(out, rendering.metrics)
     _print_view(rendering, part)
-    scatter = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
-    _list_files(exr, figures, *scatter)
+    more = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
+    if surface is not None:
+        write_surface(surface, rendering.image, part)
+        more.append(surface)
+    _list_files(exr, figures, *more)
 
 
 def metrics(
