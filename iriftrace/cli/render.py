@@ -6,7 +6,7 @@ import json
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -36,6 +36,7 @@ def render(
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
     surface: Path | None = None,
+    rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
     check_shells: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
@@ -60,6 +61,8 @@ def render(
     surface
         Write the hits on the part with their displacement too, as points for ParaView (.vtp) or
         CloudCompare (.ply).
+    rgb
+        Repeat these channels of the EXR as R, G and B, for programs that show no others.
     include
         Further status codes whose rays the metrics use, such as 5.
     check_shells
@@ -81,7 +84,7 @@ def render(
             surface, surface.suffix.lower() if known else SUFFIXES[0], "out.vtp", make=False
         )
     used = statuses(include)
-    rendering, part = _render(scene, exr, trace, used, figures, check_shells)
+    rendering, part = _render(scene, exr, trace, used, figures, check_shells, rgb)
     print_summary(out, rendering.metrics)
     _print_view(rendering, part)
     more = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
@@ -183,6 +186,7 @@ def _render(
     include: tuple[int, ...],
     figures: bool,
     check_field: bool = False,
+    rgb: str | None = None,
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.trace.render import render_scene
@@ -204,7 +208,7 @@ def _render(
                 write_figure(figure, exr.with_name(f"{name}.png"))
             rendering.metrics.add_time("figures", time.perf_counter() - started)
     with working("Writing"):
-        rendering.save(exr)
+        rendering.save(exr, rgb=rgb)
     return rendering, loaded.part
 
 
