@@ -145,6 +145,10 @@ class AovImage:
     def _validate_channels(self, _attribute: Any, value: dict[str, FloatImage]) -> None:
         _check_channels(value)
 
+    def __repr__(self) -> str:
+        width, height = self.resolution
+        return f"AovImage({width} x {height} px, {len(self.channels)} channels)"
+
     @property
     def resolution(self) -> tuple[int, int]:
         """Width and height in pixels."""
@@ -198,12 +202,13 @@ class AovImage:
         if not file.is_file():
             raise InputError(
                 f"The part's file {file} is not there, and face areas and regions come from it; "
-                "say where it is with --part."
+                "give part_from its place (--part)."
             )
         if sha256_of(file) != named["sha256"]:
             raise InputError(
                 f"{file} is not the part the image was rendered with (its SHA-256 differs), so "
-                "that face numbers would not fit; give the right file with --part or render again."
+                "that face numbers would not fit; give part_from the right one (--part) or render "
+                "again."
             )
         return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
 

@@ -31,6 +31,10 @@ class Rendering:
     image: AovImage
     metrics: PoseMetrics
 
+    def __repr__(self) -> str:
+        width, height = self.image.resolution
+        return f"Rendering({width} x {height} px, {self.metrics!r})"
+
     def save(self, path: str | Path, *, rgb: str | None = None) -> tuple[Path, Path]:
         """Write the AOV EXR and, beside it, the metrics JSON; returns both names.
 
