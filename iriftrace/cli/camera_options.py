@@ -101,6 +101,8 @@ class CameraOptions:
         placed = self.origin is not None or self.target is not None
         if placed or calibration is None or calibration.matrix is None:
             camera = self._placed(camera, part, field, stack)
+        else:
+            self._refuse_blind(camera, part)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
         return camera
 
@@ -135,7 +137,10 @@ class CameraOptions:
         if self.calibration is None:
             return None
         self._refuse_intrinsics()
-        unit = length_factor(self.calibration_length_unit)
+        try:
+            unit = length_factor(self.calibration_length_unit)
+        except InputError as error:
+            raise InputError(f"--calibration-length-unit: {error}") from error
         found = read_calibration(self.calibration, length_mm=unit)
         if found.matrix is None and found.views and self.origin is None and self.target is None:
             warnings.warn(
@@ -157,6 +162,19 @@ class CameraOptions:
         pose = {} if calibration.matrix is None else {"matrix": calibration.matrix}
         return calibration.camera(
             pixel_size_mm=self.pixel_size, focus_mm=self.focus or FOCUS_MM, **pose
+        )
+
+    def _refuse_blind(self, camera: Camera, part: Part) -> None:
+        """A pose of a calibration in another unit stands in the part, or looks past it."""
+        from iriftrace.scene.viewpoint import part_view
+
+        if part_view(part, camera).outside < 1.0:
+            return
+        place = ", ".join(f"{value:.4g}" for value in camera.origin)
+        raise InputError(
+            f"The pose in {self.calibration}, read in {self.calibration_length_unit}, has its "
+            f"camera at ({place}) mm, from where it sees nothing of the part; give the unit of its "
+            "translation (--calibration-length-unit), or --origin and --target."
         )
 
     def _refuse_intrinsics(self) -> None:

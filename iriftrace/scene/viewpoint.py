@@ -152,6 +152,7 @@ class PartView:
     outside : float
         Share of what the part turns to the camera that lies outside the picture. Shares are those
         of the solid angle at the camera; that one place may hide another is left out of account.
+        1 where it turns nothing to the camera, as to one inside it.
     out_of_focus : float
         Share that lies in the picture, but nearer or farther than the focus interval.
     """
@@ -190,7 +191,9 @@ def part_view(part: Part, camera: Camera) -> PartView:
     turned = -np.sum(part.face_normals[face] * sight, axis=1)
     turned = np.maximum(turned, 0.0) if part.closed else np.abs(turned)
     share = turned if parallel else turned / distance**2
-    share = share / max(share.sum(), np.finfo(float).tiny)
+    if not share.any():
+        return PartView(1.0, 0.0)
+    share = share / share.sum()
     length = offset @ camera.forward if parallel else distance
     near, far = camera.focus_mm
     seen = _in_picture(camera, points)
