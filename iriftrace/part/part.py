@@ -295,7 +295,8 @@ def part_of_mesh(
     if transform is not None:
         # Normals transform with the inverse transpose, whatever the determinant's sign.
         seen = unit_vectors(seen @ np.linalg.inv(checked_matrix(transform)[:3, :3]))
-    named = regions or name_regions(groups, seen, surface.areas)
+    placed = points if transform is None else apply(checked_matrix(transform), points)
+    named = regions or name_regions(groups, seen, surface.areas, placed[triangles])
     part = Part(
         vertices=points,
         faces=triangles,
