@@ -118,7 +118,7 @@ def print_summary(console: Console, metrics: PoseMetrics) -> None:
     from iriftrace.image.resolution import FRONTAL, seen_frontally
 
     table = Table(title="Displacement by hot air", title_justify="left", show_header=False)
-    table.add_column(style="bold")
+    table.add_column(style="bold", no_wrap=True)
     table.add_column()
     displacement, shift = metrics.displacement_mm, metrics.shift_px
     table.add_row(
