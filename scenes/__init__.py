@@ -62,15 +62,11 @@ def scene_copied(name: str, folder: Path) -> Iterator[tuple[Path, Path]]:
     InputError
         If there is no scene of this name, or somebody has changed the copy that is there.
     """
-    from iriftrace.core.errors import InputError
+    from iriftrace.scene.write import refuse_edited
 
     bundled, bundled_shells = folder_of(name).resolve(), shells_of(name)
     xml = folder / "scene.xml"
-    if xml.is_file() and xml.read_bytes() != (bundled / "scene.xml").read_bytes():
-        raise InputError(
-            f"{xml} has been changed since the last demo, which would be lost; run "
-            f"`iriftrace render {xml}` instead, or give another folder with -o."
-        )
+    refuse_edited(xml)
     home = (
         folder if bundled_shells.parent == bundled else folder.parent / bundled_shells.parent.name
     )

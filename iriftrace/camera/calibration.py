@@ -74,7 +74,8 @@ class Calibration:
         """
         if not 0 < pixel_size_mm < LARGEST_PIXEL_MM:
             raise InputError(
-                f"Pixel size is {pixel_size_mm} mm; give the width of a pixel, such as 0.00274 mm."
+                f"Pixel size is {pixel_size_mm} mm (--pixel-size); give the width of a pixel, such "
+                "as 0.00274 mm."
             )
         across, down = self.focal_px
         width, height = self.resolution

@@ -31,6 +31,9 @@ ORBIT = Group("Orbit", sort_key=1)
 AZIMUTH, ELEVATION = "0:90:10", "-90:90:19"
 """Angles of an orbit without others, degree."""
 
+FOCUS_MM = (50.0, 250.0)
+"""Nearest and farthest sharp distance of the camera of Kern et al. (2025)."""
+
 FOCUS_SHARE = 0.9
 """Default stand-off as a share of the far end of the focus interval."""
 
@@ -64,10 +67,11 @@ class CameraOptions:
     calibration_length_unit
         Unit of the translation in the calibration's pose.
     focus
-        Nearest and farthest sharp distance NEAR:FAR; "0:inf" for no limit.
+        Nearest and farthest sharp distance NEAR:FAR; "0:inf" for no limit. By default 50:250, and
+        to the part's far end where the camera stands by default.
     origin
-        Camera position in mm, "150,-100,120"; by default diagonally above, outside the hot air
-        and not nearer than the focus interval.
+        Camera position in mm, "150,-100,120"; by default diagonally above, outside the hot air,
+        not nearer than the focus interval and so far that the picture holds the whole part.
     target
         Point that is looked at; by default the part's centre.
     up
@@ -82,7 +86,7 @@ class CameraOptions:
     calibration: Path | None = None
     pixel_size: Length | None = None
     calibration_length_unit: str = "mm"
-    focus: Interval = (50.0, 250.0)
+    focus: Interval | None = None
     origin: Vector | None = None
     target: Vector | None = None
     up: Vector = (0.0, 0.0, 1.0)
@@ -91,13 +95,14 @@ class CameraOptions:
         self, part: Part, field: IndexField | None, stack: ShellStack, scale: float
     ) -> Camera:
         """The camera these options describe, at its whole resolution."""
-        from attrs import evolve
 
         calibration = self._calibration()
         camera = self._described() if calibration is None else self._calibrated(calibration)
         placed = self.origin is not None or self.target is not None
         if placed or calibration is None or calibration.matrix is None:
-            camera = evolve(camera, matrix=self._pose(part, field, stack, camera.focus_mm[0]))
+            camera = self._placed(camera, part, field, stack)
+        else:
+            self._refuse_blind(camera, part)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
         return camera
 
@@ -120,7 +125,7 @@ class CameraOptions:
             sensor_mm=self.sensor,
             resolution=(int(width), int(height)),
             principal_point_px=self.principal_point or (width / 2, height / 2),
-            focus_mm=self.focus,
+            focus_mm=self.focus or FOCUS_MM,
             distortion=lens,
         )
 
@@ -132,7 +137,10 @@ class CameraOptions:
         if self.calibration is None:
             return None
         self._refuse_intrinsics()
-        unit = length_factor(self.calibration_length_unit)
+        try:
+            unit = length_factor(self.calibration_length_unit)
+        except InputError as error:
+            raise InputError(f"--calibration-length-unit: {error}") from error
         found = read_calibration(self.calibration, length_mm=unit)
         if found.matrix is None and found.views and self.origin is None and self.target is None:
             warnings.warn(
@@ -152,7 +160,22 @@ class CameraOptions:
                 "the sensor's size that results state)."
             )
         pose = {} if calibration.matrix is None else {"matrix": calibration.matrix}
-        return calibration.camera(pixel_size_mm=self.pixel_size, focus_mm=self.focus, **pose)
+        return calibration.camera(
+            pixel_size_mm=self.pixel_size, focus_mm=self.focus or FOCUS_MM, **pose
+        )
+
+    def _refuse_blind(self, camera: Camera, part: Part) -> None:
+        """A pose of a calibration in another unit stands in the part, or looks past it."""
+        from iriftrace.scene.viewpoint import part_view
+
+        if part_view(part, camera).outside < 1.0:
+            return
+        place = ", ".join(f"{value:.4g}" for value in camera.origin)
+        raise InputError(
+            f"The pose in {self.calibration}, read in {self.calibration_length_unit}, has its "
+            f"camera at ({place}) mm, from where it sees nothing of the part; give the unit of its "
+            "translation (--calibration-length-unit), or --origin and --target."
+        )
 
     def _refuse_intrinsics(self) -> None:
         """A calibration has what these options say, and two answers are none."""
@@ -165,21 +188,25 @@ class CameraOptions:
                     "says that too; leave one of them out."
                 )
 
-    def _pose(
-        self, part: Part, field: IndexField | None, stack: ShellStack, near: float
-    ) -> FloatArray:
-        """Camera to world, from origin, target and up."""
-        from iriftrace.camera.pose import look_at
-        from iriftrace.scene.viewpoint import default_viewpoint
+    def _placed(
+        self, camera: Camera, part: Part, field: IndexField | None, stack: ShellStack
+    ) -> Camera:
+        """The camera where origin, target and up have it, or where it sees all of the part."""
+        from attrs import evolve
 
-        if self.origin is None:
-            origin = default_viewpoint(part, field, stack, near).tolist()
-        else:
-            origin = self.origin
-        target = part.centre if self.target is None else self.target
+        from iriftrace.camera.pose import look_at
+        from iriftrace.scene.viewpoint import default_viewpoint, farthest_mm
+
         if not any(self.up):
             raise InputError('--up is "0,0,0", which is no direction; give one, "0,0,1".')
-        return look_at(origin, target, self.up)
+        if self.origin is not None:
+            target = part.centre if self.target is None else self.target
+            return camera.at(look_at(self.origin, target, self.up))
+        camera = camera.at(default_viewpoint(part, field, stack, camera, self.target, self.up))
+        if self.focus is None:
+            near, far = camera.focus_mm
+            camera = evolve(camera, focus_mm=(near, max(far, math.ceil(farthest_mm(part, camera)))))
+        return camera
 
 
 @Parameter(name="*", group=ORBIT)

@@ -7,6 +7,7 @@ destructor, would swallow its exception: there the signal is noticed and sent ag
 from __future__ import annotations
 
 import _thread
+import shlex
 import signal
 import sys
 import threading
@@ -14,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from subprocess import list2cmdline
 from types import FrameType
 from typing import Any, Literal
 
@@ -42,6 +44,12 @@ _first_signal = [signal.SIGINT]
 def say(text: str) -> None:
     """Print a result as it is, on one line however long: a terminal breaks it, a file keeps it."""
     out.print(text, markup=False, soft_wrap=True)
+
+
+def command_line(*words: object) -> str:
+    """A command of this program as the user's shell takes it, whatever its words contain."""
+    texts = ["iriftrace", *map(str, words)]
+    return list2cmdline(texts) if sys.platform == "win32" else shlex.join(texts)
 
 
 def say_finding(state: Literal["ok", "warn", "error"], name: str, text: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from cyclopts import App, Parameter
 
-from iriftrace.cli.console import out, say, working
+from iriftrace.cli.console import command_line, out, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.options import (
     Length,
@@ -150,8 +150,8 @@ def synthetic(
     For tests, teaching and quick looks: shapes and orders of magnitude are right, numbers are not,
     and every result made from the file says that it is synthetic. The boundary layer falls with
     (1 - d/thickness)^2 from the wall's temperature to ambient, d being the distance to the part;
-    the plume is that of a laminar line source (see iriftrace.synthetic). The mesh ends on the part
-    and is fine there.
+    the plume is that of a laminar line source, round above a part that is round from above (see
+    iriftrace.cfd.synthetic.model). The mesh ends on the part and is fine there.
 
     Example: ``iriftrace field synthetic part.ply -o field.vtu --wall-temperature "900 degC"``
 
@@ -195,10 +195,16 @@ def synthetic(
     with working("Meshing the air"):
         grid = write_synthetic_field(output, air, size, gradient=gradient)
     _print_field(air, size, grid)
-    say(
-        f"Field in {output}; now run:  iriftrace scene {output} {part} -o scene/scene.xml "
-        f'--ambient "{celsius(ambient)}"'
-    )
+    say(f"Field in {output}; now run:  {scene_command(output, part, ambient, part_options)}")
+
+
+def scene_command(
+    field: Path, part: Path, ambient_k: float, part_options: PartOptions, *more: str
+) -> str:
+    """The command that makes a scene, beside the field, of a field made here and its part."""
+    scene = field.parent / "scene" / "scene.xml"
+    words = ("--ambient", celsius(ambient_k), *more, *part_options.words())
+    return command_line("scene", field, part, "-o", scene, *words)
 
 
 def _print_field(air: SyntheticAir, size: AirMesh, grid: pv.UnstructuredGrid) -> None:

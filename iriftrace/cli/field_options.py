@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from attrs import frozen
+from attrs import asdict, frozen
 from cyclopts import Group, Parameter
 
 from iriftrace.cli.options import (
@@ -16,6 +17,7 @@ from iriftrace.cli.options import (
     Temperature,
     Wavelength,
     Whole,
+    celsius,
     quantity,
 )
 from iriftrace.core.errors import InputError
@@ -123,6 +125,20 @@ class PartOptions:
             hot_temperature_k=self.hot_temperature,
             region_angle_deg=self.region_angle,
         )
+
+    def words(self) -> list[str]:
+        """The options that differ from their defaults, as they are typed."""
+        written: dict[str, Callable[[Any], str]] = {
+            "expansion": lambda value: f"{value!r}/K",
+            "reference_temperature": celsius,
+            "hot_temperature": celsius,
+        }
+        values = asdict(self, filter=lambda option, value: value != option.default)
+        return [
+            word
+            for name, value in values.items()
+            for word in (f"--{name.replace('_', '-')}", written.get(name, str)(value))
+        ]
 
 
 @Parameter(name="*", group=FIELD)

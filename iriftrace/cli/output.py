@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.part_fit import Fit
     from iriftrace.image.metrics import EnsembleMetrics, PoseMetrics, RayCounts, Statistics
+    from iriftrace.scene.viewpoint import PartView
     from iriftrace.shells.report import ShellReport
     from iriftrace.shells.stack import ShellStack
 
@@ -100,12 +101,24 @@ def print_camera(console: Console, camera: Camera, scale: float) -> None:
         console.print(f"Lens distortion {camera.distortion}.")
 
 
+def print_view(console: Console, view: PartView, remedy: str) -> None:
+    """Say what share of the part a picture does not hold, where there is one, and a remedy."""
+    shares = {"outside the picture": view.outside, "out of focus": view.out_of_focus}
+    missing = [f"{_percent(share)} {place}" for place, share in shares.items() if share >= 0.0005]
+    if missing:
+        console.print(
+            f"Of what the part turns to the camera lie {' and '.join(missing)}; {remedy}.",
+            markup=False,
+            soft_wrap=True,
+        )
+
+
 def print_summary(console: Console, metrics: PoseMetrics) -> None:
     """Print the metrics of one pose and the assumptions behind them."""
     from iriftrace.image.resolution import FRONTAL, seen_frontally
 
     table = Table(title="Displacement by hot air", title_justify="left", show_header=False)
-    table.add_column(style="bold")
+    table.add_column(style="bold", no_wrap=True)
     table.add_column()
     displacement, shift = metrics.displacement_mm, metrics.shift_px
     table.add_row(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 from cyclopts import App, Parameter
 
-from iriftrace.cli.console import say, working
+from iriftrace.cli.console import command_line, say, working
 from iriftrace.cli.options import Length, Whole, check_output
 
 if TYPE_CHECKING:
@@ -113,3 +113,5 @@ def _write(path: Path, name: str, make: Callable[[], Part]) -> None:
         "" if path.suffix.lower() == ".ply" else "; an STL has no room for them, a .ply keeps them"
     )
     say(f"Regions: {regions}{kept}.")
+    command = command_line("field", "synthetic", path, "-o", path.with_name("field.vtu"))
+    say(f"Part written; now run:  {command}")

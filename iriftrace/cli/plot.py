@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -27,6 +27,7 @@ def plot(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
     ranking: Ranking = THE_PAPERS,
+    component: Literal["norm", "along", "right", "down"] = "norm",
     wavelength: LightOf = None,
 ) -> None:
     """Draw a sweep, a study or one pose.
@@ -45,6 +46,10 @@ def plot(
         which the options for the ranking do not apply.
     output
         Folder for the pictures (PNG, and PDF where there are vectors).
+    component
+        Of a pose draw the length of the displacement, or a signed component in colours about 0:
+        along the line of sight (positive away from the camera), or across it to the right or down
+        in the picture.
     """
     from iriftrace.figures.result import plot as draw
     from iriftrace.figures.result import read_result
@@ -60,7 +65,7 @@ def plot(
     with removed_on_failure(output):
         output.mkdir(exist_ok=True)
         with working("Drawing"):
-            plots = draw(result, criteria=ranking, name=file.stem)
+            plots = draw(result, criteria=ranking, name=file.stem, component=component)
             pictures = plots.save(output)
     _print_missing(plots.missing)
     say(f"Pictures in {output}: {', '.join(path.name for path in pictures)}")

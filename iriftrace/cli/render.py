@@ -6,11 +6,11 @@ import json
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from iriftrace.cli.console import out, show_warning, working
+from iriftrace.cli.console import command_line, out, say, show_warning, working
 from iriftrace.cli.options import (
     Statuses,
     Wavelength,
@@ -35,6 +35,8 @@ def render(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
+    surface: Path | None = None,
+    rgb: Literal["displacement", "shift", "refracted"] | None = None,
     include: Statuses = None,
     check_shells: Annotated[bool, Parameter(negative=())] = False,
 ) -> None:
@@ -56,6 +58,11 @@ def render(
         How it is traced.
     figures
         Draw the displacement picture.
+    surface
+        Write the hits on the part with their displacement too, as points for ParaView (.vtp) or
+        CloudCompare (.ply).
+    rgb
+        Repeat these channels of the EXR as R, G and B, for programs that show no others.
     include
         Further status codes whose rays the metrics use, such as 5.
     check_shells
@@ -63,6 +70,7 @@ def render(
         from it; needs the field.npz likewise.
     """
     from iriftrace.cli.output import print_summary
+    from iriftrace.image.surface import SUFFIXES, write_surface
     from iriftrace.scene.file import require_scene
 
     check_input(scene)
@@ -70,11 +78,20 @@ def render(
     require_scene(scene)
     exr = scene.with_suffix(".exr") if output is None else output
     check_output(exr, ".exr", "out.exr", make=False)
+    if surface is not None:
+        known = surface.suffix.lower() in SUFFIXES
+        check_output(
+            surface, surface.suffix.lower() if known else SUFFIXES[0], "out.vtp", make=False
+        )
     used = statuses(include)
-    rendering, _ = _render(scene, exr, trace, used, figures, check_shells)
+    rendering, part = _render(scene, exr, trace, used, figures, check_shells, rgb)
     print_summary(out, rendering.metrics)
-    scatter = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
-    _list_files(exr, figures, *scatter)
+    _print_view(rendering, part)
+    more = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
+    if surface is not None:
+        write_surface(surface, rendering.image, part)
+        more.append(surface)
+    _list_files(exr, figures, *more)
 
 
 def metrics(
@@ -157,8 +174,9 @@ def demo(
         rendering, part = _render(xml, exr, trace, (0,), True)
     pictures = _scene_picture(rendering, part, shells, output / f"{scene}_scene.png")
     print_summary(out, rendering.metrics)
+    _print_view(rendering, part)
     _list_files(exr, True, *pictures)
-    out.print(f"Change {xml} and run:  iriftrace render {xml}", markup=False, soft_wrap=True)
+    say(f"Change {xml} and run:  {command_line('render', xml)}")
 
 
 def _render(
@@ -168,6 +186,7 @@ def _render(
     include: tuple[int, ...],
     figures: bool,
     check_field: bool = False,
+    rgb: str | None = None,
 ) -> tuple[Rendering, Part]:
     """Render a scene and write all its files."""
     from iriftrace.trace.render import render_scene
@@ -189,8 +208,16 @@ def _render(
                 write_figure(figure, exr.with_name(f"{name}.png"))
             rendering.metrics.add_time("figures", time.perf_counter() - started)
     with working("Writing"):
-        rendering.save(exr)
+        rendering.save(exr, rgb=rgb)
     return rendering, loaded.part
+
+
+def _print_view(rendering: Rendering, part: Part) -> None:
+    from iriftrace.cli.output import print_view
+    from iriftrace.scene.viewpoint import part_view
+
+    remedy = "move the camera or change focus_near and focus_far in the scene's file"
+    print_view(out, part_view(part, rendering.image.camera), remedy)
 
 
 def _scatter_picture(exr: Path) -> Path:

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import out, say, show_warning, working
+from iriftrace.cli.console import command_line, out, say, show_warning, working
 from iriftrace.cli.field_options import (
     AirOptions,
     FieldOptions,
@@ -139,12 +139,14 @@ def scene(
     from iriftrace.cli.output import print_fit, print_shells
     from iriftrace.field.readers.members import chosen_members
     from iriftrace.scene.build import build_scene
+    from iriftrace.scene.write import refuse_edited
 
     if not field_options.isosurfaces:
         check_order(field, part)
     check_field(field)
     check_input(part)
     check_output(output, ".xml", "scene.xml")
+    refuse_edited(output)
     measured = part_options.read(part)
     check_field(*(member or []))
     if field_options.isosurfaces and member:
@@ -182,7 +184,7 @@ def scene(
     print_shells(out, built.shells, built.report, _unit_of(stack))
     if built.fit is not None:
         print_fit(out, built.fit)
-    _print_scene(output, camera, scale)
+    _print_scene(output, camera, measured, scale)
 
 
 def _stack(
@@ -269,12 +271,18 @@ def _ensemble(
         if origin:
             say(f"Field: {origin}.")
     what = f"Scene of an ensemble of {len(built.members)} fields"
-    _print_scene(output, camera, settings["scale"], what)
+    _print_scene(output, camera, part, settings["scale"], what)
 
 
-def _print_scene(path: Path, camera: Camera, scale: float, what: str = "Scene") -> None:
-    """Say where the camera of a written scene stands, and how it is rendered."""
-    from iriftrace.cli.output import print_camera
+def _print_scene(path: Path, camera: Camera, part: Part, scale: float, what: str = "Scene") -> None:
+    """Say where the camera of a written scene stands, what it sees, and how to render it."""
+    from iriftrace.cli.output import print_camera, print_view
+    from iriftrace.scene.viewpoint import part_view
 
     print_camera(out, camera, scale)
-    say(f"{what} written; now run:  iriftrace render {path}")
+    print_view(
+        out,
+        part_view(part, camera),
+        "move it back with --origin, give --focus, or leave out both for a camera that sees all",
+    )
+    say(f"{what} written; now run:  {command_line('render', path)}")

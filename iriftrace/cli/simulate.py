@@ -13,7 +13,8 @@ from cyclopts import Group, Parameter
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from iriftrace.cli.console import notes, out, say, say_finding, working
-from iriftrace.cli.field_options import PartOptions
+from iriftrace.cli.field import scene_command
+from iriftrace.cli.field_options import AirOptions, PartOptions
 from iriftrace.cli.options import (
     Duration,
     Length,
@@ -222,19 +223,21 @@ def simulate(
         # Before anything is written: a case is of no use where nothing can run it.
         installation = find_openfoam()
         check_solver(installation)
-    measured = hot_part(part_options, simulation).read(part)
+    hot = hot_part(part_options, simulation)
+    measured = hot.read(part)
     case = simulation.case(measured, processes)
     _print_case(case)
     known = prepare(case, output)
     if installation is None:
-        say(f"Case {'is there already' if known else 'written'}: {output}")
+        state = "is there already" if known else "written"
+        say(f"Case {state}: {output}; the same command without --write-only runs it")
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     if known:
         say(f"Going on with the case in {output}")
     with simulation_progress() as display:
         result = run(case, output, target, installation, display)
-    _print_simulation(result, part)
+    _print_simulation(result, part, hot, simulation)
 
 
 def doctor(*, mend: Annotated[bool, Parameter(negative=())] = False) -> None:
@@ -302,7 +305,9 @@ def _print_case(case: Case) -> None:
         )
 
 
-def _print_simulation(result: Simulation, part: Path) -> None:
+def _print_simulation(
+    result: Simulation, part: Path, part_options: PartOptions, simulation: SimulationOptions
+) -> None:
     out.print(
         f"{result.cells:,} cells, {result.seconds:.0f} s; field at the wall within "
         f"{result.wall_error_k:.2f} K of the set temperature"
@@ -318,4 +323,7 @@ def _print_simulation(result: Simulation, part: Path) -> None:
     if result.snapshots:
         listed = result.field.with_name(f"{result.field.stem}_snapshots.pvd")
         say(f"{len(result.snapshots)} snapshots: {listed}")
-    say(f"Field written; now run:  iriftrace scene {result.field} {part} -o scene/scene.xml")
+    usual = simulation.pressure == AirOptions().pressure
+    pressure = () if usual else ("--pressure", f"{simulation.pressure:.10g} Pa")
+    command = scene_command(result.field, part, simulation.ambient, part_options, *pressure)
+    say(f"Field written; now run:  {command}")

@@ -100,6 +100,15 @@ class IndexField:
         grid.point_data["refractivity"] = self.refractivity
         object.__setattr__(self, "grid", grid)
 
+    def __repr__(self) -> str:
+        sizes = np.ptp(np.reshape(self.grid.bounds, (3, 2)), axis=1)
+        extent = " x ".join(f"{size:.5g}" for size in sizes)
+        ends = self.temperature_k.min(), self.temperature_k.max()
+        return (
+            f"IndexField({self.source.path}: {extent} mm, {self.grid.n_points:,} points, "
+            f"{self.grid.n_cells:,} cells, {ends[0]:.5g} to {ends[1]:.5g} K)"
+        )
+
     @cached_property
     def temperature_k(self) -> FloatArray:
         """Temperatures at the points, (n,) array, K."""

@@ -199,7 +199,10 @@ def _advice(part: FloatArray, target: FloatArray) -> str:
     remedy = min(candidates)[2]
     if not remedy:
         return "their boxes agree, so check thermal expansion and the part's shape."
-    return f"their boxes agree with {remedy}."
+    return (
+        f"their boxes agree with {remedy} (in Python length_unit and transform of read_part and "
+        "read_field)."
+    )
 
 
 def _box(points: FloatArray) -> FloatArray:

@@ -214,7 +214,7 @@ def _length_unit(given: str | None, stated: str | None, path: str) -> str:
     if given is not None and stated is not None and length_factor(given) != length_factor(stated):
         raise InputError(
             f"The coordinates in {path} are in {stated}, but the length unit given is {given}; "
-            "leave the option out (--field-length-unit), or scale with the field's transform."
+            "leave length_unit (--field-length-unit) out, or scale with the field's transform."
         )
     return given or stated or "mm"
 
@@ -247,7 +247,8 @@ def _warn_of_other_ambient(result: IndexField) -> None:
         warn(
             f"The coolest air in {result.source.path} has {coolest:.1f} K, but the ambient "
             f"temperature is {ambient:.1f} K, which puts a false step at the edge of the data; "
-            f"give --ambient '{coolest:.1f} K' if that is the room.",
+            f"give air=Air(temperature_k={coolest:.1f}) (--ambient '{coolest:.1f} K') if that "
+            "is the room.",
             IriftraceWarning,
             stacklevel=3,
         )
@@ -267,7 +268,8 @@ def _warn_of_other_index(raw: pv.UnstructuredGrid, result: IndexField) -> None:
             f"{result.source.path} also holds an index {name!r} that disagrees with its "
             f"temperature {result.source.array!r}, which is used: where the air has "
             f"{result.temperature_k[worst]:.0f} K, {name!r} says n-1 = {stored[worst]:.4g} and the "
-            f"density scaling {result.refractivity[worst]:.4g}; give --array {name} to use it.",
+            f'density scaling {result.refractivity[worst]:.4g}; give array="{name}" '
+            f"(--array {name}) to use it.",
             IriftraceWarning,
             stacklevel=3,
         )

@@ -22,7 +22,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.displacement import good_mask
+from iriftrace.image.displacement import good_mask, lines_of_sight, signed_components
 from iriftrace.image.metrics import FEWEST_RAYS
 from iriftrace.sweep.faces import displacement_limits
 
@@ -43,11 +43,22 @@ STATUS_COLOURS = {
 
 @frozen
 class Shown:
-    """A channel as a picture: its name, and words for the title and the colour bar."""
+    """A channel as a picture, or a signed component of the displacement.
+
+    Attributes
+    ----------
+    channel
+        Name of the channel, or of one of `signed_components`.
+    title, label
+        Words for the title and the colour bar.
+    signed
+        Whether colours diverge from 0.
+    """
 
     channel: str
     title: str
     label: str
+    signed: bool = False
 
 
 DISPLACEMENT = Shown("displacement.norm", "Displacement by hot air", "Displacement")
@@ -56,6 +67,17 @@ SCATTER = Shown(
     "displacement.std.norm", "Scatter over the ensemble", "Standard deviation of the displacement"
 )
 
+Component = Literal["norm", "along", "right", "down"]
+
+COMPONENTS = {
+    "along": Shown(
+        "along", "Displacement along the line of sight", "Away from the camera", signed=True
+    ),
+    "right": Shown("right", "Displacement across the line of sight", "To the right", signed=True),
+    "down": Shown("down", "Displacement across the line of sight", "Downwards", signed=True),
+}
+"""Signed pictures of the displacement; those across the line of sight go by the picture's sides."""
+
 _WIDTH_IN = 8.0
 _TALLEST_IN = 9.0
 _FLATTEST_IN = 3.6
@@ -63,12 +85,17 @@ _FLAT = 0.5  # Height over width below which the colour bar has no room beside t
 
 
 def displacement_figure(
-    image: AovImage, include: Collection[int] = (Status.GOOD,), *, view: str = ""
+    image: AovImage,
+    include: Collection[int] = (Status.GOOD,),
+    *,
+    view: str = "",
+    component: Component = "norm",
 ) -> Figure:
     """Draw the displacement of every pixel on the part, 1600 pixels wide; of an ensemble its mean.
 
-    Colours are logarithmic between the 1st and the 99th percentile of the rays that count; pixels
-    on the part without a displacement have a colour for each status; dark lines are silhouettes.
+    Colours are logarithmic between the 1st and the 99th percentile of the rays that count, or
+    linear and symmetric about 0 to the 99th of a signed component's size; pixels on the part
+    without a displacement have a colour for each status; dark lines are silhouettes.
 
     Parameters
     ----------
@@ -78,13 +105,22 @@ def displacement_figure(
         Codes of the rays that count; 0 and 5 are possible.
     view
         Name of the pose among several, for a line below the title.
+    component
+        ``"norm"`` is the length of the displacement; ``"along"`` its signed part along the line of
+        sight, positive away from the camera, ``"right"`` and ``"down"`` those across it.
 
     Raises
     ------
     InputError
-        No ray counts, so there is nothing to draw.
+        No ray counts, so there is nothing to draw; or there is no such component.
     """
-    return _draw(image, include, BIAS if image.is_ensemble else DISPLACEMENT, view)
+    if component == "norm":
+        return _draw(image, include, BIAS if image.is_ensemble else DISPLACEMENT, view)
+    if component not in COMPONENTS:
+        raise InputError(
+            f"A displacement has no component {component!r}; draw norm, {', '.join(COMPONENTS)}."
+        )
+    return _draw(image, include, COMPONENTS[component], view)
 
 
 def scatter_figure(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Figure:
@@ -109,15 +145,22 @@ def scatter_figure(image: AovImage, include: Collection[int] = (Status.GOOD,)) -
 
 
 def pose_figures(
-    image: AovImage, name: str, include: Collection[int] = (Status.GOOD,)
+    image: AovImage,
+    name: str,
+    include: Collection[int] = (Status.GOOD,),
+    component: Component = "norm",
 ) -> dict[str, Figure]:
     """All figures of a pose, named after it: the displacement and, of an ensemble, the scatter.
+
+    A signed component of the displacement is drawn alone, with its name behind the pose's.
 
     Raises
     ------
     InputError
         No ray counts, so there is nothing to draw.
     """
+    if component != "norm":
+        return {f"{name}_{component}": displacement_figure(image, include, component=component)}
     figures = {name: displacement_figure(image, include)}
     if image.is_ensemble:
         figures[f"{name}_scatter"] = scatter_figure(image, include)
@@ -131,11 +174,10 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
             "the image has no good ray, so there is no displacement to draw; look at the counts by "
             "status in the metrics, then turn the camera to the part or widen the focus interval."
         )
-    displacement = UM_PER_MM * image.channels[what.channel].astype(np.float64)
+    displacement = np.zeros(good.shape)
+    displacement[good] = UM_PER_MM * _values(image, good, what)
     values = displacement[good]
-    limits = displacement_limits(values)
-    # Shells without an index step move nothing: then the scale starts at 0.
-    scale = ColourScale(values, limits, f"{what.label} (µm)", logarithmic=limits[0] > 0.0)
+    scale = _scale(values, what)
     seen = image.status != Status.MISSED
     columns, rows = _crop(seen)
 
@@ -160,13 +202,34 @@ def _draw(image: AovImage, include: Collection[int], what: Shown, view: str = ""
         axis.set_major_locator(MaxNLocator(6, integer=True, steps=[1, 2, 5, 10]))
     side: Literal["right", "bottom"] = "right" if aspect > _FLAT else "bottom"
     scale.add_bar(figure, picture, ax=axes, location=side, shrink=0.95, aspect=28)
-    figure.suptitle(f"{what.title}: {_statistics(values)}", fontsize=12)
+    size = "size, " if what.signed else ""
+    figure.suptitle(f"{what.title}: {size}{_statistics(np.abs(values))}", fontsize=12)
     second_line = "\n".join(filter(None, (view, _provenance(image.header))))
     axes.set_title(second_line, fontsize=9, color=TEXT_COLOUR, pad=8)
     if entries:
         title = "Pixels without a displacement (share of all that see the part)"
         legend_below(figure, entries, min(2, len(entries)), title=title, title_fontsize=9)
     return figure
+
+
+def _values(image: AovImage, good: BoolArray, what: Shown) -> FloatArray:
+    """(n,) numbers of the good pixels, mm."""
+    if not what.signed:
+        return image.channels[what.channel][good].astype(np.float64)
+    camera = image.camera
+    sight = lines_of_sight(camera, image.vector("straight", good))
+    moved = image.vector("displacement", good)
+    return signed_components(moved, sight, camera.matrix[:3, 0])[what.channel]
+
+
+def _scale(values: FloatArray, what: Shown) -> ColourScale:
+    """The colours: logarithmic, or diverging about 0."""
+    low, high = displacement_limits(np.abs(values))
+    label = f"{what.label} (µm)"
+    if what.signed:
+        return ColourScale(values, (-high, high), label, False, "RdBu_r")
+    # Shells without an index step move nothing: then the scale starts at 0.
+    return ColourScale(values, (low, high), label, logarithmic=low > 0.0)
 
 
 def _crop(seen: BoolArray) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -17,6 +17,7 @@ from iriftrace.studies.study import is_study, read_study
 from iriftrace.sweep.store import read_sweep
 
 if TYPE_CHECKING:
+    from iriftrace.figures.pose import Component
     from iriftrace.trace.render import Rendering
 
 
@@ -59,6 +60,7 @@ def plot(
     *,
     criteria: Criteria = THE_PAPERS,
     name: str | None = None,
+    component: Component = "norm",
 ) -> Plots:
     """Draw a result.
 
@@ -72,6 +74,8 @@ def plot(
     name
         Name of the figure of a pose or study; by default that of the file, else "displacement" or
         the study's.
+    component
+        Of a pose's displacement, see `displacement_figure`.
 
     Raises
     ------
@@ -85,7 +89,12 @@ def plot(
         from iriftrace.figures.pose import pose_figures
 
         image = result if isinstance(result, AovImage) else result.image
-        return Plots(pose_figures(image, name or "displacement"))
+        return Plots(pose_figures(image, name or "displacement", component=component))
+    if component != "norm":
+        raise InputError(
+            f"A component of the displacement ({component}) is drawn of one pose, and this is a "
+            "sweep or a study; give the EXR of a pose."
+        )
     if "study" in result.attrs:
         from iriftrace.figures.studies import study_figure
 

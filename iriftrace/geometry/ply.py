@@ -1,4 +1,4 @@
-"""Triangle meshes as PLY files, with columns of numbers at vertices and faces."""
+"""Triangle meshes and points as PLY files, with columns of numbers at vertices and faces."""
 
 from __future__ import annotations
 
@@ -104,4 +104,43 @@ def write_ply(
     with whole_file(path) as temporary, temporary.open("wb") as file:
         file.write("\n".join(header).encode())
         file.write(np.column_stack(list(points.values())).astype("<f4").tobytes())
+        file.write(rows.tobytes())
+
+
+def write_ply_points(
+    path: str | Path,
+    points: FloatArray,
+    columns: Mapping[str, ArrayLike],
+    *,
+    comments: Sequence[str] = (),
+) -> None:
+    """Write points as binary little-endian PLY, their places as float64, all else as float32.
+
+    Parameters
+    ----------
+    path
+        Name of the file; its folder must exist.
+    points
+        (n, 3) array, mm.
+    columns
+        Numbers of each point, by name.
+    comments
+        Lines of the header.
+    """
+    places = dict(zip("xyz", np.transpose(points), strict=True))
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        *(f"comment {comment}" for comment in comments),
+        f"element vertex {len(points)}",
+        *(f"property double {name}" for name in places),
+        *(f"property float {name}" for name in columns),
+        "end_header\n",
+    ]
+    kinds = [(name, "<f8") for name in places] + [(name, "<f4") for name in columns]
+    rows = np.empty(len(points), dtype=kinds)
+    for name, values in {**places, **columns}.items():
+        rows[name] = values
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        file.write("\n".join(header).encode("ascii", "replace"))
         file.write(rows.tobytes())

@@ -12,3 +12,4 @@ from .measured_shift import read_measured_shift as read_measured_shift
 from .metrics import PoseMetrics as PoseMetrics
 from .metrics import pose_metrics as pose_metrics
 from .metrics import write_metrics as write_metrics
+from .surface import write_surface as write_surface

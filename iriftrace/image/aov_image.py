@@ -56,7 +56,16 @@ SCATTER_CHANNELS: tuple[str, ...] = (
 SCHEMA = "iriftrace.aov/1"
 """Value of the header entry ``schema`` of the files this version writes and reads."""
 
+RGB = {
+    "displacement": ("displacement.X", "displacement.Y", "displacement.Z"),
+    "shift": ("shift.px.X", "shift.px.Y"),
+    "refracted": ("refracted.X", "refracted.Y", "refracted.Z"),
+}
+"""Channels that R, G and B may repeat, for programs that show no others; B of two is 0."""
+
 _PREFIX = "iriftrace."
+_RGB_ENTRY = "rgb"
+"""Key of the header that says what R, G and B repeat."""
 _NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
 _KNOWN = (*CHANNELS, ERROR_CHANNEL, *SCATTER_CHANNELS)
 # More threads than this gain nothing for RLE: copying the pixels takes longer than packing them.
@@ -136,6 +145,10 @@ class AovImage:
     def _validate_channels(self, _attribute: Any, value: dict[str, FloatImage]) -> None:
         _check_channels(value)
 
+    def __repr__(self) -> str:
+        width, height = self.resolution
+        return f"AovImage({width} x {height} px, {len(self.channels)} channels)"
+
     @property
     def resolution(self) -> tuple[int, int]:
         """Width and height in pixels."""
@@ -189,12 +202,13 @@ class AovImage:
         if not file.is_file():
             raise InputError(
                 f"The part's file {file} is not there, and face areas and regions come from it; "
-                "say where it is with --part."
+                "give part_from its place (--part)."
             )
         if sha256_of(file) != named["sha256"]:
             raise InputError(
                 f"{file} is not the part the image was rendered with (its SHA-256 differs), so "
-                "that face numbers would not fit; give the right file with --part or render again."
+                "that face numbers would not fit; give part_from the right one (--part) or render "
+                "again."
             )
         return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
 
@@ -265,7 +279,7 @@ def _check_channels(channels: dict[str, FloatImage]) -> None:
         raise InputError(f"an AOV image of {shape} pixels is empty; render at least one pixel.")
 
 
-def write_exr(path: str | Path, image: AovImage) -> None:
+def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> None:
     """Write an AOV image as OpenEXR (scan lines, RLE, float32).
 
     Parameters
@@ -275,11 +289,15 @@ def write_exr(path: str | Path, image: AovImage) -> None:
     image
         The image. Its header entries become string attributes ``iriftrace.<key>``: strings as they
         are, other values as JSON.
+    rgb
+        A key of `RGB`: its channels are repeated as R, G and B, and the header's entry ``rgb`` says
+        so. `read_exr` leaves them out.
 
     Raises
     ------
     InputError
-        A pixel is NaN or infinite, a header value is not plain JSON, or the file cannot be written.
+        There is no such key, a pixel is NaN or infinite, a header value is not plain JSON, or the
+        file cannot be written.
     """
     _refuse_not_finite(image, "cannot be written")
     header: dict[str, Any] = {
@@ -293,11 +311,23 @@ def write_exr(path: str | Path, image: AovImage) -> None:
         for name in _KNOWN
         if name in image.channels
     }
+    if rgb is not None:
+        channels |= _colours(channels, rgb)
+        header[_PREFIX + _RGB_ENTRY] = "R, G, B repeat " + ", ".join(RGB[rgb])
     with whole_file(path) as temporary:
         try:
             OpenEXR.File(header, channels, num_threads=_THREADS).write(str(temporary))
         except RuntimeError as error:
             raise InputError(f"cannot write {path}: {error}") from error
+
+
+def _colours(channels: dict[str, FloatImage], rgb: str) -> dict[str, FloatImage]:
+    """Channels R, G and B that repeat others."""
+    if rgb not in RGB:
+        raise InputError(f"R, G and B can repeat {', '.join(RGB)}, but not {rgb!r}; give one.")
+    planes = [channels[name].copy() for name in RGB[rgb]]
+    nothing = [np.zeros_like(planes[0])] * (3 - len(planes))
+    return dict(zip("RGB", [*planes, *nothing], strict=True))
 
 
 def read_exr(path: str | Path) -> AovImage:
@@ -323,7 +353,7 @@ def read_exr(path: str | Path) -> AovImage:
     header = {
         key.removeprefix(_PREFIX): _decode(value)
         for key, value in attributes.items()
-        if key.startswith(_PREFIX)
+        if key.startswith(_PREFIX) and key != _PREFIX + _RGB_ENTRY
     }
     schema = header.get("schema")
     if schema != SCHEMA:

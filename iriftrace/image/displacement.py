@@ -99,6 +99,31 @@ def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArr
     return np.sqrt(np.einsum("ij,ij->i", across, across)), axial
 
 
+def signed_components(
+    vectors: FloatArray, sight: FloatArray, right: FloatArray
+) -> dict[str, FloatArray]:
+    """Split displacements into signed components at the lines of sight.
+
+    Parameters
+    ----------
+    vectors
+        (n, 3) displacements, mm.
+    sight
+        (n, 3) unit vectors.
+    right
+        (3,) unit vector: the picture's rows, `Camera.matrix`'s first column.
+
+    Returns
+    -------
+    dict of (n,) arrays, mm
+        ``along`` the line of sight, positive away from the camera; across it ``right`` and
+        ``down`` in the picture.
+    """
+    rows = unit_vectors(right - (sight @ right)[:, None] * sight)
+    axes = {"along": sight, "right": rows, "down": np.cross(sight, rows)}
+    return {name: np.einsum("ij,ij->i", vectors, axis) for name, axis in axes.items()}
+
+
 def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> DisplacementMap:
     """Displacement of every pixel, whole and split at the line of sight, for work in Python.
 

@@ -67,6 +67,14 @@ class Part:
     length_unit: str
     closed: bool
 
+    def __repr__(self) -> str:
+        extent = " x ".join(f"{length:.5g}" for length in np.ptp(self.bounds, axis=0))
+        kind = "closed" if self.closed else "open"
+        return (
+            f"Part({self.path}: {extent} mm, {len(self.faces):,} triangles, {kind}, "
+            f"{len(self.region_names)} regions)"
+        )
+
     @cached_property
     def surface(self) -> Surface:
         """The surface, asked for nearest points and gaps."""
@@ -287,7 +295,8 @@ def part_of_mesh(
     if transform is not None:
         # Normals transform with the inverse transpose, whatever the determinant's sign.
         seen = unit_vectors(seen @ np.linalg.inv(checked_matrix(transform)[:3, :3]))
-    named = regions or name_regions(groups, seen, surface.areas)
+    placed = points if transform is None else apply(checked_matrix(transform), points)
+    named = regions or name_regions(groups, seen, surface.areas, placed[triangles])
     part = Part(
         vertices=points,
         faces=triangles,
@@ -338,7 +347,7 @@ def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: 
     if short != chosen:
         warnings.warn(
             f"{path} declares its unit as {short} but is read as {chosen}; "
-            f"pass --length-unit {short} if the file is right.",
+            f'give length_unit="{short}" (--length-unit {short}) if the file is right.',
             IriftraceWarning,
             stacklevel=3,
         )
@@ -348,7 +357,7 @@ def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: 
     if size < smallest or size > largest:  # not for NaN, which is refused later
         warnings.warn(
             f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
-            "measured part; check --length-unit.",
+            "measured part; check length_unit (--length-unit).",
             IriftraceWarning,
             stacklevel=3,
         )

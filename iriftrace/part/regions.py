@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
@@ -19,6 +20,10 @@ REST = "rest"
 # Length of the mean unit normal: 1 for a plane, smaller the more the patch curves. This limit
 # corresponds to normals that spread by 2 degrees.
 _PLANAR = np.cos(np.radians(2.0))
+# The same spread of a cylinder's normals out of the plane across its axis, and of their sum.
+_ACROSS = np.sin(np.radians(2.0))
+# Corners of a cylinder lie on it, in single precision or to the deviation of a coarse tessellation.
+_OFF_CIRCLE = 0.01
 # Directions within 2.5 degrees of each other count as the same.
 _SAME = np.cos(np.radians(2.5))
 
@@ -62,13 +67,17 @@ def find_smooth_groups(neighbours: Neighbours, normals: FloatArray, angle_deg: f
     return connected(neighbours.pairs[smooth], len(normals))
 
 
-def name_regions(groups: IntArray, normals: FloatArray, areas: FloatArray) -> Regions:
+def name_regions(
+    groups: IntArray, normals: FloatArray, areas: FloatArray, corners: FloatArray
+) -> Regions:
     """Make a region of every large smooth group and name it.
 
     Two opposite planes and one curved surface are the heads and the lateral surface of a cylinder:
     ``head -x``, ``head +x``, ``lateral``. Otherwise planes are called by their direction
-    (``plane +z``) and curved surfaces ``surface``; with a number, the largest first, where several
-    would have the same name. Groups below `SMALLEST_SHARE` of the area form the region ``rest``.
+    (``plane +z``), surfaces on a cylinder ``cylinder r 25`` or, seen from within, ``hollow r 25``,
+    all around its axis ``hole 1 (x 43, y 0, r 7)`` with the place of an axis along x, y or z; other
+    curved ones ``surface``. With a number, the largest first, where several would have the same
+    name. Lengths are mm. Groups below `SMALLEST_SHARE` of the area form the region ``rest``.
 
     Parameters
     ----------
@@ -76,6 +85,8 @@ def name_regions(groups: IntArray, normals: FloatArray, areas: FloatArray) -> Re
         (m,) smooth group of each face.
     normals, areas
         (m, 3) unit normals and (m,) areas of the faces.
+    corners
+        (m, 3, 3) corners of the faces, mm.
     """
     count = int(groups.max()) + 1
     area = np.bincount(groups, areas, minlength=count)
@@ -86,13 +97,14 @@ def name_regions(groups: IntArray, normals: FloatArray, areas: FloatArray) -> Re
     large = by_size[area[by_size] >= SMALLEST_SHARE * area.sum()]
     region_of_group = np.full(count, len(large), dtype=np.int64)
     region_of_group[large] = np.arange(len(large))
-    names = _names(mean[large])
+    patches = (groups == number for number in large)
+    names = _names(mean[large], [_round(normals[p], areas[p], corners[p]) for p in patches])
     if len(large) < count:
         names.append(REST)
     return Regions(region_of_group[groups], tuple(names))
 
 
-def _names(mean: FloatArray) -> list[str]:
+def _names(mean: FloatArray, rounds: Sequence[_Round | None]) -> list[str]:
     length = np.linalg.norm(mean, axis=1)
     planar = length > _PLANAR
     direction = mean / np.maximum(length, np.finfo(float).tiny)[:, None]
@@ -102,18 +114,72 @@ def _names(mean: FloatArray) -> list[str]:
         and len(heads) == 2
         and float(direction[heads[0]] @ direction[heads[1]]) < -_SAME
     )
-    plane, curved = ("head", "lateral") if is_cylinder else ("plane", "surface")
-    stems = [
-        f"{plane}{_axis(vector)}" if flat else curved
-        for flat, vector in zip(planar, direction, strict=True)
-    ]
+    kinds = []
+    for flat, vector, found in zip(planar, direction, rounds, strict=True):
+        if flat:
+            kinds.append((f"{'head' if is_cylinder else 'plane'}{_axis(vector)}", ""))
+        elif is_cylinder:
+            kinds.append(("lateral", ""))
+        else:
+            kinds.append(("surface", "") if found is None else found.name)
     # Numbered are those that occur more than once, and those that say nothing else.
     names, seen = [], Counter[str]()
-    for stem in stems:
+    stems = [stem for stem, _ in kinds]
+    for stem, more in kinds:
         seen[stem] += 1
-        several = stems.count(stem) > 1 or stem in ("surface", "plane", "head")
-        names.append(f"{stem} {seen[stem]}" if several else stem)
+        several = stems.count(stem) > 1 or stem in ("surface", "plane", "head", "hole")
+        names.append((f"{stem} {seen[stem]}" if several else stem) + more)
     return names
+
+
+@frozen(eq=False)
+class _Round:
+    """Circular cylinder through a patch: direction and a point of its axis, radius, mm."""
+
+    axis: FloatArray
+    point: FloatArray
+    radius: float
+    hollow: bool
+    whole: bool
+
+    @property
+    def name(self) -> tuple[str, str]:
+        """What comes before the number, and after it."""
+        radius = f"r {_short(self.radius)}"
+        if not (self.hollow and self.whole):
+            return f"{'hollow' if self.hollow else 'cylinder'} {radius}", ""
+        along = _axis(self.axis)[2:]
+        places = [f"{name} {_short(self.point[k])}" for k, name in enumerate("xyz")]
+        # A slanted hole has no two coordinates of its own.
+        shown = [place for place in places if along and not place.startswith(along)]
+        return "hole", f" ({', '.join([*shown, radius])})"
+
+
+def _round(normals: FloatArray, areas: FloatArray, corners: FloatArray) -> _Round | None:
+    """The circular cylinder that a patch lies on, or None."""
+    weights = areas / areas.sum()
+    spread, axes = np.linalg.eigh(np.einsum("f,fi,fj->ij", weights, normals, normals))
+    if spread[0] > _ACROSS**2:
+        return None
+    axis = axes[:, 0]
+    middle = corners.mean(axis=(0, 1))
+    flat = ((corners - middle) @ axes[:, 1:]).reshape(-1, 2)
+    # Algebraic fit of a circle (Kasa 1976): exact where all points lie on one.
+    terms = np.column_stack((2.0 * flat, np.ones(len(flat))))
+    (u, v, rest), *_ = np.linalg.lstsq(terms, np.sum(flat**2, axis=1))
+    distance = np.hypot(*(flat - (u, v)).T)
+    radius = float(np.sqrt(max(rest + u * u + v * v, 0.0)))
+    if np.abs(distance - radius).max() > _OFF_CIRCLE * radius:
+        return None
+    point = middle + axes[:, 1:] @ (u, v)
+    outward = float(weights @ np.einsum("fi,fi->f", normals, corners.mean(axis=1) - point))
+    around = float(np.linalg.norm(weights @ normals)) < _ACROSS
+    return _Round(axis, point, radius, outward < 0.0, around)
+
+
+def _short(length_mm: float) -> str:
+    # Rounded first, so that -1e-17 becomes 0 and not -0.
+    return f"{round(length_mm, 3) + 0.0:.4g}"
 
 
 def _axis(direction: FloatArray) -> str:

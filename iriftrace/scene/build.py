@@ -14,7 +14,7 @@ from attrs import evolve, field, frozen
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.part_fit import Fit, fit_part_to_field
 from iriftrace.scene.viewpoint import refuse_camera_inside
-from iriftrace.scene.write import PART_FILE, write_scene
+from iriftrace.scene.write import PART_FILE, refuse_edited, write_scene
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import trim_to_frustum
@@ -132,7 +132,8 @@ def build_scene(
     ------
     InputError
         Field and part do not overlap, the camera stands in the part or in hot air, no shell is in
-        its view, or the folder cannot be written.
+        its view, the XML file has been changed since it was written, or the folder cannot be
+        written.
 
     Warns
     -----
@@ -252,6 +253,7 @@ def _place(path: str | Path, part: Part) -> Path:
             f"The scene's own {PART_FILE} would replace the part's file {part.path}; give the "
             f"scene a folder of its own, such as {xml.with_suffix('') / xml.name}."
         )
+    refuse_edited(xml)
     return xml
 
 

@@ -127,6 +127,14 @@ class LoadedScene:
         repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
     )
 
+    def __repr__(self) -> str:
+        width, height = self.camera.resolution
+        fields = "" if self.ensemble is None else f", {len(self.ensemble)} fields"
+        return (
+            f"LoadedScene({self.path}: {self.part!r}, {width} x {height} px, engine {self.engine}"
+            f"{fields}, {self.variant})"
+        )
+
     @cached_property
     def through_field(self) -> LoadedScene | None:
         """The same scene traced through its field itself; loaded when it is first asked for.

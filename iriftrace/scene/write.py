@@ -6,6 +6,7 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 
 PART_FILE = "part.ply"
 SHELLS_FOLDER = "shells"
+
+_SEAL = "<!-- No command replaces this file once it is changed. SHA-256 of the rest: "
+"""Start of the line by which a file is known that nobody has changed."""
 
 
 def write_scene(
@@ -183,6 +187,36 @@ def save_air(
     return shell_shapes(shells, [path for path in files if path.suffix == ".ply"], shown)
 
 
+def refuse_edited(xml: Path) -> None:
+    """Refuse to replace a scene's file that somebody wrote or has changed since it was written.
+
+    Parameters
+    ----------
+    xml : Path
+        Need not exist.
+
+    Raises
+    ------
+    InputError
+    """
+    if xml.is_file() and not _is_as_written(xml.read_text(encoding="utf-8", errors="replace")):
+        raise InputError(
+            f"{xml} has been changed since it was written, which would be lost; render it as it "
+            "is, name another output, or remove it."
+        )
+
+
+def _is_as_written(text: str) -> bool:
+    """True if a scene's XML has the check sum that `scene_xml` gave it."""
+    head, found, rest = text.partition(_SEAL)
+    return bool(found) and _sealed(head, rest.partition("\n")[2]) == text
+
+
+def _sealed(head: str, rest: str) -> str:
+    """Both pieces of a scene's XML with the check sum between them."""
+    return f"{head}{_SEAL}{sha256((head + rest).encode()).hexdigest()} -->\n{rest}"
+
+
 def require_pinhole(camera: Camera) -> None:
     """Refuse a camera that ``calibrated_camera`` is not.
 
@@ -228,11 +262,13 @@ def scene_xml(
     """
     near, far = camera.focus_mm
     distance = max(1.0, float(np.linalg.norm(camera.origin)))
-    lines = [
+    head = [
         '<?xml version="1.0" encoding="utf-8"?>',
         "<!-- Lengths in mm. Move the camera, drop a shell or set -D scale=..., then run",
         "     iriftrace render on this file again. -->",
         *([f"<!-- {remark.replace('--', '-').rstrip('-')} -->"] if remark else []),
+    ]
+    lines = [
         '<scene version="3.0.0">',
         f'    <default name="scale" value="{scale!r}"/>',
         f'    <default name="normals" value={quoteattr(normals)}/>',
@@ -287,7 +323,7 @@ def scene_xml(
         '        <bsdf type="diffuse"/>',
         "    </shape>",
     ]
-    return "\n".join([*lines, *shapes, "</scene>", ""])
+    return _sealed("\n".join([*head, ""]), "\n".join([*lines, *shapes, "</scene>", ""]))
 
 
 def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list[str]:

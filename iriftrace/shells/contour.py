@@ -118,7 +118,7 @@ def _size_advice(field: IndexField, min_size_mm: float) -> str:
         return ""
     return (
         f" The whole field is {size:.3g} mm across and pieces below {min_size_mm:g} mm are "
-        "dropped: if it is in metres, give --field-length-unit m."
+        'dropped: if it is in metres, read it with length_unit="m" (--field-length-unit m).'
     )
 
 

@@ -167,6 +167,13 @@ class ShellStack:
         if rule not in KINDS:
             raise InputError(f"Unknown index rule '{rule}'; use one of {', '.join(KINDS)}.")
 
+    def __repr__(self) -> str:
+        kelvin = self.temperature_k
+        return (
+            f"ShellStack({len(self.shells)} shells, {self.triangles:,} triangles, "
+            f"{kelvin.min():.5g} to {kelvin.max():.5g} K, rule {self.rule})"
+        )
+
     @property
     def triangles(self) -> int:
         """Number of triangles of all shells."""

@@ -31,11 +31,18 @@ class Rendering:
     image: AovImage
     metrics: PoseMetrics
 
-    def save(self, path: str | Path) -> tuple[Path, Path]:
-        """Write the AOV EXR and, beside it, the metrics JSON; returns both names."""
+    def __repr__(self) -> str:
+        width, height = self.image.resolution
+        return f"Rendering({width} x {height} px, {self.metrics!r})"
+
+    def save(self, path: str | Path, *, rgb: str | None = None) -> tuple[Path, Path]:
+        """Write the AOV EXR and, beside it, the metrics JSON; returns both names.
+
+        ``rgb`` is that of :func:`iriftrace.image.write_exr`.
+        """
         exr = Path(path)
         started = time.perf_counter()
-        write_exr(exr, self.image)
+        write_exr(exr, self.image, rgb=rgb)
         self.metrics.add_time("write", time.perf_counter() - started)
         report = exr.with_suffix(".json")
         write_metrics(report, self.metrics)

@@ -109,9 +109,11 @@ def warn_of_coarse_shells(found: ShellResolution, through_field: bool = False) -
     if not found.suffices:
         change = f"Rays of this view change by {found.p95_share:.1%} (95th percentile) {WHY}"
         warnings.warn(
-            f"{change}; the field itself was traced instead (--engine shells insists on shells)."
+            f'{change}; the field itself was traced instead (load_scene with engine="shells", or '
+            "--engine shells, insists on shells)."
             if through_field
-            else f"{change}; trace with --engine continuous, or make the scene with --layers 20.",
+            else f'{change}; load the scene with engine="continuous" (--engine continuous), or '
+            "make it with layers=20 (--layers 20).",
             IriftraceWarning,
             stacklevel=3,
         )

@@ -118,6 +118,9 @@ def test_open_ends_are_found_and_seen_from_above(
     edge = finding(check, "edge of the data")
     assert edge["verdict"] == "doubtful"
     assert edge["hottest_k"]["+z"] > ROOM + 50.0
+    excess = edge["hottest_k"]["+z"] - ROOM
+    (remark,) = (one.remark for one in check.findings if one.name == "edge of the data")
+    assert f"excess over the ambient 20 degC: +z up to {excess:.0f} K" in remark
     assert all(edge["hottest_k"][side] < ROOM + 9.0 for side in ("-x", "+x", "-y", "+y", "-z"))
     assert finding(check, "camera's view")["share"] > 0.5
     assert finding(check, "camera's view")["verdict"] == "bad"

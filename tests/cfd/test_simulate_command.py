@@ -79,6 +79,7 @@ def test_symmetric_part_is_pointed_out(folder: Path, capsys: pytest.CaptureFixtu
         (("--ambient=0 K",), "in air of 0 K"),
         (("--ambient", "-300 degC"), "below absolute zero"),
         (("--background-cell=0.01 mm",), "background cells of 0.01 mm"),
+        (("--background-cell=0.01 mm",), "symmetric (--symmetry)"),
         (("--snapshots=100000",), "100000 snapshots cannot be kept"),
     ],
 )

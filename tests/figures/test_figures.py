@@ -7,10 +7,12 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 import pyvista as pv
+import xarray as xr
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm
 
@@ -117,6 +119,46 @@ def test_plotted_array_is_the_displacement_in_micrometres() -> None:
     assert isinstance(plotted, np.ma.MaskedArray)
     np.testing.assert_array_equal(~np.ma.getmaskarray(plotted), image.status == 0)
     np.testing.assert_allclose(plotted.compressed(), good_um(image), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("component", "axis", "words"),
+    [
+        ("along", (0.0, 0.0, 1.0), "along the line of sight"),
+        ("right", (1.0, 0.0, 0.0), "across the line of sight"),
+        ("down", (0.0, 1.0, 0.0), "across the line of sight"),
+    ],
+)
+def test_signed_components_diverge_from_0(
+    component: Literal["along", "right", "down"], axis: tuple[float, float, float], words: str
+) -> None:
+    """A parallel camera, whose axes are the components': x right, y down, z away from it."""
+    image = synthetic_image()
+    values = image.header["camera"] | {"projection": "orthographic", "focal_length_mm": None}
+    moved = np.random.default_rng(3).normal(size=(HEIGHT, WIDTH, 3)) * (1e-3, 2e-3, 3e-3)
+    moved[image.status != 0] = 0.0
+    for k, name in enumerate("XYZ"):
+        image.channels[f"displacement.{name}"][:] = moved[..., k]
+    image = AovImage(image.channels, image.header | {"camera": values})
+    figure = displacement_figure(image, component=component)
+    picture = figure.axes[0].images[-1]
+    low, high = picture.get_clim()
+    assert low == -high < 0.0
+    assert picture.norm(0.0) == 0.5
+    expected = 1e3 * (moved[image.status == 0] @ axis)
+    assert (expected < 0.0).any()
+    np.testing.assert_allclose(picture.get_array().compressed(), expected, rtol=1e-6)
+    assert high == pytest.approx(np.percentile(np.abs(expected), 99), rel=1e-6)
+    assert words in figure.get_suptitle()
+    assert list(plot(image, component=component, name="a").figures) == [f"a_{component}"]
+
+
+def test_unknown_components_are_refused() -> None:
+    with pytest.raises(InputError, match="no component 'up'"):
+        displacement_figure(synthetic_image(), component="up")  # type: ignore[arg-type]
+    study = xr.Dataset(attrs={"study": "layers"})
+    with pytest.raises(InputError, match="drawn of one pose"):
+        plot(study, component="along")
 
 
 def test_included_status_is_plotted_too() -> None:

@@ -11,7 +11,13 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
-from iriftrace.image.displacement import displacement_map, good_mask, shift_map, split_displacement
+from iriftrace.image.displacement import (
+    displacement_map,
+    good_mask,
+    shift_map,
+    signed_components,
+    split_displacement,
+)
 from validation.oracles.aov_by_hand import make_image, plate
 
 PINHOLE = Camera(
@@ -89,3 +95,25 @@ def test_maps_are_zero_where_rays_do_not_count() -> None:
 def test_rays_without_two_hits_cannot_be_included(include: tuple[int, ...]) -> None:
     with pytest.raises(InputError, match="only 0 and 5"):
         good_mask(make_image(PARALLEL, WALL), include)
+
+
+def test_signed_components_are_an_orthonormal_split_of_a_camera_that_is_turned() -> None:
+    """Their squares sum up to the length's; right and down raise column and row of the picture."""
+    camera = Camera(
+        focal_length_mm=10.0,
+        sensor_mm=(6.0, 4.0),
+        resolution=(60, 40),
+        matrix=look_at((120.0, -90.0, 80.0), (0.0, 5.0, -3.0)),
+    )
+    rng = np.random.default_rng(2)
+    hits = rng.uniform(-10.0, 10.0, (50, 3))
+    vectors = 1e-4 * rng.normal(size=(50, 3))
+    sight = (hits - camera.origin) / np.linalg.norm(hits - camera.origin, axis=1)[:, None]
+    found = signed_components(vectors, sight, camera.matrix[:3, 0])
+    total = sum(value**2 for value in found.values())
+    np.testing.assert_allclose(total, np.sum(vectors**2, axis=1), rtol=1e-12)
+    lateral, axial = split_displacement(vectors, sight)
+    np.testing.assert_allclose(found["along"], axial, rtol=1e-12, atol=1e-20)
+    np.testing.assert_allclose(np.hypot(found["right"], found["down"]), lateral, rtol=1e-9)
+    only = signed_components(np.tile(camera.matrix[:3, 1], (50, 1)), sight, camera.matrix[:3, 0])
+    assert (only["down"] > 0.9).all()

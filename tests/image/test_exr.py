@@ -84,6 +84,39 @@ def test_file_is_readable_by_openexr_alone(tmp_path: Path) -> None:
     assert json.loads(header["iriftrace.pose"])["origin_mm"] == [1.5, -2.0, 1e-17]
 
 
+@pytest.mark.parametrize("rgb", ["displacement", "shift", "refracted"])
+def test_programs_that_know_colours_find_the_numbers_under_r_g_b(rgb: str, tmp_path: Path) -> None:
+    """As OpenEXR finds the colours of any picture; OpenCV too where it was built with OpenEXR."""
+    image = random_image()
+    write_exr(tmp_path / "a.exr", image, rgb=rgb)
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        colours = file.channels()["RGB"].pixels.copy()
+        said = file.header()["iriftrace.rgb"]
+    names = [f"{rgb}.{axis}" for axis in "XYZ"] if rgb != "shift" else ["shift.px.X", "shift.px.Y"]
+    assert said == "R, G, B repeat " + ", ".join(names)
+    for place in range(3):
+        expected = image.channels[names[place]] if place < len(names) else 0.0 * colours[..., 0]
+        np.testing.assert_array_equal(colours[..., place], expected)
+    back = read_exr(tmp_path / "a.exr")
+    assert back.header == image.header
+    assert tuple(back.channels) == CHANNELS
+    code = (
+        "import os; os.environ['OPENCV_IO_ENABLE_OPENEXR'] = '1'\n"
+        "import cv2, numpy, re\n"
+        "if not re.search('OpenEXR: *NO', cv2.getBuildInformation()):\n"
+        "    numpy.save('cv.npy', cv2.imread('a.exr', cv2.IMREAD_UNCHANGED))"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    if (tmp_path / "cv.npy").is_file():
+        np.testing.assert_array_equal(np.load(tmp_path / "cv.npy")[..., ::-1], colours)
+
+
+def test_colours_of_something_else_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="but not 'depth'"):
+        write_exr(tmp_path / "a.exr", random_image(), rgb="depth")
+    assert not list(tmp_path.iterdir())
+
+
 def test_file_does_not_depend_on_the_thread_count(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -93,6 +93,20 @@ def test_summary_says_why_an_axial_resolution_is_0(tilt: float, text: str) -> No
     assert f"lateral 1000 um, axial {text} (step to the next pixel)" in console.file.getvalue()
 
 
+def test_regions_with_long_names_have_a_line_each_on_80_columns() -> None:
+    part = plate((10, 0, 0), (0, 5, 0), (0, 0, 50))
+    header = {**HEADER, "part": {"path": "by hand", "sha256": part.sha256}}
+    metrics = pose_metrics(make_image(CAMERA, part, header=header), part)
+    metrics.time_s.update(dict.fromkeys(TIMES, 1.0))
+    (region,) = metrics.regions.values()
+    name = "hole 5 (x -21.5, y -37.24, r 12.25)"
+    console = Console(width=80, file=io.StringIO())
+    print_summary(console, evolve(metrics, regions={name: region}))
+    lines = console.file.getvalue().partition("Assumptions")[0].splitlines()
+    assert any(f"region {name}" in line for line in lines)
+    assert max(map(len, lines)) <= 80
+
+
 def test_rays_of_every_status_are_counted_and_sum_up() -> None:
     status = np.zeros((HEIGHT, WIDTH))
     codes = [2, 3, 4, 5, 6, 7]

@@ -16,7 +16,7 @@ def regions_of(mesh: trimesh.Trimesh, angle_deg: float = 30.0) -> Regions:
     normals = unit_vectors(areas)
     neighbours = find_neighbours(weld(vertices)[faces])
     groups = find_smooth_groups(neighbours, normals, angle_deg)
-    return name_regions(groups, normals, np.linalg.norm(areas, axis=1))
+    return name_regions(groups, normals, np.linalg.norm(areas, axis=1), vertices[faces])
 
 
 def test_box_has_six_planes_named_by_direction() -> None:
@@ -49,6 +49,49 @@ def test_oblique_cylinder_has_numbered_heads() -> None:
     mesh = trimesh.creation.cylinder(radius=5, height=20)
     mesh.apply_transform(trimesh.transformations.rotation_matrix(0.5, (1, 1, 0)))
     assert set(regions_of(mesh).names) == {"lateral", "head 1", "head 2"}
+
+
+def tube(outer: float, inner: float, place: tuple[float, float]) -> trimesh.Trimesh:
+    mesh = trimesh.creation.annulus(r_min=inner, r_max=outer, height=18.0, sections=64)
+    mesh.apply_translation((*place, 0.0))
+    return mesh
+
+
+def test_round_patches_are_named_by_their_radius() -> None:
+    """A tube beside two equal ones; then turned so that its axis is x, and askew."""
+    mesh = trimesh.util.concatenate(
+        [
+            tube(60.0, 25.0, (0.0, 0.0)),
+            tube(9.0, 7.0, (100.0, -20.5)),
+            tube(9.0, 7.0, (-100.0, 4.0)),
+        ]
+    )
+    names = set(regions_of(mesh).names)
+    assert {"cylinder r 60", "hole 1 (x 0, y 0, r 25)", "cylinder r 9 1", "cylinder r 9 2"} < names
+    assert {name.partition("(")[2] for name in names if name.startswith("hole")} == {
+        "x 0, y 0, r 25)",
+        "x 100, y -20.5, r 7)",
+        "x -100, y 4, r 7)",
+    }
+    one = trimesh.util.concatenate(
+        [tube(60.0, 25.0, (3.0, 4.0)), trimesh.creation.box((1, 1, 300))]
+    )
+    one.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0)))
+    assert "hole 1 (y 4, z -3, r 25)" in regions_of(one).names
+    one.apply_transform(trimesh.transformations.rotation_matrix(0.5, (1, 2, 3)))
+    assert "hole 1 (r 25)" in regions_of(one).names
+
+
+def test_half_a_bore_is_hollow_and_a_cone_is_no_cylinder() -> None:
+    ring = tube(60.0, 25.0, (0.0, 0.0))
+    half = trimesh.Trimesh(ring.vertices, ring.faces[ring.triangles_center[:, 0] > 0.0])
+    assert {"hollow r 25", "cylinder r 60"} <= set(regions_of(half).names)
+    cone = trimesh.creation.cone(radius=10.0, height=60.0, sections=64)
+    assert "cylinder" not in " ".join(regions_of(cone).names)
+    wavy = trimesh.creation.cylinder(radius=5.0, height=20.0, sections=64)
+    wavy.vertices[:, 0] *= 1.1
+    named = trimesh.util.concatenate([wavy, trimesh.creation.box((20, 20, 1))])
+    assert "surface 1" in regions_of(named).names
 
 
 def test_closed_smooth_body_is_one_surface() -> None:

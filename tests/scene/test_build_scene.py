@@ -74,6 +74,41 @@ def test_python_and_command_give_the_same_files(folder: Path) -> None:
     assert [len(shell.faces) for shell in shells.shells] == [row.triangles for row in built.report]
 
 
+@pytest.mark.usefixtures("variant")
+def test_objects_show_themselves_in_one_line(folder: Path, tmp_path: Path) -> None:
+    """Sizes with their units, and no array."""
+    field = iriftrace.read_field(folder / "air.vtu")
+    part = iriftrace.read_part(folder / "block.stl")
+    shells = iriftrace.contour_shells(field, 2)
+    built = iriftrace.build_scene(field, part, CAMERA, tmp_path / "s.xml", shells=shells, scale=0.5)
+    scene = iriftrace.load_scene(built)
+    rendering = iriftrace.render_scene(scene)
+    shown = {
+        field: "air.vtu: 36 x 36 x 36 mm, 6,734 points, 5,616 cells",
+        part: "block.stl: 12 x 12 x 12 mm, 12 triangles, closed, 6 regions",
+        shells: "2 shells, ",
+        scene: "60 x 50 px, engine shells",
+        rendering: "60 x 50 px, PoseMetrics(",
+        rendering.image: "60 x 50 px, 17 channels",
+    }
+    for thing, words in shown.items():
+        text = repr(thing)
+        assert words in text, text
+        assert text.startswith(type(thing).__name__)
+        assert "\n" not in text
+        assert "array" not in text
+
+
+def test_messages_say_what_to_give_in_python(folder: Path, tmp_path: Path) -> None:
+    with pytest.warns(IriftraceWarning, match=r"temperature_k=293\.[12]\) \(--ambient"):
+        field = iriftrace.read_field(folder / "air.vtu", air=iriftrace.Air(temperature_k=350.0))
+    assert field.air.temperature_k == 350.0
+    with pytest.warns(IriftraceWarning, match=r"unlikely.* check length_unit \(--length-unit\)"):
+        large = iriftrace.read_part(folder / "block.stl", length_unit="m")
+    with pytest.raises(InputError, match="in Python length_unit and transform of read_part"):
+        iriftrace.build_scene(field, large, CAMERA, tmp_path / "scene.xml")
+
+
 def test_ready_made_shells_need_no_field(folder: Path, tmp_path: Path) -> None:
     part = iriftrace.read_part(folder / "block.stl")
     shells = iriftrace.contour_shells(iriftrace.read_field(folder / "air.vtu"), 2)

@@ -91,9 +91,22 @@ def test_views_of_a_board_are_no_pose(
     assert "has 7 views of a calibration board" in capsys.readouterr().err
 
 
+def test_a_pose_in_another_unit_is_refused(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
+    """A camera of some hundred mm, written in metres and read in millimetres, is in the part."""
+    path = calibration(tmp_path, rvec=RVEC, tvec=1e-3 * np.asarray(TVEC))
+    words = ["scene", hot.field, hot.part, "-o", "out/scene.xml", "--layers=1"]
+    options = [f"--calibration={path}", "--pixel-size=5 um"]
+    assert "sees nothing of the part" in (message := fails(*words, *options))
+    assert "--calibration-length-unit" in message
+    assert main([*map(str, words), *options, "--calibration-length-unit=m"]) == 0
+
+
 WRONG = {
     "no pixel size": ("--calibration={file}", "--pixel-size"),
-    "pixel size of nothing": ("--calibration={file} --pixel-size=0", "Pixel size is 0"),
+    "pixel size of nothing": (
+        "--calibration={file} --pixel-size=0",
+        "Pixel size is 0.*--pixel-size",
+    ),
     "pixel size without calibration": ("--pixel-size=3um", "belongs to --calibration"),
     "no such file": ("--calibration=gone.yaml --pixel-size=3um", "gone.yaml"),
     "another focal length": (
@@ -106,7 +119,7 @@ WRONG = {
     ),
     "unknown unit": (
         "--calibration={file} --pixel-size=3um --calibration-length-unit=furlong",
-        "furlong",
+        "--calibration-length-unit.*furlong",
     ),
     "three coefficients": ("--distortion=1,2,3", "3 coefficients"),
     "coefficients of words": ("--distortion=a,b,c,d", "4 numbers"),

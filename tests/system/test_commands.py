@@ -446,6 +446,16 @@ def test_channels_as_openexr_reads_them(hot: HotBlock) -> None:
         assert json.loads(header["iriftrace.field"])["path"] == str(hot.field)
 
 
+def test_colours_repeat_the_channels_that_are_asked_for(run: Run, hot: HotBlock) -> None:
+    run("render", hot.scene, "-o", "c.exr", "--rgb=shift", "--no-figures")
+    with OpenEXR.File("c.exr", separate_channels=True) as file:
+        channels = {name: channel.pixels.copy() for name, channel in file.channels().items()}
+    assert channels["R"].any()
+    np.testing.assert_array_equal(channels["R"], channels["shift.px.X"])
+    np.testing.assert_array_equal(channels["G"], channels["shift.px.Y"])
+    assert not channels["B"].any()
+
+
 def test_outputs_lie_where_they_are_expected(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     """Beside the scene by default; and a scene folder can be moved as a whole."""
     shutil.copytree(

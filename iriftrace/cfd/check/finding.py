@@ -12,6 +12,7 @@ from attrs import asdict, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.files import whole_file
+from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
 from iriftrace.part.part import Part
 from iriftrace.shells.levels import index_levels
@@ -91,14 +92,15 @@ def edge_finding(field: IndexField) -> Finding:
     limit = float(field.air.temperature(_outermost_shell(field)))
     opened = {side: kelvin for side, kelvin in hottest.items() if kelvin > limit}
     text = ", ".join(f"{side} up to {kelvin - ambient:.0f} K" for side, kelvin in opened.items())
+    room = f"excess over the ambient {ambient - ZERO_CELSIUS_K:.4g} degC"
     return Finding(
         "edge of the data",
         f"open at {', '.join(opened)}" if opened else "in the room's air",
         "doubtful" if opened else "good",
-        f"above ambient: {text}; the plume beyond is not modelled, and rays through it are counted "
+        f"{room}: {text}; the plume beyond is not modelled, and rays through it are counted "
         "as open_boundary"
         if opened
-        else f"nowhere hotter than {limit - ambient:.1f} K above ambient",
+        else f"{room}: at most {limit - ambient:.1f} K",
         {"hottest_k": hottest, "limit_k": limit},
     )
 

@@ -251,7 +251,8 @@ def _check_count(cells: FloatArray, size: MeshSize) -> None:
         raise InputError(
             f"the air would have {cells.prod():.2g} background cells of {size.background:g} mm, "
             f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones "
-            "(--background-cell, --resolution)."
+            "(--background-cell, --resolution), or compute a half or a quarter of a part that is "
+            "symmetric (--symmetry)."
         )
 
 

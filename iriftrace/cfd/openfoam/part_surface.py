@@ -67,7 +67,7 @@ def check_mirrors(part: Part, mirrors: str) -> None:
     InputError
     """
     if mirrors not in ("", "x", "y", "xy"):
-        raise InputError(f'there is no symmetry "{mirrors}"; it is x, y, xy or none.')
+        raise InputError(f'there is no symmetry "{mirrors}"; --symmetry is x, y, xy or none.')
     for name in mirrors:
         if _deviation(part, name) > _TOLERANCE:
             raise InputError(

@@ -368,9 +368,9 @@ def usual_mesh(
     height = _HEIGHT_IN_SIZES * float(high[2] - low[2]) + 4.0 * air.boundary_layer_mm
     sides = _SIDES_IN_LAYERS * air.boundary_layer_mm
     if air.plume is not None:
-        # Where the bell has fallen to e^-9.
         top = 0.5 * (high[2] - low[2]) + height
-        sides = max(sides, 3.0 * float(air.plume.half_width(np.array(top))))
+        left, right = air.plume.bounds(top)
+        sides = max(sides, float(np.max((low[:2] - left, right - high[:2]))))
     return AirMesh(
         air.boundary_layer_mm / _CELLS_ACROSS_LAYER if cell_mm is None else cell_mm,
         sides if sides_mm is None else sides_mm,

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from attrs import Attribute, field, frozen
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 from scipy.special import erf
 
 from iriftrace.cfd.check.nusselt import reference_temperature
@@ -22,6 +23,12 @@ DECAY = 0.6
 _STRENGTH = 0.8
 _WIDTH_SHARE = 0.5
 
+_REACH = 3.0
+"""Half widths beyond which a plume has ended: the bell has fallen to e^-9."""
+
+_SHORTEST = 1e-4
+"""Least half length over half width: the difference of the ends then keeps twelve digits, and the
+plume differs from a round one by the square of this."""
 
 _KNOWN_LAYER_MM = 7.7
 _KNOWN_SIZE_MM = 27.0
@@ -46,16 +53,17 @@ class Plume:
     .. math::
 
         \theta = A\, s(t)\, t^{-3/5}\;
-                 \tfrac12\Big[\mathrm{erf}\tfrac{u + a}{w} - \mathrm{erf}\tfrac{u - a}{w}\Big]\;
+                 \frac{\mathrm{erf}\frac{u + a}{w} - \mathrm{erf}\frac{u - a}{w}}
+                      {2\,\mathrm{erf}\frac{a}{b}}\;
                  e^{-v^2/w^2}, \qquad w = b \left(\frac{1 + t^2}{2}\right)^{1/5}
 
     s rises from 0 at the middle of the part to 1 at its top (:math:`6t^5 - 15t^4 + 10t^3`). So the
     axis cools with :math:`z^{-3/5}` and the width grows with :math:`z^{2/5}`, the similarity
     solution of a laminar plume above a horizontal line source (Gebhart, Pera and Schorr, Int. J.
     Heat Mass Transfer 13 (1970) 161); ends at -a and +a are smoothed. Above a short source the ends
-    take the temperature down with :math:`z^{-1}`, as above a point source (Fujii 1963). In a
-    coarse simulation of a cylinder of 27 mm at 1100 degC the axis followed :math:`0.79\, t^{-3/5}`
-    within 3 % from 30 to 120 mm, and the width was 5 mm throughout.
+    take the temperature down with :math:`z^{-1}`, as above a point source (Fujii 1963), and the
+    plume is round. In a coarse simulation of a cylinder of 27 mm at 1100 degC the axis followed
+    :math:`0.79\, t^{-3/5}` within 3 % from 30 to 120 mm, and the width was 5 mm throughout.
 
     Limits: steady, no swaying, no turbulence far above, no chimney effect of a wide part's sides.
 
@@ -109,7 +117,8 @@ class Plume:
         v = offset[:, :2] @ across
         axis, axis_slope = _axis(height)
         width, width_slope = self._width(height)
-        ends, by_u, by_width = _ends(u, self.half_length_mm, width)
+        whole = erf(self.half_length_mm / self.width_mm)
+        ends, by_u, by_width = (share / whole for share in _ends(u, self.half_length_mm, width))
         bell = np.exp(-((v / width) ** 2))
         share = self.strength * axis * ends * bell
         along_u = self.strength * axis * by_u * bell
@@ -128,6 +137,16 @@ class Plume:
         """Half width w, mm, at heights above the part's middle, mm."""
         return self._width(np.asarray(heights_mm, dtype=np.float64) / self.half_height_mm)[0]
 
+    def bounds(self, height_mm: float) -> FloatArray:
+        """(2, 2) array, mm: lowest and highest x and y, at a height above the part's middle.
+
+        There the bell across and the ends along have fallen to e^-9.
+        """
+        width = _REACH * float(self.half_width(np.array(height_mm)))
+        along, across = np.abs(self.along), np.abs(self.along[::-1])
+        reach = (self.half_length_mm + width) * along + width * across
+        return self.base[:2] + np.stack((-reach, reach))
+
     def _width(self, height: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Half width and its derivative by t."""
         middle = (1.0 + height**2) / 2.0
@@ -136,37 +155,58 @@ class Plume:
 
 
 def plume_above(part: Part, boundary_layer_mm: float, strength: float = _STRENGTH) -> Plume:
-    """The plume of a part whose boundary layer is known.
+    r"""The plume of a part whose boundary layer is known.
+
+    With the principal second moments :math:`m_1 \ge m_2` of the part's outline seen from above, the
+    source has the half length :math:`a = \sqrt{3 (m_1 - m_2)}`: that of a thin strip, and none of a
+    round outline. The layer's air rises through the same cross-section whatever the outline:
+    :math:`2 a b / \mathrm{erf}(a / b) = \sqrt{3 (m_1 + m_2)}\, \delta`, which makes b half the
+    layer's thickness :math:`\delta` above a thin strip and :math:`\pi b^2` that cross-section above
+    a round part.
 
     Parameters
     ----------
     part : Part
     boundary_layer_mm : float
-        Its thickness; the plume is half as wide at the part's top.
+        Its thickness.
     strength : float
         See `Plume`.
     """
-    centres, areas = part.face_centres[:, :2], part.face_areas
-    middle = np.average(centres, axis=0, weights=areas)
-    spread = np.cov((centres - middle).T, aweights=np.maximum(areas, 0.0))
-    along = np.linalg.eigh(spread)[1][:, -1]
-    along = along / np.linalg.norm(along)
-    used = part.vertices[part.faces.ravel()]
-    reach = used[:, :2] @ along
-    across = used[:, :2] @ np.array((-along[1], along[0]))
-    low, high = part.bounds
-    base = np.empty(3)
-    base[:2] = 0.5 * (reach.min() + reach.max()) * along
-    base[:2] += 0.5 * (across.min() + across.max()) * np.array((-along[1], along[0]))
-    base[2] = 0.5 * (low[2] + high[2])
+    middle, moments, axes = _outline(part)
+    low, high = part.bounds[:, 2]
+    reach = np.sqrt(3.0 * moments.sum())
+    half_length = float(np.sqrt(3.0 * np.ptp(moments)))
+    section = 2.0 * _WIDTH_SHARE * reach * boundary_layer_mm
+    # The width of a round plume, which no other exceeds.
+    widest = float(np.sqrt(section / np.sqrt(np.pi)))
+    half_length = max(half_length, _SHORTEST * widest)
+
+    def excess_section(width: float) -> float:
+        return float(2.0 * half_length * width / erf(half_length / width) - section)
+
     return Plume(
-        base=base,
-        along=along,
-        half_length_mm=0.5 * float(np.ptp(reach)),
-        half_height_mm=0.5 * float(high[2] - low[2]),
-        width_mm=_WIDTH_SHARE * boundary_layer_mm,
+        base=np.append(middle, 0.5 * (low + high)),
+        along=axes[:, int(np.argmax(moments))],
+        half_length_mm=half_length,
+        half_height_mm=0.5 * float(high - low),
+        width_mm=float(brentq(excess_section, 1e-6 * widest, 2.0 * widest)),
         strength=strength,
     )
+
+
+def _outline(part: Part) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Middle (2,), mm, principal second moments (2,), mm^2, and axes (2, 2) seen from above."""
+    weight = part.face_areas * np.abs(part.face_normals[:, 2])
+    weight = weight / weight.sum()
+    corners = part.vertices[part.faces][:, :, :2]
+    middle = weight @ corners.mean(axis=1)
+    arms = corners - middle
+    total = arms.sum(axis=1)
+    # Exact for each triangle.
+    squares = np.einsum("f,fki,fkj->ij", weight, arms, arms)
+    spread = (squares + np.einsum("f,fi,fj->ij", weight, total, total)) / 12.0
+    moments, axes = np.linalg.eigh(spread)
+    return middle, np.maximum(moments, 0.0), axes
 
 
 def _axis(height: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,88 @@
+"""Each command prints the next one, which runs as it is printed; files changed by hand are kept."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from iriftrace.cfd.openfoam.simulate import Simulation
+from iriftrace.cli import main
+from iriftrace.cli.field_options import PartOptions
+from iriftrace.cli.simulate import SimulationOptions, _print_simulation
+from validation.inputs import hot_block
+
+Printed = pytest.CaptureFixture[str]
+
+
+def next_words(printed: Printed) -> list[str]:
+    said = printed.readouterr()
+    assert not said.err, said.err
+    found = re.search(r"(?:now )?run:  iriftrace (.*)", said.out)
+    assert found, said.out
+    return shlex.split(found[1])
+
+
+def test_from_the_part_to_the_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed
+) -> None:
+    """In a folder with a space in its name, and with options on how the part's file is read."""
+    monkeypatch.chdir(tmp_path)
+    Path("my parts").mkdir()
+    assert main(["part", "cylinder", "-o", "my parts/part.stl"]) == 0
+    words = next_words(capsys)
+    assert words == ["field", "synthetic", "my parts/part.stl", "-o", "my parts/field.vtu"]
+    options = ["--expansion=14e-6/K", "--hot-temperature=900 degC", "--part-transform=rotate z 90"]
+    more = ["--ambient=25 degC", "--wall-temperature=900 degC", "--cell-size=3 mm"]
+    assert main([*words, *options, *more]) == 0
+    words = next_words(capsys)
+    assert words[:5] == ["scene", "my parts/field.vtu", words[2], "-o", "my parts/scene/scene.xml"]
+    assert main([*words, "--layers=3", "--scale=0.02"]) == 0
+    words = next_words(capsys)
+    assert words == ["render", "my parts/scene/scene.xml"]
+    assert main([*words, "--no-figures", "--engine=shells"]) == 0
+    assert Path("my parts/scene/scene.exr").is_file()
+
+
+def test_after_a_simulation(capsys: Printed) -> None:
+    """The air is that of the simulation, and a part that has expanded is read as it was there."""
+    _print_simulation(
+        Simulation(Path("case/field.vtu"), (), 1000, 1.0, None, 0.1, 60.0),
+        Path("a part.stl"),
+        PartOptions(length_unit="m", expansion=14e-6, hot_temperature=1373.15),
+        SimulationOptions(wall_temperature=1373.15, ambient=298.15, pressure=9e4),
+    )
+    assert next_words(capsys) == [
+        *("scene", "case/field.vtu", "a part.stl", "-o", "case/scene/scene.xml"),
+        *("--ambient", "25 degC", "--pressure", "90000 Pa", "--length-unit", "m"),
+        *("--expansion", "1.4e-05/K", "--hot-temperature", "1100 degC"),
+    ]
+
+
+def test_a_scene_that_was_changed_by_hand_is_kept(tmp_path: Path, capsys: Printed) -> None:
+    hot_block.save(tmp_path)
+    xml = tmp_path / "scene" / "scene.xml"
+    words = ["scene", str(tmp_path / "air.vtu"), str(tmp_path / "block.stl"), "-o", str(xml)]
+    for layers in (2, 3):
+        assert main([*words, f"--layers={layers}"]) == 0, "unchanged, so replaced"
+    text = xml.read_text().replace('name="focus_near" value="50.0"', 'name="focus_near" value="40"')
+    assert text != xml.read_text()
+    xml.write_text(text)
+    assert main([*words, "--layers=4"]) == 2
+    assert "has been changed since it was written" in capsys.readouterr().err
+    assert xml.read_text() == text
+    assert not (xml.parent / "shells" / "shell_04.ply").exists()
+
+
+def test_a_bundled_scene_that_was_changed_by_hand_is_kept(tmp_path: Path, capsys: Printed) -> None:
+    words = ["demo", "-o", str(tmp_path), "--scene", "slab", "-D", "scale=0.02"]
+    for _ in range(2):
+        assert main(words) == 0
+    xml = tmp_path / "slab" / "scene.xml"
+    text = f"{xml.read_text()}<!-- mine -->\n"
+    xml.write_text(text)
+    assert main(words) == 2
+    assert "has been changed since it was written" in capsys.readouterr().err
+    assert xml.read_text() == text
