@@ -12,7 +12,7 @@ from cyclopts import Group, Parameter
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from iriftrace.cli.console import notes, out, raise_if_noticed, say
+from iriftrace.cli.console import notes, out, raise_if_noticed, say, working
 from iriftrace.cli.options import (
     Angle,
     LengthWithUnit,
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike
 
+    from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.cover import ViewLimits, ViewSet
     from iriftrace.planning.refine import Refinement
     from iriftrace.planning.summary import RankingTable, SweepSummary
@@ -51,6 +52,7 @@ def plan(
     ranking: Ranking = THE_PAPERS,
     top: Whole = 10,
     wavelength: LightOf = None,
+    confirm: bool = True,
     views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
     max_displacement: Annotated[LengthWithUnit | None, Parameter(group=VIEWS)] = None,
     max_incidence: Annotated[Angle | None, Parameter(group=VIEWS)] = None,
@@ -75,6 +77,9 @@ def plan(
         A file that ``iriftrace sweep`` wrote.
     top
         Rows of the ranking to print.
+    confirm
+        Trace the best three poses once more through the field itself, where the scene still has
+        it, and rank by these numbers.
     views
         Number of poses that together are to see as much area as possible.
     max_displacement
@@ -114,6 +119,9 @@ def plan(
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
+    confirmation = None
+    if confirm:
+        dataset, confirmation = confirmed(dataset, ranking)
     count = EVALUATIONS if evaluations is None else evaluations
     if refine:
         check_evaluations(count)
@@ -121,6 +129,7 @@ def plan(
         found = plan_poses(
             dataset,
             ranking,
+            confirm=False,
             views=views,
             limits=limits,
             evaluations=count if refine else None,
@@ -132,6 +141,8 @@ def plan(
         _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
     # All that can be wrong has been found by now, so that nothing is printed in vain.
     print_plan(summary, table)
+    if confirmation is not None and confirmation.text:
+        say(confirmation.text)
     if found.views is not None:
         print_views(summary, found.views, limits)
     if found.refined is not None:
@@ -141,6 +152,14 @@ def plan(
             say(f"Refined pose in {output}")
     if save_poses is not None:
         say(f"Ranked poses in {save_poses}")
+
+
+def confirmed(dataset: xr.Dataset, criteria: Criteria) -> tuple[xr.Dataset, Confirmation]:
+    """As `iriftrace.planning.confirm.confirm_winners`, while the user is told."""
+    from iriftrace.planning.confirm import confirm_winners
+
+    with working("Tracing the best poses through the field"):
+        return confirm_winners(dataset, criteria)
 
 
 @contextmanager

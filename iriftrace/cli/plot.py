@@ -16,7 +16,7 @@ from iriftrace.cli.options import (
     check_output,
     removed_on_failure,
 )
-from iriftrace.cli.plan import Ranking
+from iriftrace.cli.plan import Ranking, confirmed
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import THE_PAPERS
@@ -28,6 +28,7 @@ def plot(
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
     ranking: Ranking = THE_PAPERS,
     wavelength: LightOf = None,
+    confirm: bool = True,
 ) -> None:
     """Draw a sweep, a study or one pose.
 
@@ -45,10 +46,13 @@ def plot(
         which the options for the ranking do not apply.
     output
         Folder for the pictures (PNG, and PDF where there are vectors).
+    confirm
+        Trace a sweep's best poses once more through the field, as ``iriftrace plan`` does.
     """
     from iriftrace.figures.result import plot as draw
     from iriftrace.figures.result import read_result
     from iriftrace.image.aov_image import AovImage
+    from iriftrace.studies.study import is_study
 
     check_input(file)
     if not output.absolute().parent.is_dir():
@@ -57,6 +61,8 @@ def plot(
     result = read_result(file)
     header = result.header if isinstance(result, AovImage) else result.attrs
     check_light(wavelength, header, file)
+    if confirm and not isinstance(result, AovImage) and not is_study(file):
+        result, _ = confirmed(result, ranking)
     with removed_on_failure(output):
         output.mkdir(exist_ok=True)
         with working("Drawing"):
@@ -73,6 +79,7 @@ def report(
     ranking: Ranking = THE_PAPERS,
     top: Whole = 10,
     wavelength: LightOf = None,
+    confirm: bool = True,
 ) -> None:
     """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
 
@@ -86,6 +93,8 @@ def report(
         The HTML file.
     top
         Rows of the ranking.
+    confirm
+        Trace the best poses once more through the field, as ``iriftrace plan`` does.
     """
     from iriftrace.figures.report import write_report
     from iriftrace.planning.summary import summarise
@@ -95,9 +104,12 @@ def report(
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
+    confirmation = None
+    if confirm:
+        dataset, confirmation = confirmed(dataset, ranking)
     summary = summarise(dataset, ranking)
     with working("Writing the report"):
-        missing = write_report(output, sweep, dataset, summary, top=top)
+        missing = write_report(output, sweep, dataset, summary, top=top, confirmation=confirmation)
     _print_missing(missing)
     say(f"Report in {output}")
 

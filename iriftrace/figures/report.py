@@ -33,6 +33,7 @@ from iriftrace.sweep.store import attribute, scene_of
 if TYPE_CHECKING:
     import xarray as xr
 
+    from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.summary import SweepSummary
 
 
@@ -78,6 +79,7 @@ class ReportContent:
     title: str
     question: str
     answer: str
+    confirmed: str
     unclear: str | None
     setting: Rows
     assumptions: Rows
@@ -92,7 +94,9 @@ class ReportContent:
     unranked: Rows
 
 
-def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> ReportContent:
+def report_content(
+    dataset: xr.Dataset, summary: SweepSummary, top: int, confirmation: Confirmation | None = None
+) -> ReportContent:
     """Collect what is said of a sweep, with `top` rows of the ranking."""
     plan = summary.plan
     ranking = ranking_table(summary, top)
@@ -131,6 +135,7 @@ def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> Repo
             )
             + "."
         ),
+        confirmed="" if confirmation is None else confirmation.text,
         unclear=alternative_text(summary),
         setting=_setting(dataset, summary),
         assumptions=tuple(
@@ -316,7 +321,13 @@ def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
 
 
 def write_report(
-    path: Path, sweep: Path, dataset: xr.Dataset, summary: SweepSummary, *, top: int = 10
+    path: Path,
+    sweep: Path,
+    dataset: xr.Dataset,
+    summary: SweepSummary,
+    *,
+    top: int = 10,
+    confirmation: Confirmation | None = None,
 ) -> tuple[str, ...]:
     """Write the report of a sweep as one HTML file.
 
@@ -330,6 +341,8 @@ def write_report(
         What it holds.
     top
         Rows of the ranking.
+    confirmation
+        What became of the best poses through the field itself.
 
     Returns
     -------
@@ -343,7 +356,7 @@ def write_report(
     """
     from jinja2 import Environment, StrictUndefined
 
-    content = report_content(dataset, summary, top)
+    content = report_content(dataset, summary, top, confirmation)
     pictures, missing = sweep_pictures(dataset, summary)
     figures = {**sweep_charts(summary), **pictures}
     names = [name for name in _CAPTIONS if name in figures]

@@ -138,6 +138,12 @@ OF_POSES: dict[str, Measure] = {
         "change of the hits without every second shell, 95th percentile, over the displacement's",
         regional=False,
     ),
+    "every_second_shell_p95_mm": Measure(
+        ("every_second_shell", "p95_mm"),
+        "mm",
+        "change of the hits without every second shell, 95th percentile",
+        regional=False,
+    ),
     "through_field": Measure(
         ("every_second_shell", "through_field"),
         "1",

@@ -194,7 +194,10 @@ def run_series(
     if fresh:
         _warn_of_empty_poses(dataset)
         warn_of_coarse_poses(
-            dataset["every_second_shell_p95"].values, dataset["through_field"].values
+            *(
+                dataset[name].values
+                for name in ("every_second_shell_p95", "every_second_shell_p95_mm", "through_field")
+            )
         )
     return dataset
 

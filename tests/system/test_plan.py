@@ -174,7 +174,7 @@ def test_a_refined_pose_is_not_worse_and_is_kept(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "refined.json"
-    options = ["--refine", "--evaluations=14", "-o", str(file)]
+    options = ["--no-confirm", "--refine", "--evaluations=14", "-o", str(file)]
     text = printed(capsys, "plan", sweep, "--coverage=0.6", *options)
     kept = json.loads(file.read_text())
     assert kept["score"] <= kept["start"]["score"]
