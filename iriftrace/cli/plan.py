@@ -97,23 +97,14 @@ def plan(
     convention
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """
-    from iriftrace.planning.cover import ViewLimits
     from iriftrace.planning.pose_plan import plan as plan_poses
     from iriftrace.planning.refine import check_evaluations, write_refined
     from iriftrace.planning.summary import ranking_table
     from iriftrace.sweep.store import read_sweep
 
-    _refuse_without(
-        "--views",
-        views is not None,
-        {"--max-displacement": max_displacement, "--max-incidence": max_incidence},
-    )
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
-    limits = ViewLimits(
-        displacement_mm=math.inf if max_displacement is None else max_displacement,
-        incidence_deg=90.0 if max_incidence is None else max_incidence,
-    )
+    limits = view_limits(views, max_displacement, max_incidence)
     if output is not None:
         check_output(output, ".json", "refined.json", make=False)
     check_input(sweep)
@@ -152,6 +143,26 @@ def plan(
             say(f"Refined pose in {output}")
     if save_poses is not None:
         say(f"Ranked poses in {save_poses}")
+
+
+def view_limits(
+    views: int | None, max_displacement: float | None, max_incidence: float | None
+) -> ViewLimits:
+    """Limits of several views.
+
+    Raises
+    ------
+    InputError
+        There are limits and no views.
+    """
+    from iriftrace.planning.cover import ViewLimits
+
+    given = {"--max-displacement": max_displacement, "--max-incidence": max_incidence}
+    _refuse_without("--views", views is not None, given)
+    return ViewLimits(
+        displacement_mm=math.inf if max_displacement is None else max_displacement,
+        incidence_deg=90.0 if max_incidence is None else max_incidence,
+    )
 
 
 def confirmed(dataset: xr.Dataset, criteria: Criteria) -> tuple[xr.Dataset, Confirmation]:
@@ -206,7 +217,7 @@ def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
 
 def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     """The ranking, how sure it is, and the best pose."""
-    from iriftrace.planning.summary import alternative_text, front_text, stability_text
+    from iriftrace.planning.summary import alternative_text, front_text, stability_text, warned_text
 
     plan = summary.plan
     table = _table(
@@ -223,6 +234,9 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
         count = len(plan.unranked)
         noun = "pose" if count == 1 else "poses, the first of them"
         say(f"Unranked: {count} {noun} {pose}: {reason}")
+    warned = warned_text(summary)
+    if warned:
+        say(warned)
     say(stability_text(summary))
     unclear = alternative_text(summary)
     if unclear:
@@ -255,35 +269,15 @@ def print_pose(name: str, matrix: ArrayLike, distance_mm: float) -> None:
 
 def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
     """Poses that together see the most, what each adds, and how good the choice is."""
-    region = summary.plan.criteria.region
-    what = "the part" if region == "part" else f"region {region}"
-    say(
-        f"Poses that together see the most of {what}; a face counts that is seen {limits.text}:",
-    )
-    table = _table(None, ("view", "pose", "azim. °", "elev. °", "adds %", "together %"))
-    together = 0.0
-    for number, (pose, added) in enumerate(
-        zip(views.poses.tolist(), views.added.tolist(), strict=True), start=1
-    ):
-        together += added
-        table.add_row(
-            str(number),
-            str(pose),
-            f"{summary.azimuth[pose]:.1f}",
-            f"{summary.elevation[pose]:.1f}",
-            f"{100 * added:.2f}",
-            f"{100 * together:.2f}",
-        )
+    from iriftrace.planning.summary import views_table, views_text, views_title
+
+    say(f"{views_title(summary, limits)}:")
+    found = views_table(summary, views)
+    table = _table(None, found.short_headings)
+    for row in found.rows:
+        table.add_row(*row)
     out.print(table)
-    proof = (
-        "no other choice of as many poses sees more (exact)."
-        if views.exact
-        else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
-    )
-    say(
-        f"Together they see {100 * views.covered:.2f} % of the area of {what}, of "
-        f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}",
-    )
+    say(views_text(summary, views))
     for pose in views.poses.tolist():
         _print_swept("Pose", summary, pose)
 

@@ -9,6 +9,8 @@ from cyclopts import Parameter
 
 from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import (
+    Angle,
+    LengthWithUnit,
     LightOf,
     Whole,
     check_folder,
@@ -16,7 +18,7 @@ from iriftrace.cli.options import (
     check_output,
     removed_on_failure,
 )
-from iriftrace.cli.plan import Ranking, confirmed
+from iriftrace.cli.plan import VIEWS, Ranking, confirmed, view_limits
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import THE_PAPERS
@@ -80,6 +82,9 @@ def report(
     top: Whole = 10,
     wavelength: LightOf = None,
     confirm: bool = True,
+    views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
+    max_displacement: Annotated[LengthWithUnit | None, Parameter(group=VIEWS)] = None,
+    max_incidence: Annotated[Angle | None, Parameter(group=VIEWS)] = None,
 ) -> None:
     """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
 
@@ -95,11 +100,18 @@ def report(
         Rows of the ranking.
     confirm
         Trace the best poses once more through the field, as ``iriftrace plan`` does.
+    views
+        Number of poses that together are to see as much area as possible.
+    max_displacement
+        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
+    max_incidence
+        A pose does not see a face that its rays hit at a larger angle, in degrees.
     """
     from iriftrace.figures.report import write_report
     from iriftrace.planning.summary import summarise
     from iriftrace.sweep.store import read_sweep
 
+    limits = view_limits(views, max_displacement, max_incidence)
     check_output(output, ".html", "report.html", make=False)
     check_input(sweep)
     dataset = read_sweep(sweep)
@@ -109,7 +121,16 @@ def report(
         dataset, confirmation = confirmed(dataset, ranking)
     summary = summarise(dataset, ranking)
     with working("Writing the report"):
-        missing = write_report(output, sweep, dataset, summary, top=top, confirmation=confirmation)
+        missing = write_report(
+            output,
+            sweep,
+            dataset,
+            summary,
+            top=top,
+            confirmation=confirmation,
+            views=views,
+            limits=limits,
+        )
     _print_missing(missing)
     say(f"Report in {output}")
 

@@ -14,6 +14,7 @@ from iriftrace.figures.style import (
     BEST,
     COLOUR_MAP,
     UNKNOWN,
+    WARNED,
     legend_below,
     marks,
     new_figure,
@@ -61,6 +62,8 @@ def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: 
         _draw_dots(axes, summary, quantity, members)
     else:
         _draw_cells(axes, summary, quantity, grid)
+    warned = members[summary.warned[members].any(axis=1)]
+    axes.plot(summary.azimuth[warned], summary.elevation[warned], zorder=3, **WARNED)
     best = summary.plan.best
     if best in members:
         axes.plot(summary.azimuth[best], summary.elevation[best], zorder=4, clip_on=False, **BEST)

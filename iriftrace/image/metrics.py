@@ -189,6 +189,9 @@ class PoseMetrics(ViewMetrics):
 
     Attributes
     ----------
+    hits_at_border
+        Straight rays of the outermost pixels that hit the part; more than none if it reaches beyond
+        the picture.
     shell_triangles_in_view
         Triangles of shells that the rays crossed, where the image says it.
     time_s
@@ -206,6 +209,7 @@ class PoseMetrics(ViewMetrics):
         What a check of the shells found, plain values; None where none was made.
     """
 
+    hits_at_border: int
     shell_triangles_in_view: int | None
     time_s: dict[str, float | None]
     wavelength_nm: float | None
@@ -229,6 +233,7 @@ class PoseMetrics(ViewMetrics):
         return {
             "schema": SCHEMA,
             **whole,
+            "hits_at_border": self.hits_at_border,
             "shell_triangles_in_view": self.shell_triangles_in_view,
             "time_s": dict(self.time_s),
             "wavelength_nm": self.wavelength_nm,
@@ -328,6 +333,7 @@ def pose_metrics(
             open_boundary=counts.get("open_boundary"),
         ),
         **view(np.arange(len(rays.face)), hits, slice(None)),
+        hits_at_border=_hits_at_border(image),
         shell_triangles_in_view=counts.get("shell_triangles_in_view"),
         time_s={key: times.get(key) for key in TIMES},
         wavelength_nm=image.header.get("wavelength_nm"),
@@ -401,6 +407,12 @@ def _numbers(values: _Values, members: IntArray) -> dict[str, Any]:
         **resolution,
         "incidence_angle_deg": float(values.incidence[members].mean()),
     }
+
+
+def _hits_at_border(image: AovImage) -> int:
+    outermost = image.channels["part.face"] > 0
+    outermost[1:-1, 1:-1] = False
+    return int(outermost.sum())
 
 
 def _mean(values: FloatArray) -> float | None:

@@ -13,6 +13,7 @@ from iriftrace.scene.air import IN_LAYERS
 from iriftrace.sweep.measures import MEASURES, RAYS
 from iriftrace.sweep.reload import SweptScene, load_swept_scene
 from iriftrace.sweep.store import WHOLE_PART, scene_of_pose
+from iriftrace.sweep.warned import VARIABLE, warned_variable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,4 +88,4 @@ def _with_pose(dataset: xr.Dataset, pose: int, swept: SweptScene) -> xr.Dataset:
     through = np.array(dataset["through_field"].values, dtype=np.float64)
     through[pose] = 1.0
     found["through_field"] = dataset["through_field"].copy(data=through)
-    return found
+    return found.assign({VARIABLE: warned_variable(found)})

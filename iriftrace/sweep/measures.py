@@ -129,6 +129,13 @@ RAYS: dict[str, Measure] = {
     },
 }
 OF_POSES: dict[str, Measure] = {
+    "hits_at_border": Measure(
+        ("hits_at_border",),
+        "1",
+        "straight rays of the outermost pixels that hit the part",
+        count=True,
+        regional=False,
+    ),
     "shell_triangles_in_view": Measure(
         ("shell_triangles_in_view",), "1", count=True, regional=False
     ),

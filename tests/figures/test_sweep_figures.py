@@ -96,6 +96,23 @@ def all_axes(figure: Figure) -> list[Any]:
     return [axes for body in figure.subfigs for axes in body.axes]
 
 
+def test_poses_that_were_warned_of_are_crossed(summary: SweepSummary) -> None:
+    table = sweep()
+    table["warned"] = ("pose", np.where(np.isin(np.arange(len(GRID)), (3, 5)), 2, 0).astype("i1"))
+    warned = summary_of(table)
+    for draw in (rays_figure, pareto_figure, lambda s: map_figure(s, s.score)):
+        for one, expected in ((summary, 0), (warned, 2)):
+            figure = draw(one)
+            crosses = [
+                len(line.get_xdata())
+                for axes in all_axes(figure)
+                for line in axes.lines
+                if line.get_marker() == "x"
+            ]
+            assert sum(crosses) == expected
+            assert ("Warned of, see the ranking: 2 poses" in legend_of(figure)) == bool(expected)
+
+
 # What is summarised ------------------------------------------------------------------------------
 
 
