@@ -23,7 +23,7 @@ from iriftrace.cli.options import (
 )
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
-from iriftrace.planning.criteria import THE_PAPERS, Criteria
+from iriftrace.planning.criteria import STANDARD, Criteria
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,7 +49,7 @@ EVALUATIONS = 80
 def plan(
     sweep: Path,
     *,
-    ranking: Ranking = THE_PAPERS,
+    ranking: Ranking = STANDARD,
     top: Whole = 10,
     wavelength: LightOf = None,
     confirm: bool = True,
@@ -217,7 +217,13 @@ def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
 
 def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     """The ranking, how sure it is, and the best pose."""
-    from iriftrace.planning.summary import alternative_text, front_text, stability_text, warned_text
+    from iriftrace.planning.summary import (
+        alternative_text,
+        front_text,
+        other_statistics_text,
+        stability_text,
+        warned_text,
+    )
 
     plan = summary.plan
     table = _table(
@@ -238,9 +244,9 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     if warned:
         say(warned)
     say(stability_text(summary))
-    unclear = alternative_text(summary)
-    if unclear:
-        say(unclear)
+    for text in (other_statistics_text(summary), alternative_text(summary)):
+        if text:
+            say(text)
     say(front_text(summary))
     _print_swept("Best pose", summary, plan.best)
 

@@ -21,14 +21,14 @@ from iriftrace.cli.options import (
 from iriftrace.cli.plan import VIEWS, Ranking, confirmed, view_limits
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
-from iriftrace.planning.criteria import THE_PAPERS
+from iriftrace.planning.criteria import STANDARD
 
 
 def plot(
     file: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
-    ranking: Ranking = THE_PAPERS,
+    ranking: Ranking = STANDARD,
     wavelength: LightOf = None,
     confirm: bool = True,
 ) -> None:
@@ -78,7 +78,7 @@ def report(
     sweep: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
-    ranking: Ranking = THE_PAPERS,
+    ranking: Ranking = STANDARD,
     top: Whole = 10,
     wavelength: LightOf = None,
     confirm: bool = True,

@@ -25,6 +25,7 @@ from iriftrace.planning.summary import (
     RankingTable,
     alternative_text,
     front_table,
+    other_statistics_text,
     ranking_table,
     stability_text,
     views_table,
@@ -179,6 +180,7 @@ def _rests_on(
             (
                 f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
                 warned_text(summary),
+                other_statistics_text(summary),
                 "" if confirmation is None else confirmation.text,
             ),
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from attrs import frozen
 
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
-from iriftrace.planning.criteria import THE_PAPERS, Criteria
+from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.rank import Plan, rank_poses
 from iriftrace.sweep.confirm import field_tracer, traced_through_field
 
@@ -64,7 +64,7 @@ class Confirmation:
 
 
 def confirm_winners(
-    dataset: xr.Dataset, criteria: Criteria = THE_PAPERS
+    dataset: xr.Dataset, criteria: Criteria = STANDARD
 ) -> tuple[xr.Dataset, Confirmation]:
     """Trace the best three poses of a sweep through the field itself and rank again.
 

@@ -11,7 +11,7 @@ from attrs import frozen
 from iriftrace.core.errors import InputError
 from iriftrace.planning.confirm import Confirmation, confirm_winners
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, ViewSet, plan_views
-from iriftrace.planning.criteria import THE_PAPERS, Criteria
+from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.refine import Refinement, check_evaluations, refine_pose
 from iriftrace.planning.summary import SweepSummary, summarise
 from iriftrace.sweep.reload import load_swept_scene
@@ -45,7 +45,7 @@ class PosePlan:
 
 def plan(
     sweep: str | Path | xr.Dataset,
-    criteria: Criteria = THE_PAPERS,
+    criteria: Criteria = STANDARD,
     *,
     confirm: bool = True,
     views: int | None = None,

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.resolution import FRONTAL, seen_frontally
 from iriftrace.planning.cover import ViewLimits, ViewSet
-from iriftrace.planning.criteria import THE_PAPERS, Criteria
+from iriftrace.planning.criteria import STANDARD, Criteria, Statistic
 from iriftrace.planning.quantities import (
     Quantity,
     metric_quantity,
@@ -33,6 +35,10 @@ from iriftrace.sweep.warned import FLAGS, warned_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+STATISTICS = {"mean": "mean", "median": "median", "p95": "95th percentile"}
+"""Names in sentences."""
 
 
 @frozen(eq=False)
@@ -63,6 +69,8 @@ class SweepSummary:
         Scene, region and number of poses.
     warned : (n, m) array of bool
         Poses of which the sweep warned, for each of `iriftrace.sweep.warned.FLAGS`.
+    other_winners : dict of int
+        Number of the best pose by each other statistic of the displacement that the sweep has.
     scatter : Quantity or None
         Standard deviation over the members of an ensemble; None for a single field.
     """
@@ -85,6 +93,7 @@ class SweepSummary:
     plan: Plan
     subtitle: str
     warned: BoolArray
+    other_winners: dict[str, int]
     scatter: Quantity | None = None
 
     @property
@@ -149,7 +158,7 @@ class SweepSummary:
         return poses if (poses >= 0).all() and used == poses.size else None
 
 
-def summarise(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> SweepSummary:
+def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummary:
     """Rank the poses of a sweep and collect what plans, figures and reports show of them.
 
     Raises
@@ -181,8 +190,21 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> SweepSumm
         plan=plan,
         subtitle=_subtitle(dataset, criteria.region, len(enough), len(plan.unranked)),
         warned=warned_of(dataset),
+        other_winners=_other_winners(dataset, criteria),
         scatter=scatter_quantity(view, criteria.statistic, enough),
     )
+
+
+def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:
+    found = {}
+    for statistic in get_args(Statistic):
+        if statistic == criteria.statistic:
+            continue
+        # What a ranking warns of is said of the one that was asked for; a sweep may lack others.
+        with warnings.catch_warnings(), suppress(InputError):
+            warnings.simplefilter("ignore", IriftraceWarning)
+            found[statistic] = rank_poses(dataset, evolve(criteria, statistic=statistic)).best
+    return found
 
 
 def _variable(dataset: xr.Dataset, name: str) -> NDArray[Any]:
@@ -375,6 +397,22 @@ def stability_text(summary: SweepSummary) -> str:
     return (
         f"When one weight varies by +-50 %, the best pose ranks {varied.worst_rank} at worst; "
         f"when all do, {rivals} other {'pose' if rivals == 1 else 'poses'} can beat it."
+    )
+
+
+def other_statistics_text(summary: SweepSummary) -> str | None:
+    """Winners by other statistics of the displacement, one sentence; None if they are the same."""
+    others = [
+        f"by its {STATISTICS[statistic]} pose {pose}"
+        for statistic, pose in summary.other_winners.items()
+        if pose != summary.plan.best
+    ]
+    own = STATISTICS[summary.plan.criteria.statistic]
+    return (
+        f"By the {own} of the displacement pose {summary.plan.best} is the best, "
+        f"{' and '.join(others)} (--statistic)."
+        if others
+        else None
     )
 
 

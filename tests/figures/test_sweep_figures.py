@@ -204,7 +204,7 @@ def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
     # Elevations are 45 degrees apart; the cells of the poles end at the poles.
     assert corners[:, 0, 1].tolist() == [-90, -67.5, -22.5, 22.5, 67.5, 90]
     assert corners[0, :, 0].tolist() == [-15, 15, 45, 75, 105]
-    assert bar.get_ylabel() == "Mean displacement (µm)"
+    assert bar.get_ylabel() == "95th-percentile displacement (µm)"
     assert (axes.get_xlabel(), axes.get_ylabel()) == (
         "Azimuth on the orbit (°)",
         "Elevation on the orbit (°)",

@@ -187,7 +187,7 @@ def test_a_refined_pose_is_not_worse_and_is_kept(
     # Rendering the start again gives what the sweep has.
     data = read_sweep(sweep).sel(region="part")
     start = kept["start"]
-    for name, variable in (("displacement", "displacement_mean"), ("coverage", "coverage")):
+    for name, variable in (("displacement", "displacement_p95"), ("coverage", "coverage")):
         assert start["metrics"][name] == float(data[variable][start["pose"]])
 
 
