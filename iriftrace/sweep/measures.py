@@ -80,7 +80,7 @@ MEASURES: dict[str, Measure] = {
         for direction, where in (("lateral", "across"), ("axial", "along"))
     },
     **{
-        f"shift_{key}": Measure(("shift_px", key), "px", f"{key} shift in the picture")
+        f"shift_{key}": Measure(("shift_px", key), "1", f"{key} shift in the picture, pixels")
         for key in ("mean", "median", "p95", "max")
     },
     **{

@@ -202,6 +202,8 @@ def trace_rays(
 ) -> RayHits:
     """Trace any bundle of rays: a projector's, a laser sheet's, a random pencil.
 
+    Those of a camera come from `Camera.rays`; the centre of pixel ``i`` lies at ``i + 0.5`` there.
+
     Parameters
     ----------
     scene : LoadedScene or path
