@@ -36,9 +36,10 @@ _RAYS_PER_FACE = 4
 
 @frozen
 class Statistics:
-    """Some values in five numbers, all None when there are fewer than `FEWEST_RAYS` values.
+    """Some values in seven numbers, all None when there are fewer than `FEWEST_RAYS` values.
 
-    A few silhouette rays jump by millimetres and rule the mean, so the median stands beside it.
+    A few silhouette rays jump by millimetres and rule the mean, so median and quartiles (`p25`,
+    `p75`) stand beside it.
     """
 
     mean: float | None = None
@@ -46,6 +47,8 @@ class Statistics:
     p95: float | None = None
     max: float | None = None
     rms: float | None = None
+    p25: float | None = None
+    p75: float | None = None
 
     @classmethod
     def of(cls, values: NDArray[np.floating[Any]]) -> Statistics:
@@ -53,13 +56,15 @@ class Statistics:
         if len(values) < FEWEST_RAYS:
             return cls()
         exact = values.astype(np.float64)
-        median, p95 = np.percentile(exact, (50, 95))
+        p25, median, p75, p95 = np.percentile(exact, (25, 50, 75, 95)).tolist()
         return cls(
             mean=float(exact.mean()),
-            median=float(median),
-            p95=float(p95),
+            median=median,
+            p95=p95,
             max=float(exact.max()),
             rms=float(np.sqrt(np.mean(exact**2))),
+            p25=p25,
+            p75=p75,
         )
 
 

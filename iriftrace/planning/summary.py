@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+SAME_ANGLE_DEG = 1e-6
+"""Angles of one direction differ by rounding alone."""
+
 STATISTICS = {"mean": "mean", "median": "median", "p95": "95th percentile"}
 """Names in sentences."""
 
@@ -69,6 +72,8 @@ class SweepSummary:
         Scene, region and number of poses.
     warned : (n, m) array of bool
         Poses of which the sweep warned, for each of `iriftrace.sweep.warned.FLAGS`.
+    quartiles : (n, 2) array or None
+        Quartiles of the displacement of each pose's rays, um; None of an older sweep.
     other_winners : dict of int
         Number of the best pose by each other statistic of the displacement that the sweep has.
     scatter : Quantity or None
@@ -93,6 +98,7 @@ class SweepSummary:
     plan: Plan
     subtitle: str
     warned: BoolArray
+    quartiles: FloatArray | None
     other_winners: dict[str, int]
     scatter: Quantity | None = None
 
@@ -132,6 +138,14 @@ class SweepSummary:
     def series(self) -> dict[str, IntArray]:
         """Poses that differ in nothing but position: a description, which may be empty; numbers."""
         return series_of(self.varied, len(self.distance))
+
+    @property
+    def is_one_direction(self) -> bool:
+        """Whether the poses differ in their distance alone."""
+        others = [one for one in self.varied if not one.name.startswith("stand-off")]
+        angles = np.stack((self.azimuth, self.elevation))
+        near = np.ptp(angles, axis=1).max() < SAME_ANGLE_DEG
+        return near and not others and bool(np.unique(self.distance).size > 1)
 
     def grid(self, members: IntArray) -> IntArray | None:
         """Pose of each elevation (rows) and azimuth (columns); None if the poses are no grid.
@@ -190,9 +204,18 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
         plan=plan,
         subtitle=_subtitle(dataset, criteria.region, len(enough), len(plan.unranked)),
         warned=warned_of(dataset),
+        quartiles=_quartiles(view, enough),
         other_winners=_other_winners(dataset, criteria),
         scatter=scatter_quantity(view, criteria.statistic, enough),
     )
+
+
+def _quartiles(view: xr.Dataset, enough: BoolArray) -> FloatArray | None:
+    names = ("displacement_p25", "displacement_p75")
+    if any(name not in view for name in names):
+        return None
+    found = 1e3 * np.stack([view[name].values for name in names], axis=1)
+    return np.where(enough[:, None], found, np.nan)
 
 
 def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:

@@ -74,6 +74,12 @@ MEASURES: dict[str, Measure] = {
         for key, text in _STATISTICS
     },
     **{
+        f"displacement_{key}": Measure(
+            ("displacement_mm", key), "mm", f"{key[1:]}th percentile of the displacement"
+        )
+        for key in ("p25", "p75")
+    },
+    **{
         f"displacement_{direction}": Measure(
             (f"displacement_{direction}_mm",), "mm", f"mean {where} the line of sight"
         )

@@ -381,7 +381,7 @@ def test_the_given_camera_comes_back(run: Run, hot: HotBlock) -> None:
 
 # Rendering -----------------------------------------------------------------------------------
 
-STATISTICS = {"mean", "median", "p95", "max"}
+STATISTICS = {"mean", "median", "p25", "p75", "p95", "max"}
 NUMBERS = {
     *("rays", "displacement_mm", "displacement_lateral_mm", "displacement_axial_mm", "shift_px"),
     *("lateral_resolution_mm", "axial_resolution_mm", "incidence_angle_deg"),
