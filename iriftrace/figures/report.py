@@ -52,7 +52,7 @@ _CAPTIONS = {
     "beaten by no other one in everything at once.",
     "map_score": "Combined score over the direction or distance from which the camera looks.",
     "map_displacement": "Displacement over the direction or distance from which the camera looks.",
-    "map_coverage": "Seen share of the area over the direction or distance from which the camera looks.",
+    "map_coverage": "Seen share of the area over the direction or distance of the camera.",
     "map_axial": "Resolution along the line of sight.",
     "map_lateral": "Resolution across the line of sight.",
     "scene_score": "The camera poses around the part, coloured by the combined score.",

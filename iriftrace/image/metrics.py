@@ -28,8 +28,10 @@ FEWEST_RAYS = 100
 SCHEMA = "iriftrace.pose/1"
 """Value of ``schema`` in the JSON."""
 
-TIMES = ("load", "build", "straight", "refracted", "metrics", "write", "figures", "total")
-"""Keys of `PoseMetrics.time_s`."""
+TIMES = (
+    *("load", "build", "straight", "refracted", "check", "metrics", "write", "figures", "total"),
+)
+"""Keys of `PoseMetrics.time_s`; ``check`` is the shells' check, with a picture that it replaced."""
 
 _RAYS_PER_FACE = 4
 
@@ -185,6 +187,7 @@ class ViewMetrics:
         )
 
 
+_STEPS = ("lateral_resolution_mm", "axial_resolution_mm")
 _VIEW_KEYS = tuple(ViewMetrics.__annotations__)
 
 
@@ -210,6 +213,8 @@ class PoseMetrics(ViewMetrics):
         What the numbers rest on, in words.
     regions
         Numbers of each region of the part.
+    full_resolution
+        Pixels of the camera that the picture is a scaled one of, where the image says it.
     every_second_shell, shells_against_field
         What a check of the shells found, plain values; None where none was made.
     """
@@ -221,8 +226,28 @@ class PoseMetrics(ViewMetrics):
     camera: Camera
     assumptions: dict[str, Any]
     regions: dict[str, ViewMetrics]
+    full_resolution: tuple[int, int] | None = None
     shells_against_field: dict[str, Any] | None = None
     every_second_shell: dict[str, Any] | None = None
+
+    @property
+    def full_camera(self) -> dict[str, Any] | None:
+        """Shifts and resolutions with all pixels of the camera; None if the picture has them.
+
+        A shift is as many times larger in pixels as there are more of them, and the step to the
+        next pixel as many times smaller, but for edges that few pixels pass over.
+        """
+        width = self.camera.resolution[0]
+        if self.full_resolution is None or self.full_resolution[0] == width:
+            return None
+        factor = self.full_resolution[0] / width
+        shift = {k: v for k, v in asdict(self.shift_px).items() if k != "rms"}
+        steps = {key: getattr(self, key) for key in _STEPS}
+        return {
+            "resolution": list(self.full_resolution),
+            "shift_px": {k: None if v is None else v * factor for k, v in shift.items()},
+            **{key: None if step is None else step / factor for key, step in steps.items()},
+        }
 
     def add_time(self, stage: str, seconds: float) -> None:
         """Enter what a stage after the reduction took, and add it to the total."""
@@ -238,6 +263,7 @@ class PoseMetrics(ViewMetrics):
         return {
             "schema": SCHEMA,
             **whole,
+            **({} if self.full_camera is None else {"full_camera": self.full_camera}),
             "hits_at_border": self.hits_at_border,
             "shell_triangles_in_view": self.shell_triangles_in_view,
             "time_s": dict(self.time_s),
@@ -345,6 +371,7 @@ def pose_metrics(
         camera=image.camera,
         assumptions={**(image.header.get("assumptions") or {}), "included_rays": included},
         regions=regions,
+        full_resolution=_whole_pixels(image.header.get("full_resolution")),
     )
 
 
@@ -412,6 +439,10 @@ def _numbers(values: _Values, members: IntArray) -> dict[str, Any]:
         **resolution,
         "incidence_angle_deg": float(values.incidence[members].mean()),
     }
+
+
+def _whole_pixels(stated: Any) -> tuple[int, int] | None:
+    return None if stated is None else (int(stated[0]), int(stated[1]))
 
 
 def _hits_at_border(image: AovImage) -> int:
