@@ -65,7 +65,8 @@ class Camera:
     sensor_mm : (2,) sequence, mm
         Width and height of the sensor; of the field of view for an orthographic camera.
     resolution : (2,) sequence of int
-        Pixels across and down. Pixels need not be square.
+        Pixels across and down, which need not be square. Pixel ``i`` covers ``[i, i + 1)``: its
+        centre lies at ``i + 0.5``, where OpenCV counts ``i``.
     principal_point_px : (2,) sequence, px, optional
         Where the optical axis meets the sensor; the sensor's centre by default.
     focus_mm : (2,) sequence, mm
@@ -217,7 +218,8 @@ class Camera:
         Parameters
         ----------
         pixels : (n, 2) array, px, optional
-            Positions in the picture; by default every pixel's centre, row by row.
+            Positions in the picture, a pixel's centre at ``i + 0.5``; by default every pixel's
+            centre, row by row.
 
         Returns
         -------

@@ -152,6 +152,8 @@ def print_summary(console: Console, metrics: PoseMetrics) -> None:
         f"lateral {_scaled(lateral, 1e3, 'um')}, axial "
         f"{f'0 ({FRONTAL})' if frontal else _scaled(axial, 1e3, 'um')} (step to the next pixel)",
     )
+    if metrics.full_camera is not None:
+        _add_full_camera(table, metrics.full_camera)
     rays = metrics.rays
     table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
     for status in Status:
@@ -208,6 +210,19 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
     table.add_row(
         "",
         f"{values.rays_in_all:,} rays count in all fields, {values.rays_in_some:,} only in some",
+    )
+
+
+def _add_full_camera(table: Table, values: dict[str, Any]) -> None:
+    """Shifts and resolutions without the picture's scale."""
+    width, height = values["resolution"]
+    shift = ", ".join(
+        f"{key} {_scaled(values['shift_px'][key], 1, 'px')}" for key in ("median", "p95", "max")
+    )
+    table.add_row(f"with all {width} x {height} px", f"shift {shift}")
+    lateral, axial = (values[f"{name}_resolution_mm"] for name in ("lateral", "axial"))
+    table.add_row(
+        "", f"lateral {_scaled(lateral, 1e3, 'um')}, axial {_scaled(axial, 1e3, 'um')} (step)"
     )
 
 

@@ -12,7 +12,7 @@ from cyclopts import Group, Parameter
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from iriftrace.cli.console import notes, out, raise_if_noticed, say
+from iriftrace.cli.console import notes, out, raise_if_noticed, say, working
 from iriftrace.cli.options import (
     Angle,
     LengthWithUnit,
@@ -23,12 +23,13 @@ from iriftrace.cli.options import (
 )
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
-from iriftrace.planning.criteria import THE_PAPERS, Criteria
+from iriftrace.planning.criteria import STANDARD, Criteria
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike
 
+    from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.cover import ViewLimits, ViewSet
     from iriftrace.planning.refine import Refinement
     from iriftrace.planning.summary import RankingTable, SweepSummary
@@ -48,9 +49,10 @@ EVALUATIONS = 80
 def plan(
     sweep: Path,
     *,
-    ranking: Ranking = THE_PAPERS,
+    ranking: Ranking = STANDARD,
     top: Whole = 10,
     wavelength: LightOf = None,
+    confirm: bool = True,
     views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
     max_displacement: Annotated[LengthWithUnit | None, Parameter(group=VIEWS)] = None,
     max_incidence: Annotated[Angle | None, Parameter(group=VIEWS)] = None,
@@ -75,6 +77,9 @@ def plan(
         A file that ``iriftrace sweep`` wrote.
     top
         Rows of the ranking to print.
+    confirm
+        Trace the best three poses once more through the field itself, where the scene still has
+        it, and rank by these numbers.
     views
         Number of poses that together are to see as much area as possible.
     max_displacement
@@ -92,28 +97,22 @@ def plan(
     convention
         Camera axes in that file, opencv (x right, y down, z forward) by default.
     """
-    from iriftrace.planning.cover import ViewLimits
     from iriftrace.planning.pose_plan import plan as plan_poses
     from iriftrace.planning.refine import check_evaluations, write_refined
     from iriftrace.planning.summary import ranking_table
     from iriftrace.sweep.store import read_sweep
 
-    _refuse_without(
-        "--views",
-        views is not None,
-        {"--max-displacement": max_displacement, "--max-incidence": max_incidence},
-    )
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
-    limits = ViewLimits(
-        displacement_mm=math.inf if max_displacement is None else max_displacement,
-        incidence_deg=90.0 if max_incidence is None else max_incidence,
-    )
+    limits = view_limits(views, max_displacement, max_incidence)
     if output is not None:
         check_output(output, ".json", "refined.json", make=False)
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
+    confirmation = None
+    if confirm:
+        dataset, confirmation = confirmed(dataset, ranking)
     count = EVALUATIONS if evaluations is None else evaluations
     if refine:
         check_evaluations(count)
@@ -121,6 +120,7 @@ def plan(
         found = plan_poses(
             dataset,
             ranking,
+            confirm=False,
             views=views,
             limits=limits,
             evaluations=count if refine else None,
@@ -132,6 +132,8 @@ def plan(
         _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
     # All that can be wrong has been found by now, so that nothing is printed in vain.
     print_plan(summary, table)
+    if confirmation is not None and confirmation.text:
+        say(confirmation.text)
     if found.views is not None:
         print_views(summary, found.views, limits)
     if found.refined is not None:
@@ -141,6 +143,34 @@ def plan(
             say(f"Refined pose in {output}")
     if save_poses is not None:
         say(f"Ranked poses in {save_poses}")
+
+
+def view_limits(
+    views: int | None, max_displacement: float | None, max_incidence: float | None
+) -> ViewLimits:
+    """Limits of several views.
+
+    Raises
+    ------
+    InputError
+        There are limits and no views.
+    """
+    from iriftrace.planning.cover import ViewLimits
+
+    given = {"--max-displacement": max_displacement, "--max-incidence": max_incidence}
+    _refuse_without("--views", views is not None, given)
+    return ViewLimits(
+        displacement_mm=math.inf if max_displacement is None else max_displacement,
+        incidence_deg=90.0 if max_incidence is None else max_incidence,
+    )
+
+
+def confirmed(dataset: xr.Dataset, criteria: Criteria) -> tuple[xr.Dataset, Confirmation]:
+    """As `iriftrace.planning.confirm.confirm_winners`, while the user is told."""
+    from iriftrace.planning.confirm import confirm_winners
+
+    with working("Tracing the best poses through the field"):
+        return confirm_winners(dataset, criteria)
 
 
 @contextmanager
@@ -187,7 +217,13 @@ def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
 
 def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     """The ranking, how sure it is, and the best pose."""
-    from iriftrace.planning.summary import alternative_text, front_text, stability_text
+    from iriftrace.planning.summary import (
+        alternative_text,
+        front_text,
+        other_statistics_text,
+        stability_text,
+        warned_text,
+    )
 
     plan = summary.plan
     table = _table(
@@ -204,10 +240,13 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
         count = len(plan.unranked)
         noun = "pose" if count == 1 else "poses, the first of them"
         say(f"Unranked: {count} {noun} {pose}: {reason}")
+    warned = warned_text(summary)
+    if warned:
+        say(warned)
     say(stability_text(summary))
-    unclear = alternative_text(summary)
-    if unclear:
-        say(unclear)
+    for text in (other_statistics_text(summary), alternative_text(summary)):
+        if text:
+            say(text)
     say(front_text(summary))
     _print_swept("Best pose", summary, plan.best)
 
@@ -236,35 +275,15 @@ def print_pose(name: str, matrix: ArrayLike, distance_mm: float) -> None:
 
 def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
     """Poses that together see the most, what each adds, and how good the choice is."""
-    region = summary.plan.criteria.region
-    what = "the part" if region == "part" else f"region {region}"
-    say(
-        f"Poses that together see the most of {what}; a face counts that is seen {limits.text}:",
-    )
-    table = _table(None, ("view", "pose", "azim. °", "elev. °", "adds %", "together %"))
-    together = 0.0
-    for number, (pose, added) in enumerate(
-        zip(views.poses.tolist(), views.added.tolist(), strict=True), start=1
-    ):
-        together += added
-        table.add_row(
-            str(number),
-            str(pose),
-            f"{summary.azimuth[pose]:.1f}",
-            f"{summary.elevation[pose]:.1f}",
-            f"{100 * added:.2f}",
-            f"{100 * together:.2f}",
-        )
+    from iriftrace.planning.summary import views_table, views_text, views_title
+
+    say(f"{views_title(summary, limits)}:")
+    found = views_table(summary, views)
+    table = _table(None, found.short_headings)
+    for row in found.rows:
+        table.add_row(*row)
     out.print(table)
-    proof = (
-        "no other choice of as many poses sees more (exact)."
-        if views.exact
-        else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
-    )
-    say(
-        f"Together they see {100 * views.covered:.2f} % of the area of {what}, of "
-        f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}",
-    )
+    say(views_text(summary, views))
     for pose in views.poses.tolist():
         _print_swept("Pose", summary, pose)
 

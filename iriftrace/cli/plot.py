@@ -9,6 +9,8 @@ from cyclopts import Parameter
 
 from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import (
+    Angle,
+    LengthWithUnit,
     LightOf,
     Whole,
     check_folder,
@@ -16,19 +18,20 @@ from iriftrace.cli.options import (
     check_output,
     removed_on_failure,
 )
-from iriftrace.cli.plan import Ranking
+from iriftrace.cli.plan import VIEWS, Ranking, confirmed, view_limits
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
-from iriftrace.planning.criteria import THE_PAPERS
+from iriftrace.planning.criteria import STANDARD
 
 
 def plot(
     file: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("figures"),
-    ranking: Ranking = THE_PAPERS,
+    ranking: Ranking = STANDARD,
     component: Literal["norm", "along", "right", "down"] = "norm",
     wavelength: LightOf = None,
+    confirm: bool = True,
 ) -> None:
     """Draw a sweep, a study or one pose.
 
@@ -50,10 +53,13 @@ def plot(
         Of a pose draw the length of the displacement, or a signed component in colours about 0:
         along the line of sight (positive away from the camera), or across it to the right or down
         in the picture.
+    confirm
+        Trace a sweep's best poses once more through the field, as ``iriftrace plan`` does.
     """
     from iriftrace.figures.result import plot as draw
     from iriftrace.figures.result import read_result
     from iriftrace.image.aov_image import AovImage
+    from iriftrace.studies.study import is_study
 
     check_input(file)
     if not output.absolute().parent.is_dir():
@@ -62,6 +68,8 @@ def plot(
     result = read_result(file)
     header = result.header if isinstance(result, AovImage) else result.attrs
     check_light(wavelength, header, file)
+    if confirm and not isinstance(result, AovImage) and not is_study(file):
+        result, _ = confirmed(result, ranking)
     with removed_on_failure(output):
         output.mkdir(exist_ok=True)
         with working("Drawing"):
@@ -75,9 +83,13 @@ def report(
     sweep: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
-    ranking: Ranking = THE_PAPERS,
+    ranking: Ranking = STANDARD,
     top: Whole = 10,
     wavelength: LightOf = None,
+    confirm: bool = True,
+    views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
+    max_displacement: Annotated[LengthWithUnit | None, Parameter(group=VIEWS)] = None,
+    max_incidence: Annotated[Angle | None, Parameter(group=VIEWS)] = None,
 ) -> None:
     """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
 
@@ -91,18 +103,39 @@ def report(
         The HTML file.
     top
         Rows of the ranking.
+    confirm
+        Trace the best poses once more through the field, as ``iriftrace plan`` does.
+    views
+        Number of poses that together are to see as much area as possible.
+    max_displacement
+        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
+    max_incidence
+        A pose does not see a face that its rays hit at a larger angle, in degrees.
     """
     from iriftrace.figures.report import write_report
     from iriftrace.planning.summary import summarise
     from iriftrace.sweep.store import read_sweep
 
+    limits = view_limits(views, max_displacement, max_incidence)
     check_output(output, ".html", "report.html", make=False)
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
+    confirmation = None
+    if confirm:
+        dataset, confirmation = confirmed(dataset, ranking)
     summary = summarise(dataset, ranking)
     with working("Writing the report"):
-        missing = write_report(output, sweep, dataset, summary, top=top)
+        missing = write_report(
+            output,
+            sweep,
+            dataset,
+            summary,
+            top=top,
+            confirmation=confirmation,
+            views=views,
+            limits=limits,
+        )
     _print_missing(missing)
     say(f"Report in {output}")
 

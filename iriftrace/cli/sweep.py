@@ -139,6 +139,7 @@ def _check(
 
 def _print_sweep(dataset: xr.Dataset) -> None:
     from iriftrace.sweep.store import attribute
+    from iriftrace.sweep.warned import FLAGS, warned_of
 
     whole = dataset.sel(region="part")
     good = whole["rays_good"].values
@@ -164,6 +165,10 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     assumed = attribute(dataset, "assumptions").get("field_origin", "not stated")
     if assumed != "not stated":
         say(f"  field: {assumed}")
+    flags = warned_of(dataset).sum(axis=0).tolist()
+    texts = [f"{n} {flag.text}" for n, flag in zip(flags, FLAGS, strict=True) if n]
+    if texts:
+        say(f"  poses warned of: {'; '.join(texts)}")
     seen = dataset["face_times_seen"].values > 0
     area = dataset["face_area"].values
     out.print(f"  seen by some pose: {100 * area[seen].sum() / area.sum():.3g} % of the area")

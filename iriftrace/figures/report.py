@@ -9,22 +9,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from matplotlib.figure import Figure
 
 from iriftrace.camera.pose import PoseText, pose_text
 from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.field.origin import synthetic_mark
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.aov_image import Status
 from iriftrace.image.resolution import FRONTAL
+from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
 from iriftrace.planning.summary import (
     RankingTable,
     alternative_text,
     front_table,
+    other_statistics_text,
     ranking_table,
     stability_text,
+    views_table,
+    views_text,
+    views_title,
+    warned_text,
 )
 from iriftrace.sweep.diagnostics import setting_of
 from iriftrace.sweep.faces import has_faces
@@ -33,6 +40,7 @@ from iriftrace.sweep.store import attribute, scene_of
 if TYPE_CHECKING:
     import xarray as xr
 
+    from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.summary import SweepSummary
 
 
@@ -42,9 +50,9 @@ _TEMPLATE = "templates/report.html.jinja"
 _CAPTIONS = {
     "pareto": "Coverage against displacement, coloured by lateral resolution. Ringed poses are "
     "beaten by no other one in everything at once.",
-    "map_score": "Combined score over the direction from which the camera looks.",
-    "map_displacement": "Displacement over the direction from which the camera looks.",
-    "map_coverage": "Seen share of the area over the direction from which the camera looks.",
+    "map_score": "Combined score over the direction or distance from which the camera looks.",
+    "map_displacement": "Displacement over the direction or distance from which the camera looks.",
+    "map_coverage": "Seen share of the area over the direction or distance of the camera.",
     "map_axial": "Resolution along the line of sight.",
     "map_lateral": "Resolution across the line of sight.",
     "scene_score": "The camera poses around the part, coloured by the combined score.",
@@ -52,6 +60,7 @@ _CAPTIONS = {
     "scene_coverage": "The camera poses around the part, coloured by coverage.",
     "scene_axial": "The camera poses around the part, coloured by axial resolution.",
     "scene_lateral": "The camera poses around the part, coloured by lateral resolution.",
+    "view_best": "What the best pose sees.",
     "view_smallest_displacement": "What the pose with the smallest displacement sees.",
     "view_largest_displacement": "What the pose with the largest displacement sees.",
     "faces_displacement": "How far hot air moves the points of each face, over all poses.",
@@ -78,6 +87,7 @@ class ReportContent:
     title: str
     question: str
     answer: str
+    rests_on: tuple[str, ...]
     unclear: str | None
     setting: Rows
     assumptions: Rows
@@ -90,9 +100,14 @@ class ReportContent:
     rays: Rows
     limits: tuple[str, ...]
     unranked: Rows
+    views: RankingTable | None = None
+    views_title: str = ""
+    views_text: str = ""
 
 
-def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> ReportContent:
+def report_content(
+    dataset: xr.Dataset, summary: SweepSummary, top: int, confirmation: Confirmation | None = None
+) -> ReportContent:
     """Collect what is said of a sweep, with `top` rows of the ranking."""
     plan = summary.plan
     ranking = ranking_table(summary, top)
@@ -131,6 +146,7 @@ def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> Repo
             )
             + "."
         ),
+        rests_on=_rests_on(dataset, summary, confirmation),
         unclear=alternative_text(summary),
         setting=_setting(dataset, summary),
         assumptions=tuple(
@@ -151,8 +167,28 @@ def report_content(dataset: xr.Dataset, summary: SweepSummary, top: int) -> Repo
     )
 
 
+def _rests_on(
+    dataset: xr.Dataset, summary: SweepSummary, confirmation: Confirmation | None
+) -> tuple[str, ...]:
+    """What decides how much the answer is worth, a sentence each."""
+    origins = _distinct(one.get("origin") or "not stated" for one in _fields(dataset))
+    mark = next(filter(None, map(synthetic_mark, origins)), "Field")
+    time = attribute(dataset, "assumptions").get("field_time", "not stated")
+    return tuple(
+        filter(
+            None,
+            (
+                f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
+                warned_text(summary),
+                other_statistics_text(summary),
+                "" if confirmation is None else confirmation.text,
+            ),
+        )
+    )
+
+
 def _name(file: dict[str, Any]) -> str:
-    return Path(file["path"]).name if file.get("path") else "the part"
+    return file.get("source") or (Path(file["path"]).name if file.get("path") else "the part")
 
 
 def _text(value: Any) -> str:
@@ -160,14 +196,14 @@ def _text(value: Any) -> str:
 
 
 def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
-    part, field = attribute(dataset, "part"), attribute(dataset, "field")
+    part = attribute(dataset, "part")
     camera = attribute(dataset, "camera")
     scene, sha256 = scene_of(dataset)
     variables = attribute(dataset, "scene").get("variables") or {}
     focal = np.unique(dataset["focal_length"].values) if "focal_length" in dataset else [0.0]
     rows = [
         ("Part", _file(part)),
-        ("Field", _field(dataset, field)),
+        ("Field", _field(dataset)),
         ("Scene", _file({"path": scene, "sha256": sha256}) if scene else "not stated"),
         ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
         ("Camera", _camera(camera, varied=len(focal) > 1)),
@@ -202,19 +238,24 @@ def _file(named: dict[str, Any]) -> str:
     if not named.get("path"):
         return "not stated"
     sha256 = str(named.get("sha256") or "")
-    return f"{Path(named['path']).name}" + (
-        f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else ""
-    )
+    return _name(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
 
 
-def _field(dataset: xr.Dataset, field: dict[str, Any]) -> str:
+def _fields(dataset: xr.Dataset) -> list[dict[str, Any]]:
+    """Fields of all scenes; that of the sweep's own attribute where they do not say."""
     try:
         scenes = json.loads(dataset.attrs.get("scenes", "[]"))
     except ValueError:
         scenes = []
     several = [one for scene in scenes if isinstance(scene, dict) for one in _fields_of(scene)]
-    fields = several if len(several) > 1 else [field]
-    texts = [_file(one) + (f", {one['quantity']}" if one.get("quantity") else "") for one in fields]
+    return several if len(several) > 1 else [attribute(dataset, "field")]
+
+
+def _field(dataset: xr.Dataset) -> str:
+    texts = [
+        _file(one) + (f", {one['quantity']}" if one.get("quantity") else "")
+        for one in _fields(dataset)
+    ]
     wavelength = dataset.attrs.get("wavelength_nm")
     light = f"; light of {float(wavelength):g} nm" if isinstance(wavelength, int | float) else ""
     return "; ".join(_distinct(texts)) + light
@@ -316,7 +357,15 @@ def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
 
 
 def write_report(
-    path: Path, sweep: Path, dataset: xr.Dataset, summary: SweepSummary, *, top: int = 10
+    path: Path,
+    sweep: Path,
+    dataset: xr.Dataset,
+    summary: SweepSummary,
+    *,
+    top: int = 10,
+    confirmation: Confirmation | None = None,
+    views: int | None = None,
+    limits: ViewLimits = NO_LIMITS,
 ) -> tuple[str, ...]:
     """Write the report of a sweep as one HTML file.
 
@@ -330,6 +379,10 @@ def write_report(
         What it holds.
     top
         Rows of the ranking.
+    confirmation
+        What became of the best poses through the field itself.
+    views, limits
+        Number of poses that together are to see the most, and how badly they may see a face.
 
     Returns
     -------
@@ -343,7 +396,9 @@ def write_report(
     """
     from jinja2 import Environment, StrictUndefined
 
-    content = report_content(dataset, summary, top)
+    content = report_content(dataset, summary, top, confirmation)
+    if views is not None:
+        content = _with_views(content, dataset, summary, views, limits)
     pictures, missing = sweep_pictures(dataset, summary)
     figures = {**sweep_charts(summary), **pictures}
     names = [name for name in _CAPTIONS if name in figures]
@@ -366,6 +421,23 @@ def write_report(
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return missing
+
+
+def _with_views(
+    content: ReportContent,
+    dataset: xr.Dataset,
+    summary: SweepSummary,
+    views: int,
+    limits: ViewLimits,
+) -> ReportContent:
+    criteria = summary.plan.criteria
+    chosen = plan_views(dataset, views, limits, region=criteria.region, min_hits=criteria.min_hits)
+    return evolve(
+        content,
+        views=views_table(summary, chosen),
+        views_title=views_title(summary, limits),
+        views_text=views_text(summary, chosen),
+    )
 
 
 def _data_uri(figure: Figure) -> str:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from iriftrace.core.errors import InputError
 from iriftrace.figures.style import write_figure
 from iriftrace.image.aov_image import AovImage, read_exr
-from iriftrace.planning.criteria import THE_PAPERS, Criteria
+from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.studies.study import is_study, read_study
 from iriftrace.sweep.store import read_sweep
 
@@ -58,7 +58,7 @@ class Plots:
 def plot(
     result: str | Path | AovImage | Rendering | xr.Dataset,
     *,
-    criteria: Criteria = THE_PAPERS,
+    criteria: Criteria = STANDARD,
     name: str | None = None,
     component: Component = "norm",
 ) -> Plots:

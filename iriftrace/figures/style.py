@@ -65,6 +65,13 @@ UNKNOWN: dict[str, Any] = {
     "markeredgewidth": 1.1,
     "linestyle": "none",
 }
+WARNED: dict[str, Any] = {
+    "marker": "x",
+    "markersize": 5,
+    "markeredgecolor": "black",
+    "markeredgewidth": 1.0,
+    "linestyle": "none",
+}
 
 _CANVAS = {".png": FigureCanvasAgg, ".pdf": FigureCanvasPdf}
 
@@ -224,9 +231,15 @@ def scale_of(quantity: Quantity) -> ColourScale:
 
 
 def marks(summary: SweepSummary, unknown: BoolArray, mark: dict[str, Any] = BEST) -> list[Line2D]:
-    """Legend entries: the best pose, and the poses without a number if there are any."""
+    """Legend entries: the best pose, and those without a number or warned of if there are any."""
     best = Line2D([], [], label=f"Best pose by score: {summary.plan.best}", **mark)
-    return [best, *unknown_marks(int(unknown.sum()))]
+    return [best, *unknown_marks(int(unknown.sum())), *_warned_marks(summary)]
+
+
+def _warned_marks(summary: SweepSummary) -> list[Line2D]:
+    count = int(summary.warned.any(axis=1).sum())
+    text = f"Warned of, see the ranking: {count} {'pose' if count == 1 else 'poses'}"
+    return [Line2D([], [], label=text, **WARNED)] if count else []
 
 
 def unknown_marks(count: int, remark: str = "") -> list[Line2D]:

@@ -61,7 +61,8 @@ def sweep_pictures(
     Returns
     -------
     figures : dict
-        ``view_smallest_displacement``, ``scene_score``, ``faces_times_seen`` and the like.
+        ``view_best``, ``view_smallest_displacement``, ``scene_score``, ``faces_times_seen`` and
+        the like.
     missing : tuple of str
         What was not drawn and why, a sentence each.
     """
@@ -72,12 +73,12 @@ def sweep_pictures(
         beside = Path(dataset.encoding.get("source", "")).parent
         for name, image in extreme_images(dataset, summary, beside):
             figure = displacement_figure(image, view=view_name(summary, poses[name]))
-            figures[f"view_{name}_displacement"] = figure
+            figures["view_best" if name == "best" else f"view_{name}_displacement"] = figure
     except (InputError, SetupError) as error:
-        numbers = " and ".join(str(pose) for pose in poses.values())
+        numbers = " and ".join(dict.fromkeys(map(str, poses.values())))
         missing.append(
-            f"The views from poses {numbers} (smallest and largest displacement) are left out, "
-            f"because no image of them was kept and they cannot be rendered again: "
+            f"The views from poses {numbers} (best, smallest and largest displacement) are left "
+            f"out, because no image of them was kept and they cannot be rendered again: "
             f"{str(error).rstrip('.')}."
         )
     figures |= _in_space(dataset, summary, missing)

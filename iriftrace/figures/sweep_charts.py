@@ -18,6 +18,7 @@ from iriftrace.figures.style import (
     COLOURS,
     TEXT_COLOUR,
     UNKNOWN,
+    WARNED,
     finish_axes,
     legend_below,
     marks,
@@ -173,6 +174,9 @@ def rays_figure(summary: SweepSummary) -> Figure:
         axes.set_ylim(bottom=0)
         axes.spines[["top", "right"]].set_visible(False)
     upper.plot(best, base[best] + 0.04 * base.max(), clip_on=False, zorder=4, **BEST)
+    warned = np.flatnonzero(summary.warned.any(axis=1))
+    if len(warned):
+        upper.plot(warned, base[warned], clip_on=False, zorder=3, **WARNED)
     entries += marks(summary, summary.polygons < 0)
     unknown = np.flatnonzero(summary.polygons < 0)
     if len(unknown):
@@ -221,6 +225,8 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     finish_axes(axes)
     scale_of(colour).add_bar(body, ax=axes)
     entries = marks(summary, np.zeros(len(known), dtype=np.bool_), BEST_RING)
+    warned = known & summary.warned.any(axis=1)
+    axes.plot(across.values[warned], up.values[warned], zorder=3, **WARNED)
     for count, text in (
         (int(grey.sum()), "Without lateral resolution: {}"),
         (int((~known).sum()), "Without a number, not shown: {}"),

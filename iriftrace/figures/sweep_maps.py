@@ -13,7 +13,10 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.figures.style import (
     BEST,
     COLOUR_MAP,
+    COLOURS,
     UNKNOWN,
+    WARNED,
+    finish_axes,
     legend_below,
     marks,
     new_figure,
@@ -31,8 +34,11 @@ _MOST_PANELS = 12
 def map_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
     """A metric over azimuth and elevation: cells for a grid of poses, dots for others.
 
-    Poses with another field, focal length or distance get a panel of their own.
+    Poses with another field, focal length or distance get a panel of their own. Poses that differ
+    in their distance alone are drawn over it, the displacement with the quartiles of its rays.
     """
+    if summary.is_one_direction:
+        return _distance_figure(summary, quantity)
     series = summary.series
     if len(series) > _MOST_PANELS:
         series = {f"{len(series)} series on top of each other": np.arange(len(quantity.values))}
@@ -55,12 +61,39 @@ def map_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
     return figure
 
 
+def _distance_figure(summary: SweepSummary, quantity: Quantity) -> Figure:
+    title = f"{quantity.title} over the camera's distance"
+    figure, body = new_figure(7.0, 5.0, title, summary.subtitle)
+    axes = body.add_subplot()
+    order = np.argsort(summary.distance, kind="stable")
+    distance = summary.distance[order]
+    entries = []
+    if quantity is summary.displacement and summary.quartiles is not None:
+        low, high = summary.quartiles[order].T
+        label = "Quartiles of the displacement of all rays"
+        entries.append(
+            axes.fill_between(distance, low, high, color=COLOURS[0], alpha=0.25, lw=0, label=label)
+        )
+    axes.plot(distance, quantity.values[order], "o-", color=COLOURS[0], ms=5, zorder=2)
+    for chosen, mark in (
+        (np.flatnonzero(summary.warned.any(axis=1)), WARNED),
+        (np.array([summary.plan.best]), BEST),
+    ):
+        axes.plot(summary.distance[chosen], quantity.values[chosen], zorder=4, **mark)
+    axes.set(xlabel="Distance from camera to target (mm)", ylabel=quantity.label)
+    finish_axes(axes)
+    legend_below(body, [*marks(summary, ~quantity.known), *entries], 2)
+    return figure
+
+
 def _draw_panel(axes: Axes, summary: SweepSummary, quantity: Quantity, members: IntArray) -> None:
     grid = summary.grid(members)
     if grid is None:
         _draw_dots(axes, summary, quantity, members)
     else:
         _draw_cells(axes, summary, quantity, grid)
+    warned = members[summary.warned[members].any(axis=1)]
+    axes.plot(summary.azimuth[warned], summary.elevation[warned], zorder=3, **WARNED)
     best = summary.plan.best
     if best in members:
         axes.plot(summary.azimuth[best], summary.elevation[best], zorder=4, clip_on=False, **BEST)

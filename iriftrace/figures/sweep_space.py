@@ -32,6 +32,7 @@ from iriftrace.figures.space import (
 from iriftrace.figures.style import (
     BEST_RING,
     TEXT_COLOUR,
+    WARNED,
     ColourScale,
     marks,
     scale_of,
@@ -128,6 +129,8 @@ def sweep_scene_figure(
     title = f"{quantity.title} of each camera pose"
     figure = _framed(title, f"{summary.subtitle}{hidden}", scale, entries)
     axes = _add_view(figure, view, box, draw, (0, 0))
+    warned = summary.origins[shown & summary.warned.any(axis=1)]
+    axes.plot(*view.pixels(warned).T, **WARNED)
     axes.plot(*view.pixels(summary.origins[summary.plan.best])[0], **BEST_RING)
     return figure
 

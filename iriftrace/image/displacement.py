@@ -44,7 +44,8 @@ class DisplacementMap:
 class ShiftMap:
     """Shift of every pixel's picture: `pixels` (height, width, 2), px, x right and y down.
 
-    `good` tells whether the pixel's ray counts; the shift is 0 where it does not.
+    Row i, column j belongs to the pixel with its centre at (j + 0.5, i + 0.5). `good` tells whether
+    the pixel's ray counts; the shift is 0 where it does not.
     """
 
     pixels: FloatArray

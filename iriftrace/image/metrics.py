@@ -28,17 +28,20 @@ FEWEST_RAYS = 100
 SCHEMA = "iriftrace.pose/1"
 """Value of ``schema`` in the JSON."""
 
-TIMES = ("load", "build", "straight", "refracted", "metrics", "write", "figures", "total")
-"""Keys of `PoseMetrics.time_s`."""
+TIMES = (
+    *("load", "build", "straight", "refracted", "check", "metrics", "write", "figures", "total"),
+)
+"""Keys of `PoseMetrics.time_s`; ``check`` is the shells' check, with a picture that it replaced."""
 
 _RAYS_PER_FACE = 4
 
 
 @frozen
 class Statistics:
-    """Some values in five numbers, all None when there are fewer than `FEWEST_RAYS` values.
+    """Some values in seven numbers, all None when there are fewer than `FEWEST_RAYS` values.
 
-    A few silhouette rays jump by millimetres and rule the mean, so the median stands beside it.
+    A few silhouette rays jump by millimetres and rule the mean, so median and quartiles (`p25`,
+    `p75`) stand beside it.
     """
 
     mean: float | None = None
@@ -46,6 +49,8 @@ class Statistics:
     p95: float | None = None
     max: float | None = None
     rms: float | None = None
+    p25: float | None = None
+    p75: float | None = None
 
     @classmethod
     def of(cls, values: NDArray[np.floating[Any]]) -> Statistics:
@@ -53,13 +58,15 @@ class Statistics:
         if len(values) < FEWEST_RAYS:
             return cls()
         exact = values.astype(np.float64)
-        median, p95 = np.percentile(exact, (50, 95))
+        p25, median, p75, p95 = np.percentile(exact, (25, 50, 75, 95)).tolist()
         return cls(
             mean=float(exact.mean()),
-            median=float(median),
-            p95=float(p95),
+            median=median,
+            p95=p95,
             max=float(exact.max()),
             rms=float(np.sqrt(np.mean(exact**2))),
+            p25=p25,
+            p75=p75,
         )
 
 
@@ -180,6 +187,7 @@ class ViewMetrics:
         )
 
 
+_STEPS = ("lateral_resolution_mm", "axial_resolution_mm")
 _VIEW_KEYS = tuple(ViewMetrics.__annotations__)
 
 
@@ -189,6 +197,9 @@ class PoseMetrics(ViewMetrics):
 
     Attributes
     ----------
+    hits_at_border
+        Straight rays of the outermost pixels that hit the part; more than none if it reaches beyond
+        the picture.
     shell_triangles_in_view
         Triangles of shells that the rays crossed, where the image says it.
     time_s
@@ -202,18 +213,41 @@ class PoseMetrics(ViewMetrics):
         What the numbers rest on, in words.
     regions
         Numbers of each region of the part.
+    full_resolution
+        Pixels of the camera that the picture is a scaled one of, where the image says it.
     every_second_shell, shells_against_field
         What a check of the shells found, plain values; None where none was made.
     """
 
+    hits_at_border: int
     shell_triangles_in_view: int | None
     time_s: dict[str, float | None]
     wavelength_nm: float | None
     camera: Camera
     assumptions: dict[str, Any]
     regions: dict[str, ViewMetrics]
+    full_resolution: tuple[int, int] | None = None
     shells_against_field: dict[str, Any] | None = None
     every_second_shell: dict[str, Any] | None = None
+
+    @property
+    def full_camera(self) -> dict[str, Any] | None:
+        """Shifts and resolutions with all pixels of the camera; None if the picture has them.
+
+        A shift is as many times larger in pixels as there are more of them, and the step to the
+        next pixel as many times smaller, but for edges that few pixels pass over.
+        """
+        width = self.camera.resolution[0]
+        if self.full_resolution is None or self.full_resolution[0] == width:
+            return None
+        factor = self.full_resolution[0] / width
+        shift = {k: v for k, v in asdict(self.shift_px).items() if k != "rms"}
+        steps = {key: getattr(self, key) for key in _STEPS}
+        return {
+            "resolution": list(self.full_resolution),
+            "shift_px": {k: None if v is None else v * factor for k, v in shift.items()},
+            **{key: None if step is None else step / factor for key, step in steps.items()},
+        }
 
     def add_time(self, stage: str, seconds: float) -> None:
         """Enter what a stage after the reduction took, and add it to the total."""
@@ -229,6 +263,8 @@ class PoseMetrics(ViewMetrics):
         return {
             "schema": SCHEMA,
             **whole,
+            **({} if self.full_camera is None else {"full_camera": self.full_camera}),
+            "hits_at_border": self.hits_at_border,
             "shell_triangles_in_view": self.shell_triangles_in_view,
             "time_s": dict(self.time_s),
             "wavelength_nm": self.wavelength_nm,
@@ -328,12 +364,14 @@ def pose_metrics(
             open_boundary=counts.get("open_boundary"),
         ),
         **view(np.arange(len(rays.face)), hits, slice(None)),
+        hits_at_border=_hits_at_border(image),
         shell_triangles_in_view=counts.get("shell_triangles_in_view"),
         time_s={key: times.get(key) for key in TIMES},
         wavelength_nm=image.header.get("wavelength_nm"),
         camera=image.camera,
         assumptions={**(image.header.get("assumptions") or {}), "included_rays": included},
         regions=regions,
+        full_resolution=_whole_pixels(image.header.get("full_resolution")),
     )
 
 
@@ -401,6 +439,16 @@ def _numbers(values: _Values, members: IntArray) -> dict[str, Any]:
         **resolution,
         "incidence_angle_deg": float(values.incidence[members].mean()),
     }
+
+
+def _whole_pixels(stated: Any) -> tuple[int, int] | None:
+    return None if stated is None else (int(stated[0]), int(stated[1]))
+
+
+def _hits_at_border(image: AovImage) -> int:
+    outermost = image.channels["part.face"] > 0
+    outermost[1:-1, 1:-1] = False
+    return int(outermost.sum())
 
 
 def _mean(values: FloatArray) -> float | None:

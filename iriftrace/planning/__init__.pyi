@@ -1,3 +1,5 @@
+from .confirm import Confirmation as Confirmation
+from .confirm import confirm_winners as confirm_winners
 from .cover import ViewLimits as ViewLimits
 from .cover import ViewSet as ViewSet
 from .cover import choose_views as choose_views

@@ -39,6 +39,10 @@ def _one_of(choices: Any) -> Any:
 class Criteria:
     """Criteria of a ranking; by default weights and normalisation of Kern et al. (2025).
 
+    The paper ranks by the mean displacement (`THE_PAPERS`). By default it is the 95th percentile:
+    a few rays at silhouettes jump by millimetres and rule the mean, and a median says nothing of
+    half of the picture, as where a plume moves nothing but what lies beside a flat face.
+
     Parameters
     ----------
     displacement
@@ -51,7 +55,8 @@ class Criteria:
     lateral
         Weight of the resolution across the line of sight.
     statistic
-        Which displacement: the paper's mean, or one that silhouettes cannot spoil.
+        Displacement of a pose: that below which 95 % of its rays stay, the median, or the paper's
+        mean.
     resolution
         Reading of the resolution: step to the next pixel, or nearest neighbour in space or in the
         picture's plane.
@@ -76,7 +81,7 @@ class Criteria:
     coverage: float = field(default=0.2, validator=_is_weight)
     axial: float = field(default=0.15, validator=_is_weight)
     lateral: float = field(default=0.15, validator=_is_weight)
-    statistic: Statistic = field(default="mean", validator=_one_of(Statistic))
+    statistic: Statistic = field(default="p95", validator=_one_of(Statistic))
     resolution: Resolution = field(default="step", validator=_one_of(Resolution))
     region: str = "part"
     percentile: float = 95.0
@@ -122,4 +127,5 @@ class Criteria:
         return {"weights": self.weights, **others}
 
 
-THE_PAPERS = Criteria()
+STANDARD = Criteria()
+THE_PAPERS = Criteria(statistic="mean")

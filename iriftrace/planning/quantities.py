@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from iriftrace.sweep.measures import Limits
 
 
-_STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th percentile of the"}
+_STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th-percentile"}
 _READINGS = {
     "step": "step to the next pixel",
     "nn3d": "nearest neighbour in space",

@@ -17,7 +17,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
+from iriftrace.planning.criteria import METRICS, STANDARD, Criteria
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -79,7 +79,7 @@ class Plan:
         return int(self.order[0])
 
 
-def rank_poses(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> Plan:
+def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     """Rank the poses of a sweep.
 
     The score of a pose is the weighted sum of its normalised displacement, axial and lateral
@@ -198,7 +198,7 @@ def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
     return total
 
 
-def pareto_front(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> IntArray:
+def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray:
     """Poses that no other pose surpasses in every respect, whatever the weights.
 
     A pose is left out if another one is at least as good in displacement, coverage, axial and

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.resolution import FRONTAL, seen_frontally
-from iriftrace.planning.criteria import THE_PAPERS, Criteria
+from iriftrace.planning.cover import ViewLimits, ViewSet
+from iriftrace.planning.criteria import STANDARD, Criteria, Statistic
 from iriftrace.planning.quantities import (
     Quantity,
     metric_quantity,
@@ -28,9 +31,17 @@ from iriftrace.planning.stability import close_alternative, stability
 from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
 from iriftrace.sweep.faces import faces_seen
 from iriftrace.sweep.store import attribute, scene_of
+from iriftrace.sweep.warned import FLAGS, warned_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+SAME_ANGLE_DEG = 1e-6
+"""Angles of one direction differ by rounding alone."""
+
+STATISTICS = {"mean": "mean", "median": "median", "p95": "95th percentile"}
+"""Names in sentences."""
 
 
 @frozen(eq=False)
@@ -59,6 +70,12 @@ class SweepSummary:
     plan : Plan
     subtitle : str
         Scene, region and number of poses.
+    warned : (n, m) array of bool
+        Poses of which the sweep warned, for each of `iriftrace.sweep.warned.FLAGS`.
+    quartiles : (n, 2) array or None
+        Quartiles of the displacement of each pose's rays, um; None of an older sweep.
+    other_winners : dict of int
+        Number of the best pose by each other statistic of the displacement that the sweep has.
     scatter : Quantity or None
         Standard deviation over the members of an ensemble; None for a single field.
     """
@@ -80,6 +97,9 @@ class SweepSummary:
     front: IntArray
     plan: Plan
     subtitle: str
+    warned: BoolArray
+    quartiles: FloatArray | None
+    other_winners: dict[str, int]
     scatter: Quantity | None = None
 
     @property
@@ -119,6 +139,14 @@ class SweepSummary:
         """Poses that differ in nothing but position: a description, which may be empty; numbers."""
         return series_of(self.varied, len(self.distance))
 
+    @property
+    def is_one_direction(self) -> bool:
+        """Whether the poses differ in their distance alone."""
+        others = [one for one in self.varied if not one.name.startswith("stand-off")]
+        angles = np.stack((self.azimuth, self.elevation))
+        near = np.ptp(angles, axis=1).max() < SAME_ANGLE_DEG
+        return near and not others and bool(np.unique(self.distance).size > 1)
+
     def grid(self, members: IntArray) -> IntArray | None:
         """Pose of each elevation (rows) and azimuth (columns); None if the poses are no grid.
 
@@ -144,7 +172,7 @@ class SweepSummary:
         return poses if (poses >= 0).all() and used == poses.size else None
 
 
-def summarise(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> SweepSummary:
+def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummary:
     """Rank the poses of a sweep and collect what plans, figures and reports show of them.
 
     Raises
@@ -175,8 +203,31 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = THE_PAPERS) -> SweepSumm
         front=front,
         plan=plan,
         subtitle=_subtitle(dataset, criteria.region, len(enough), len(plan.unranked)),
+        warned=warned_of(dataset),
+        quartiles=_quartiles(view, enough),
+        other_winners=_other_winners(dataset, criteria),
         scatter=scatter_quantity(view, criteria.statistic, enough),
     )
+
+
+def _quartiles(view: xr.Dataset, enough: BoolArray) -> FloatArray | None:
+    names = ("displacement_p25", "displacement_p75")
+    if any(name not in view for name in names):
+        return None
+    found = 1e3 * np.stack([view[name].values for name in names], axis=1)
+    return np.where(enough[:, None], found, np.nan)
+
+
+def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:
+    found = {}
+    for statistic in get_args(Statistic):
+        if statistic == criteria.statistic:
+            continue
+        # What a ranking warns of is said of the one that was asked for; a sweep may lack others.
+        with warnings.catch_warnings(), suppress(InputError):
+            warnings.simplefilter("ignore", IriftraceWarning)
+            found[statistic] = rank_poses(dataset, evolve(criteria, statistic=statistic)).best
+    return found
 
 
 def _variable(dataset: xr.Dataset, name: str) -> NDArray[Any]:
@@ -220,17 +271,18 @@ def _subtitle(dataset: xr.Dataset, region: str, poses: int, unranked: int) -> st
 
 
 def extreme_poses(summary: SweepSummary) -> dict[str, int]:
-    """Numbers of the poses of ``smallest`` and ``largest`` displacement."""
+    """Numbers of the ``best`` pose and those of ``smallest`` and ``largest`` displacement."""
     values = summary.displacement.values
-    return {"smallest": int(np.nanargmin(values)), "largest": int(np.nanargmax(values))}
+    smallest, largest = int(np.nanargmin(values)), int(np.nanargmax(values))
+    return {"best": summary.plan.best, "smallest": smallest, "largest": largest}
 
 
 def extreme_images(
     dataset: xr.Dataset, summary: SweepSummary, beside: Path
 ) -> Iterator[tuple[str, AovImage]]:
-    """Images of the poses of smallest and largest displacement, with their names.
+    """Images of `extreme_poses`, with their names.
 
-    Read where the sweep kept them, else rendered again.
+    Read where the sweep kept them, else rendered again, as where numbers come from the field since.
 
     Parameters
     ----------
@@ -246,14 +298,20 @@ def extreme_images(
     SetupError
         There is no EXR, and no usable LLVM or CUDA either.
     """
+    from iriftrace.sweep.confirm import traced_through_field
     from iriftrace.sweep.reload import load_swept_scene
 
+    through = traced_through_field(dataset)
+    images: dict[int, AovImage] = {}
     for name, pose in extreme_poses(summary).items():
         file = str(dataset["exr"].values[pose]) if "exr" in dataset else ""
-        if file and (beside / file).is_file():
-            yield name, read_exr(beside / file)
-        else:
-            yield name, load_swept_scene(dataset, pose).render(summary.matrices[pose]).image
+        if pose not in images and file and (beside / file).is_file():
+            image = read_exr(beside / file)
+            if not through[pose] or image.header.get("engine") == "continuous":
+                images[pose] = image
+        if pose not in images:
+            images[pose] = load_swept_scene(dataset, pose).render(summary.matrices[pose]).image
+        yield name, images[pose]
 
 
 @frozen
@@ -305,6 +363,7 @@ def front_table(summary: SweepSummary) -> RankingTable:
 
 def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
     ranks = {pose: str(rank) for rank, pose in enumerate(summary.plan.order.tolist(), start=1)}
+    flagged = bool(summary.warned[list(poses)].any())
     rows = [
         (
             ranks.get(pose, ""),
@@ -314,9 +373,11 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
             *(one.values[pose] for one in summary.varied),
             f"{summary.score.values[pose]:.3f}" if pose in ranks else "",
             *(summary.value_text(quantity, pose) for quantity in summary.metrics),
+            *((_letters(summary.warned[pose].tolist()),) if flagged else ()),
         )
         for pose in poses
     ]
+    frontal = any(map(summary.sees_frontally, poses))
     short = (summary.plan.criteria.statistic, "cover", "axial", "lat.")
     return RankingTable(
         (
@@ -324,16 +385,32 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
             *(one.name for one in summary.varied),
             "score",
             *(quantity.label for quantity in summary.metrics),
+            *(("warned",) if flagged else ()),
         ),
         (
             *("rank", "pose", "az. °", "el. °"),
             *(one.short_name for one in summary.varied),
             "score",
             *(f"{name} {metric.unit}" for name, metric in zip(short, summary.metrics, strict=True)),
+            *(("warn",) if flagged else ()),
         ),
         tuple(rows),
-        f"Axial resolution 0: {FRONTAL}." if any(map(summary.sees_frontally, poses)) else "",
+        " ".join(
+            (
+                *((f"Axial resolution 0: {FRONTAL}.",) if frontal else ()),
+                *((f"Warned of: {_legend(summary.warned[list(poses)])}.",) if flagged else ()),
+            )
+        ),
     )
+
+
+def _letters(given: Iterable[bool]) -> str:
+    return "".join(flag.letter for flag, met in zip(FLAGS, given, strict=True) if met)
+
+
+def _legend(flags: BoolArray) -> str:
+    met = np.any(flags, axis=0).tolist()
+    return ", ".join(f"{f.letter} {f.text}" for f, given in zip(FLAGS, met, strict=True) if given)
 
 
 def stability_text(summary: SweepSummary) -> str:
@@ -344,6 +421,29 @@ def stability_text(summary: SweepSummary) -> str:
         f"When one weight varies by +-50 %, the best pose ranks {varied.worst_rank} at worst; "
         f"when all do, {rivals} other {'pose' if rivals == 1 else 'poses'} can beat it."
     )
+
+
+def other_statistics_text(summary: SweepSummary) -> str | None:
+    """Winners by other statistics of the displacement, one sentence; None if they are the same."""
+    others = [
+        f"by its {STATISTICS[statistic]} pose {pose}"
+        for statistic, pose in summary.other_winners.items()
+        if pose != summary.plan.best
+    ]
+    own = STATISTICS[summary.plan.criteria.statistic]
+    return (
+        f"By the {own} of the displacement pose {summary.plan.best} is the best, "
+        f"{' and '.join(others)} (--statistic)."
+        if others
+        else None
+    )
+
+
+def warned_text(summary: SweepSummary) -> str | None:
+    """Warnings of the best pose, one sentence; None if there are none."""
+    given = summary.warned[summary.plan.best].tolist()
+    found = [flag.text for flag, met in zip(FLAGS, given, strict=True) if met]
+    return f"The sweep warns of the best pose: {'; '.join(found)}." if found else None
 
 
 def alternative_text(summary: SweepSummary) -> str | None:
@@ -359,6 +459,48 @@ def alternative_text(summary: SweepSummary) -> str | None:
     )
 
 
+def views_table(summary: SweepSummary, views: ViewSet) -> RankingTable:
+    """Write down poses that together see the most, and what each adds."""
+    together = 100.0 * np.cumsum(views.added)
+    rows = tuple(
+        (
+            str(number),
+            str(pose),
+            f"{summary.azimuth[pose]:.1f}",
+            f"{summary.elevation[pose]:.1f}",
+            f"{100 * views.added[number - 1]:.2f}",
+            f"{together[number - 1]:.2f}",
+        )
+        for number, pose in enumerate(views.poses.tolist(), start=1)
+    )
+    columns = ("adds %", "together %")
+    return RankingTable(
+        ("view", "pose", "azimuth (°)", "elevation (°)", *columns),
+        ("view", "pose", "azim. °", "elev. °", *columns),
+        rows,
+    )
+
+
+def views_text(summary: SweepSummary, views: ViewSet) -> str:
+    """What poses see together, and how good the choice is, one sentence."""
+    what = _the(summary.plan.criteria.region)
+    proof = (
+        "no other choice of as many poses sees more (exact)."
+        if views.exact
+        else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
+    )
+    return (
+        f"Together they see {100 * views.covered:.2f} % of the area of {what}, of "
+        f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}"
+    )
+
+
+def views_title(summary: SweepSummary, limits: ViewLimits) -> str:
+    """Title of `views_table`, half a sentence."""
+    what = _the(summary.plan.criteria.region)
+    return f"Poses that together see the most of {what}; a face counts that is seen {limits.text}"
+
+
 def front_text(summary: SweepSummary) -> str:
     """The poses on the Pareto front, one sentence."""
     return (
@@ -370,3 +512,7 @@ def front_text(summary: SweepSummary) -> str:
 
 def _what(region: str) -> str:
     return "part" if region == "part" else f"region {region}"
+
+
+def _the(region: str) -> str:
+    return "the part" if region == "part" else f"region {region}"

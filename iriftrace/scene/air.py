@@ -102,7 +102,7 @@ def warn_of_another_part(file: SceneFile, part: Part, table: dict[str, Any]) -> 
 
 
 def field_table(cells: Any, shells: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Air and source as the field's file states them, and the notes beside the shells."""
+    """Air and source as the field's file states them; notes and part as beside the shells."""
     theirs = (shells.get("source") or {}).get("sha256", cells.source["sha256"])
     if theirs != cells.source["sha256"]:
         warnings.warn(
@@ -111,7 +111,8 @@ def field_table(cells: Any, shells: dict[str, Any], path: Path) -> dict[str, Any
             IriftraceWarning,
             stacklevel=3,
         )
-    return {"air": cells.air, "source": cells.source, "notes": shells.get("notes")}
+    kept = {name: shells.get(name) for name in ("notes", "part")}
+    return {"air": cells.air, "source": cells.source, **kept}
 
 
 def stated_normals(wanted: str, tables: Any) -> str:

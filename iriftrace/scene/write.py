@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE, save_field_file
 from iriftrace.part.part import Part, save_part
 from iriftrace.shells.files import PartFile, remove_stale, save_shells
@@ -95,7 +94,7 @@ def write_scene(
             SHELLS_FOLDER,
             shells,
             field,
-            part=PartFile(building / PART_FILE, sha256_of(building / PART_FILE)),
+            part=PartFile.of(building / PART_FILE, part),
             report=report,
             notes=notes,
             paraview=paraview,

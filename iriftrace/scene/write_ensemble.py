@@ -11,7 +11,6 @@ from attrs import asdict, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of
 from iriftrace.part.part import Part, save_part
 from iriftrace.scene.ensemble import FOLDER, INCLUDED, MEMBER, TABLE, FieldMember, write_members
 from iriftrace.scene.write import (
@@ -99,7 +98,7 @@ def write_ensemble_scene(
     with written_together(scene.parent) as building:
         (building / FOLDER).mkdir()
         save_part(part, building / PART_FILE)
-        placed = PartFile(building / PART_FILE, sha256_of(building / PART_FILE))
+        placed = PartFile.of(building / PART_FILE, part)
         listed = tuple(
             _write_member(building, number, member, placed, notes, paraview)
             for number, member in enumerate(members, start=1)

@@ -22,6 +22,7 @@ from iriftrace.shells.hessian import PLY_COLUMNS
 from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 
 if TYPE_CHECKING:
+    from iriftrace.part.part import Part
     from iriftrace.shells.report import ShellReport
 
 
@@ -39,16 +40,24 @@ class PartFile:
 
     path : where it will be
     sha256 : of its content
+    source : name of the user's file that it was made of
     """
 
     path: Path
     sha256: str
+    source: str
+
+    @classmethod
+    def of(cls, path: Path, part: Part) -> PartFile:
+        """The file to which a part was written."""
+        return cls(path, sha256_of(path), Path(part.path).name)
 
     def seen_from(self, folder: Path) -> dict[str, str]:
         """As the table of shells in that folder names it."""
         return {
             "file": Path(os.path.relpath(self.path, folder)).as_posix(),
             "sha256": self.sha256,
+            "source": self.source,
         }
 
 

@@ -74,13 +74,19 @@ MEASURES: dict[str, Measure] = {
         for key, text in _STATISTICS
     },
     **{
+        f"displacement_{key}": Measure(
+            ("displacement_mm", key), "mm", f"{key[1:]}th percentile of the displacement"
+        )
+        for key in ("p25", "p75")
+    },
+    **{
         f"displacement_{direction}": Measure(
             (f"displacement_{direction}_mm",), "mm", f"mean {where} the line of sight"
         )
         for direction, where in (("lateral", "across"), ("axial", "along"))
     },
     **{
-        f"shift_{key}": Measure(("shift_px", key), "px", f"{key} shift in the picture")
+        f"shift_{key}": Measure(("shift_px", key), "1", f"{key} shift in the picture, pixels")
         for key in ("mean", "median", "p95", "max")
     },
     **{
@@ -129,6 +135,13 @@ RAYS: dict[str, Measure] = {
     },
 }
 OF_POSES: dict[str, Measure] = {
+    "hits_at_border": Measure(
+        ("hits_at_border",),
+        "1",
+        "straight rays of the outermost pixels that hit the part",
+        count=True,
+        regional=False,
+    ),
     "shell_triangles_in_view": Measure(
         ("shell_triangles_in_view",), "1", count=True, regional=False
     ),
@@ -136,6 +149,12 @@ OF_POSES: dict[str, Measure] = {
         ("every_second_shell", "p95_share"),
         "1",
         "change of the hits without every second shell, 95th percentile, over the displacement's",
+        regional=False,
+    ),
+    "every_second_shell_p95_mm": Measure(
+        ("every_second_shell", "p95_mm"),
+        "mm",
+        "change of the hits without every second shell, 95th percentile",
         regional=False,
     ),
     "through_field": Measure(

@@ -24,7 +24,15 @@ from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.trace.render import render_scene
 
-_KEPT = ("rays", "time_s", "shell_triangles_in_view", "regions", "ensemble", "every_second_shell")
+_KEPT = (
+    "rays",
+    "time_s",
+    "hits_at_border",
+    "shell_triangles_in_view",
+    "regions",
+    "ensemble",
+    "every_second_shell",
+)
 
 SAMPLE = 1000
 """Rays of each pose by which its shells are judged: enough to find poses, not to measure them."""

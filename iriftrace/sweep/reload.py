@@ -68,7 +68,7 @@ class SweptScene:
             )
 
 
-def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
+def load_swept_scene(dataset: xr.Dataset, pose: int, engine: str | None = None) -> SweptScene:
     """Load the scene that a sweep was made of.
 
     Parameters
@@ -77,6 +77,8 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
         The sweep.
     pose
         Number of the pose whose scene and focal length are wanted, where a sweep has several.
+    engine
+        What bends the rays; by default what gave the numbers of this pose.
 
     Raises
     ------
@@ -98,7 +100,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
 
     variant = _variant(named.get("variant"))
     through_field = "through_field" in dataset and dataset["through_field"].values[pose] == 1
-    engine = "continuous" if through_field else named.get("engine")
+    traced_with = "continuous" if through_field else named.get("engine")
     with warnings.catch_warnings():
         # What limits the scene was said when it was swept.
         warnings.simplefilter("ignore", IriftraceWarning)
@@ -106,7 +108,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
             named["path"],
             named.get("variables"),
             variant=variant,
-            engine=engine,
+            engine=engine or traced_with,
         )
     if "focal_length" in dataset:
         focal = float(dataset["focal_length"].values[pose])

@@ -28,6 +28,15 @@ if TYPE_CHECKING:
 SCHEMA = "iriftrace.sweep/1"
 WHOLE_PART = "part"
 
+CONVENTIONS = "CF-1.11"
+"""Climate and Forecast conventions that the files follow: units, flags, ragged arrays."""
+
+PLACE = (
+    *("azimuth", "elevation", "distance", "origin_x", "origin_y", "origin_z"),
+    *("focal_length", "stand_off", "scene"),
+)
+"""Coordinates of the poses."""
+
 SIGHTING = "sighting"
 """Dimension of the rows of all poses."""
 
@@ -46,7 +55,17 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
         Point from which ``distance`` is measured.
     """
     distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
+    origins = {
+        f"origin_{axis}": (
+            ("pose",),
+            column,
+            {"units": "mm", "long_name": f"camera's {axis}, world"},
+        )
+        for axis, column in zip("xyz", poses.origins.T, strict=True)
+    }
     return {
+        "pose": (("pose",), np.arange(len(distance)), {"long_name": "number of the pose"}),
+        **origins,
         "matrix": (
             ("pose", "row", "column"),
             poses.matrices,
@@ -61,14 +80,22 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
 def to_dataset(
     variables: dict[str, Any], region_names: Sequence[str], attributes: dict[str, Any]
 ) -> xr.Dataset:
-    """All variables as one dataset; attributes that are no numbers or strings become JSON."""
+    """All variables as one dataset; attributes that are no numbers or strings become JSON.
+
+    What places a pose becomes a coordinate, so that poses are selected by it.
+    """
     import xarray as xr
 
-    return xr.Dataset(
+    found = xr.Dataset(
         variables,
         coords={"region": np.array([WHOLE_PART, *region_names], dtype=object)},
-        attrs={"schema": SCHEMA, **{key: _attribute(v) for key, v in attributes.items()}},
+        attrs={
+            "Conventions": CONVENTIONS,
+            "schema": SCHEMA,
+            **{key: _attribute(v) for key, v in attributes.items()},
+        },
     )
+    return found.set_coords([name for name in PLACE if name in found])
 
 
 def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightings]) -> None:

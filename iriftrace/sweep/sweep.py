@@ -32,6 +32,7 @@ from iriftrace.sweep.series import (
     sources_of,
 )
 from iriftrace.sweep.store import pose_variables, read_sweep, to_dataset, write_sweep
+from iriftrace.sweep.warned import VARIABLE, warned_variable
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.shell_convergence import warn_of_coarse_poses
 
@@ -194,7 +195,10 @@ def run_series(
     if fresh:
         _warn_of_empty_poses(dataset)
         warn_of_coarse_poses(
-            dataset["every_second_shell_p95"].values, dataset["through_field"].values
+            *(
+                dataset[name].values
+                for name in ("every_second_shell_p95", "every_second_shell_p95_mm", "through_field")
+            )
         )
     return dataset
 
@@ -272,7 +276,7 @@ def _dataset(
         f"{out.with_suffix('').name}/{_exr_name(number)}" if options.exr and not failure else ""
         for number, failure in enumerate(failures)
     ]
-    return to_dataset(
+    found = to_dataset(
         {
             **measured,
             **pose_variables(poses, part.centre if target is None else target),
@@ -288,6 +292,7 @@ def _dataset(
             "include": list(options.include),
         },
     )
+    return found.assign({VARIABLE: warned_variable(found)})
 
 
 def _warn_of_empty_poses(dataset: xr.Dataset) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from iriftrace.camera.camera import Camera
 from iriftrace.core.files import sha256_of
 from iriftrace.field.origin import is_steady
+from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedEnsemble, LoadedScene
 
 ENGINES = {
@@ -52,6 +53,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
         "part": {
             "path": str(Path(part.path).resolve()),
             "sha256": part.sha256,
+            "source": _users_file(table.get("part") or {}, part),
             "length_unit": part.length_unit,
             "to_world": scene.part_to_world.tolist(),
         },
@@ -76,6 +78,12 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             "air": "static during the exposure",
         },
     }
+
+
+def _users_file(written: Mapping[str, str], part: Part) -> str:
+    """Name of the file that the user gave, of which the scene has a copy."""
+    same = written.get("sha256") == part.sha256
+    return written.get("source", "") if same else Path(part.path).name
 
 
 def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]:

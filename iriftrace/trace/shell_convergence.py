@@ -41,12 +41,15 @@ class ShellResolution:
     ----------
     rays : int
         Of the sample that hit the part both times.
+    median_mm, p95_mm : float, mm
+        Median and 95th percentile of the distances between the hits.
     median_share, p95_share : float
-        Median and 95th percentile of the distances between the hits, as shares of those of the
-        displacement.
+        The same as shares of the displacement's median and 95th percentile.
     """
 
     rays: int
+    median_mm: float
+    p95_mm: float
     median_share: float
     p95_share: float
 
@@ -95,8 +98,8 @@ def shell_resolution(
     whole = np.quantile(size, SHARES)
     if not whole[0] > 0.0:
         return None
-    median, p95 = (np.quantile(moved[known], SHARES) / whole).tolist()
-    return ShellResolution(int(known.sum()), median, p95)
+    change = np.quantile(moved[known], SHARES)
+    return ShellResolution(int(known.sum()), *change.tolist(), *(change / whole).tolist())
 
 
 def warn_of_coarse_shells(found: ShellResolution, through_field: bool = False) -> None:
@@ -107,7 +110,10 @@ def warn_of_coarse_shells(found: ShellResolution, through_field: bool = False) -
     IriftraceWarning
     """
     if not found.suffices:
-        change = f"Rays of this view change by {found.p95_share:.1%} (95th percentile) {WHY}"
+        change = (
+            f"Hits of this view change by {1e3 * found.p95_mm:.3g} um ({found.p95_share:.1%} of "
+            f"the displacement; 95th percentiles) {WHY}"
+        )
         warnings.warn(
             f'{change}; the field itself was traced instead (load_scene with engine="shells", or '
             "--engine shells, insists on shells)."
@@ -119,13 +125,16 @@ def warn_of_coarse_shells(found: ShellResolution, through_field: bool = False) -
         )
 
 
-def warn_of_coarse_poses(p95_shares: FloatArray, through_field: FloatArray) -> None:
+def warn_of_coarse_poses(
+    p95_shares: FloatArray, p95_mm: FloatArray, through_field: FloatArray
+) -> None:
     """The same of a sweep's poses.
 
     Parameters
     ----------
     p95_shares : (n,) array
         Of each pose; NaN where nothing is known.
+    p95_mm : (n,) array, mm
     through_field : (n,) array
         1 where the field served instead.
 
@@ -146,8 +155,9 @@ def warn_of_coarse_poses(p95_shares: FloatArray, through_field: FloatArray) -> N
     ):
         if these.any():
             warnings.warn(
-                f"Rays of {these.sum()} of {len(these)} poses change by over {LIMIT:.0%} (95th "
-                f"percentile, variable every_second_shell_p95) {WHY}; {what}.",
+                f"Hits of {these.sum()} of {len(these)} poses change by over {LIMIT:.0%} of the "
+                f"displacement (95th percentiles, variable every_second_shell_p95), by up to "
+                f"{1e3 * np.nanmax(p95_mm[these]):.3g} um, {WHY}; {what}.",
                 IriftraceWarning,
                 stacklevel=4,
             )

@@ -17,6 +17,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.figures import report as report_module
 from iriftrace.figures.report import report_content, write_report
 from iriftrace.image.aov_image import Status
+from iriftrace.planning.confirm import Confirmation
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import front_text, ranking_table, stability_text
 from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
@@ -189,3 +190,46 @@ def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool)
     column = content.ranking.headings.index(summary.axial.label)
     assert (content.ranking.rows[0][column] == "0") == frontal
     assert content.ranking.rows[1][column] in ("20", "10")
+
+
+def test_what_decides_stands_in_the_first_box(tmp_path: Path) -> None:
+    """The field is made up, and the sweep warned of the best pose."""
+    table = sweep()
+    field = {"path": "air.vtu", "sha256": "12", "origin": "synthetic: formulas, no simulation"}
+    table.attrs["field"] = json.dumps(field)
+    table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
+    best = summary_of(table).plan.best
+    table["warned"] = ("pose", np.where(np.arange(4) == best, 1 + 8, 0).astype("i1"))
+    summary = summary_of(table)
+    said = Confirmation(missing="the scene is gone")
+    content = report_content(table, summary, 4, said)
+    assert content.title == "Where to put the camera: flange.stl"
+    field_text, warned, confirmed = content.rests_on
+    assert field_text.startswith("SYNTHETIC FIELD: synthetic: formulas, no simulation.")
+    assert "shells too few" in warned
+    assert "part reaches beyond the picture" in warned
+    assert confirmed == said.text
+    column = content.ranking.headings.index("warned")
+    letters = {row[1]: row[column] for row in content.ranking.rows}
+    assert letters.pop(str(best)) == "sb"
+    assert set(letters.values()) == {""}
+    assert "s shells too few" in content.ranking.note
+
+
+def test_several_views_and_the_best_pose_are_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pictures = {"view_best": Figure(), "scene_score": Figure()}
+    monkeypatch.setattr(report_module, "sweep_charts", lambda _: {})
+    monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: (pictures, ()))
+    monkeypatch.setattr(report_module, "figure_bytes", lambda _: DOT)
+    table, file = sweep(), tmp_path / "sweep.nc"
+    file.write_bytes(b"content")
+    write_report(tmp_path / "report.html", file, table, summary_of(table), views=2)
+    page = read_page(tmp_path / "report.html")
+    assert "What the best pose sees." in page.by_id["best"]
+    assert "What the best pose sees." not in page.by_id["figures"]
+    # Pose 1 sees both faces that any pose sees, 3 of 4 mm^2; another one would add nothing.
+    assert "Together they see 75.00 % of the area of the part" in page.by_id["views"]
+    chosen = next(rows for rows in page.tables if rows[0][0] == "view")
+    assert [row[1] for row in chosen[1:]] == ["1"]

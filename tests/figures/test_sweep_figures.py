@@ -19,6 +19,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses
+from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
@@ -94,6 +95,46 @@ def legend_of(figure: Figure) -> list[str]:
 
 def all_axes(figure: Figure) -> list[Any]:
     return [axes for body in figure.subfigs for axes in body.axes]
+
+
+def test_poses_at_several_distances_are_drawn_over_them() -> None:
+    """Each distance has its place, and the displacement the quartiles of its rays."""
+    lengths = np.array([300.0, 200.0, 250.0])
+    matrices = np.stack([look_at((0.0, -length, 0.0), (0.0, 0.0, 0.0)) for length in lengths])
+    table = sweep(PoseSet(matrices, np.full(3, 270.0), np.zeros(3)), empty=())
+    table["stand_off"] = ("pose", lengths)
+    moved = table["displacement_p95"]
+    table = table.assign(displacement_p25=0.2 * moved, displacement_p75=0.6 * moved)
+    summary = summary_of(table)
+    figure = map_figure(summary, summary.displacement)
+    (axes,) = all_axes(figure)
+    line = next(line for line in axes.lines if len(line.get_xdata()) == 3)
+    assert line.get_xdata().tolist() == [200.0, 250.0, 300.0]
+    np.testing.assert_allclose(line.get_ydata(), summary.displacement.values[[1, 2, 0]])
+    band = axes.collections[0].get_paths()[0].vertices
+    for length, value in zip(lengths, summary.displacement.values, strict=True):
+        inside = np.unique(np.round(band[band[:, 0] == length, 1] / value, 9))
+        assert {0.2, 0.6} <= set(inside.tolist())
+    assert "Distance" in axes.get_xlabel()
+    assert "Quartiles of the displacement of all rays" in legend_of(figure)
+    assert not summary_of(sweep()).is_one_direction
+
+
+def test_poses_that_were_warned_of_are_crossed(summary: SweepSummary) -> None:
+    table = sweep()
+    table["warned"] = ("pose", np.where(np.isin(np.arange(len(GRID)), (3, 5)), 2, 0).astype("i1"))
+    warned = summary_of(table)
+    for draw in (rays_figure, pareto_figure, lambda s: map_figure(s, s.score)):
+        for one, expected in ((summary, 0), (warned, 2)):
+            figure = draw(one)
+            crosses = [
+                len(line.get_xdata())
+                for axes in all_axes(figure)
+                for line in axes.lines
+                if line.get_marker() == "x"
+            ]
+            assert sum(crosses) == expected
+            assert ("Warned of, see the ranking: 2 poses" in legend_of(figure)) == bool(expected)
 
 
 # What is summarised ------------------------------------------------------------------------------
@@ -187,7 +228,7 @@ def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
     # Elevations are 45 degrees apart; the cells of the poles end at the poles.
     assert corners[:, 0, 1].tolist() == [-90, -67.5, -22.5, 22.5, 67.5, 90]
     assert corners[0, :, 0].tolist() == [-15, 15, 45, 75, 105]
-    assert bar.get_ylabel() == "Mean displacement (µm)"
+    assert bar.get_ylabel() == "95th-percentile displacement (µm)"
     assert (axes.get_xlabel(), axes.get_ylabel()) == (
         "Azimuth on the orbit (°)",
         "Elevation on the orbit (°)",

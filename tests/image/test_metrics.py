@@ -55,12 +55,15 @@ def test_statistics_of_displacement_and_shift() -> None:
     """The displacement is (0.6, 0, -0.8) times the amount, so 0.6 across and 0.8 along."""
     metrics = metrics_of()
     values = np.sort(AMOUNT[SEEN])
-    # 180 values: the median lies between the 90th and 91st, the 95th percentile at rank 170.05.
+    # 180 values: the median lies between the 90th and 91st, the 95th percentile at rank 170.05,
+    # the quartiles at 44.75 and 134.25.
     p95 = values[170] + 0.05 * (values[171] - values[170])
     expected = {
         "mean": values.sum() / 180,
         "median": (values[89] + values[90]) / 2,
         "p95": p95,
+        "p25": values[44] + 0.75 * (values[45] - values[44]),
+        "p75": values[134] + 0.25 * (values[135] - values[134]),
         "max": values[-1],
         "rms": np.sqrt((values**2).sum() / 180),
     }

@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
+from attrs import evolve
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.planning.criteria import METRICS, Criteria
+from iriftrace.image.aov_image import Status
+from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
 from iriftrace.planning.rank import pareto_front, rank_poses, score_of
 from iriftrace.planning.stability import close_alternative, stability
+from iriftrace.planning.summary import other_statistics_text, summarise
 from validation.inputs.sweep_tables import sweep_table, two_regions
 
 # Five poses A to E. NumPy's linear percentile of five values lies at position 0.95 * 4 = 3.8, that
@@ -62,7 +65,7 @@ def changed(table: xr.Dataset, variable: str, values: Any) -> xr.Dataset:
 
 
 def test_five_poses_are_scored_as_by_hand() -> None:
-    plan = rank_poses(five())
+    plan = rank_poses(five(), THE_PAPERS)
     for name in METRICS:
         assert_allclose(plan.normalised[name], NORMALISED[name], atol=1e-12)
     assert_allclose(plan.score, SCORES, atol=1e-12)
@@ -282,7 +285,7 @@ def test_wrong_options_are_refused(options: dict[str, Any], words: str) -> None:
 def test_other_files_are_refused() -> None:
     with pytest.raises(InputError, match="not a sweep of iriftrace: coverage is missing"):
         rank_poses(five().drop_vars("coverage"))
-    with pytest.raises(InputError, match="not a sweep of iriftrace: displacement_mean"):
+    with pytest.raises(InputError, match="not a sweep of iriftrace: displacement_p95"):
         rank_poses(xr.Dataset())
     with pytest.raises(InputError, match="not a sweep of iriftrace: region"):
         pareto_front(five().drop_vars("region"))
@@ -486,3 +489,34 @@ def test_a_clear_winner_has_no_alternative(
     with pytest.warns(IriftraceWarning, match="axial, lateral"):
         plan = rank_poses(table, Criteria(0.5, 0.1, 0.2, 0.2, percentile=100))
     assert close_alternative(plan) is None
+
+
+def test_the_default_is_the_displacement_below_which_nearly_all_rays_stay() -> None:
+    """A few rays that jump rule the mean, and a median is blind to half of the picture."""
+    table = changed(five(), "displacement_p95", [7, 12, 10, 1, 6])
+    table = changed(table, "displacement_mean", [7, 1, 10, 12, 6])
+    alone = {"displacement": 1, "coverage": 0, "axial": 0, "lateral": 0}
+    assert rank_poses(table, Criteria(**alone)).best == 3
+    assert THE_PAPERS.statistic == "mean"
+    assert rank_poses(table, evolve(THE_PAPERS, **alone)).best == 1
+
+
+def test_other_winners_are_said_where_they_differ() -> None:
+    count = 5
+    table = five()
+    for name, values in (("mean", [7, 1, 10, 12, 6]), ("p95", [7, 12, 10, 1, 6])):
+        table = changed(table, f"displacement_{name}", values)
+    table = changed(table, "displacement_median", [np.nan] * count)
+    for status in Status:
+        if status is not Status.GOOD:
+            table[f"rays_{status.key}"] = (("pose", "region"), np.zeros((count, 1), dtype=int))
+    table["shell_triangles_in_view"] = ("pose", np.zeros(count, dtype=int))
+    table["matrix"] = (("pose", "row", "column"), np.tile(np.eye(4), (count, 1, 1)))
+    for name in ("azimuth", "elevation", "distance"):
+        table[name] = ("pose", np.arange(count, dtype=float))
+    found = summarise(table, Criteria(1, 0, 0, 0))
+    assert found.other_winners == {"mean": 1}
+    text = other_statistics_text(found)
+    assert "95th percentile of the displacement pose 3 is the best, by its mean pose 1" in text
+    same = table.assign(displacement_mean=table["displacement_p95"])
+    assert other_statistics_text(summarise(same, Criteria(1, 0, 0, 0))) is None

@@ -44,7 +44,7 @@ class Hill:
             raise InputError("The camera stands inside the hot air.")
         view = SimpleNamespace(
             rays=SimpleNamespace(good=self.good),
-            displacement_mm=SimpleNamespace(mean=self.displacement(pose)),
+            displacement_mm=SimpleNamespace(p95=self.displacement(pose)),
             coverage=0.3,
             axial_resolution_mm=0.1,
             lateral_resolution_mm=0.1,

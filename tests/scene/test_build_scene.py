@@ -36,7 +36,7 @@ CAMERA = iriftrace.Camera(
 
 
 @pytest.mark.usefixtures("variant")
-@pytest.mark.filterwarnings("ignore:Rays of this view")
+@pytest.mark.filterwarnings("ignore:Hits of this view")
 def test_python_and_command_give_the_same_files(folder: Path) -> None:
     field = iriftrace.read_field(folder / "air.vtu")
     part = iriftrace.read_part(folder / "block.stl")

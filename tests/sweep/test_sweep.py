@@ -29,14 +29,8 @@ from iriftrace.sweep.sweep import SweepOptions, run_series, run_sweep
 from iriftrace.trace.render import render_scene
 from validation.inputs.journals import pieces_done
 
-# Some poses look straight down the plume.
-pytestmark = pytest.mark.filterwarnings("ignore:Single rays of .* poses change")
-
-
 # The pose from above is traced through the field, of which the sweep tells.
-pytestmark = pytest.mark.filterwarnings(
-    "ignore:Rays of .* of .* poses change", "ignore:.*every second shell"
-)
+pytestmark = pytest.mark.filterwarnings("ignore:.*every second shell")
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +87,27 @@ def test_file_says_what_it_holds_and_reads_back(swept: tuple[Path, xr.Dataset]) 
     assert json.loads(plain.attrs["assumptions"])["optics"].startswith("geometric")
     assert read_sweep(path).identical(dataset.astype(dataset.dtypes))
     assert not list(path.parent.glob("*partial*"))
+
+
+def test_poses_are_selected_by_where_they_are(swept: tuple[Path, xr.Dataset]) -> None:
+    """As plain xarray does it with the file: by number, condition, angle and pair of angles."""
+    plain = xr.open_dataset(swept[0], engine="h5netcdf").load()
+    assert plain.attrs["Conventions"] == "CF-1.11"
+    origins = np.column_stack([plain.coords[f"origin_{axis}"] for axis in "xyz"])
+    np.testing.assert_array_equal(origins, plain["matrix"].values[:, :3, 3])
+    moved = plain["displacement_median"].sel(region="part")
+    for name in ("distance", "focal_length", "stand_off", "scene"):
+        assert name in moved.coords
+    angles = zip(plain["azimuth"].values, plain["elevation"].values, strict=True)
+    number = list(angles).index((45.0, 0.0))
+    expected = float(moved[number])
+    assert float(moved.sel(pose=number)) == expected
+    by_azimuth = moved.set_xindex("azimuth").sel(azimuth=45.0)
+    assert sorted(by_azimuth["elevation"].values) == [-40.0, 0.0]
+    by_both = moved.drop_vars("pose").set_xindex(["azimuth", "elevation"])
+    assert float(by_both.sel(azimuth=45.0, elevation=0.0).squeeze()) == expected
+    level = moved.where(moved["elevation"] == 0.0, drop=True)
+    assert sorted(level["azimuth"].values) == [0.0, 45.0, 90.0]
 
 
 def test_head_on_view_covers_the_head(swept: tuple[Path, xr.Dataset]) -> None:
@@ -303,7 +318,8 @@ def test_scenes_focal_lengths_and_distances_in_one_sweep(
     for number, single in enumerate(series):
         alone = run_series([single], tmp_path / f"{number}.nc")
         last = first + len(single.poses)
-        mine = dataset.isel(pose=slice(first, last))
+        # Alone, its poses are counted from 0.
+        mine = dataset.isel(pose=slice(first, last)).assign_coords(pose=alone["pose"])
         per_pose = [n for n, v in alone.data_vars.items() if v.dims[0] == "pose"]
         assert same_results(
             mine[per_pose].drop_attrs(deep=False), alone[per_pose].drop_attrs(deep=False)

@@ -14,9 +14,12 @@ import xarray as xr
 import iriftrace
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_files import read_poses
+from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
 from iriftrace.planning.cover import ViewLimits
+from iriftrace.scene.load import load_scene
 from iriftrace.sweep.store import read_sweep
+from iriftrace.sweep.sweep import run_sweep
 from validation.inputs.hot_block import HotBlock
 from validation.oracles.html_page import read_page
 
@@ -174,7 +177,7 @@ def test_a_refined_pose_is_not_worse_and_is_kept(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "refined.json"
-    options = ["--refine", "--evaluations=14", "-o", str(file)]
+    options = ["--no-confirm", "--refine", "--evaluations=14", "-o", str(file)]
     text = printed(capsys, "plan", sweep, "--coverage=0.6", *options)
     kept = json.loads(file.read_text())
     assert kept["score"] <= kept["start"]["score"]
@@ -184,7 +187,7 @@ def test_a_refined_pose_is_not_worse_and_is_kept(
     # Rendering the start again gives what the sweep has.
     data = read_sweep(sweep).sel(region="part")
     start = kept["start"]
-    for name, variable in (("displacement", "displacement_mean"), ("coverage", "coverage")):
+    for name, variable in (("displacement", "displacement_p95"), ("coverage", "coverage")):
         assert start["metrics"][name] == float(data[variable][start["pose"]])
 
 
@@ -198,7 +201,7 @@ def test_the_report_holds_what_plan_prints(
     page = read_page(file)
     page.assert_needs_nothing()
     # Five maps, four charts, two views, five pictures in space, three of the faces.
-    assert len(page.pictures) == 19
+    assert len(page.pictures) == 20
     rows = [line.split() for line in text.splitlines() if re.match(r"\s+\d+ +\d+ ", line)]
     ranking = next(table for table in page.tables if table[0][0] == "rank")
     assert rows[:4] == ranking[1:]
@@ -339,3 +342,25 @@ def test_reports_that_cannot_be_written(
     lost = tmp_path / "no" / "report.html"
     assert "does not exist" in refusal(capsys, "report", sweep, "-o", lost)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sweep_keeps_what_it_warned_of_and_plans_show_it(
+    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One pose sees the whole block, one half of it, one is too far away to be in focus."""
+    places = [((60.0, -45.0, 70.0), (0.0, 0.0, 0.0)), ((60.0, -45.0, 70.0), (11.0, 9.0, 0.0))]
+    far = ((240.0, -180.0, 280.0), (0.0, 0.0, 0.0))
+    poses = PoseSet(np.stack([look_at(*place) for place in (*places, far)]))
+    file = tmp_path / "s.nc"
+    run_sweep(load_scene(hot.scene, engine="continuous"), poses, file)
+    kept = xr.open_dataset(file)["warned"]
+    # By their meanings, as any program that knows the CF conventions reads them.
+    masks = dict(zip(kept.flag_meanings.split(), kept.flag_masks, strict=True))
+    flags = {name: ((kept.values & mask) != 0).tolist() for name, mask in masks.items()}
+    assert flags["out_of_focus"] == [False, False, True]
+    assert flags["part_beyond_picture"] == [False, True, False]
+    assert not any(flags["shells_too_few"])
+    assert read_sweep(file)["hits_at_border"].values[0] == 0
+    weights = ["--displacement=0", "--coverage=0", "--axial=0", "--lateral=1"]
+    said = printed(capsys, "plan", file, *weights, "--min-hits=1")
+    assert "b part reaches beyond the picture" in said

@@ -22,7 +22,7 @@ VECTOR = {*(f"map_{key}" for key in METRICS), "histograms", "histograms_normalis
 VECTOR |= {"rays", "pareto"}
 IN_SPACE = {f"scene_{key}" for key in METRICS}
 IN_SPACE |= {f"faces_{key}" for key in ("displacement", "times_seen", "incidence")}
-VIEWS = {"view_smallest_displacement", "view_largest_displacement"}
+VIEWS = {"view_best", "view_smallest_displacement", "view_largest_displacement"}
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_views_that_were_not_kept_are_rendered_again(sweep: Path, tmp_path: Path
     summary = summary_of(dataset)
     kept = dict(extreme_images(dataset, summary, sweep.parent))
     again = dict(extreme_images(dataset, summary, tmp_path))
-    assert set(kept) == set(again) == {"smallest", "largest"}
+    assert set(kept) == set(again) == {"best", "smallest", "largest"}
     for name, image in kept.items():
         for channel, values in image.channels.items():
             np.testing.assert_array_equal(again[name].channels[channel], values)

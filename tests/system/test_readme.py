@@ -26,7 +26,7 @@ COMMANDS = {
     "fields.md": ["field", "field"],
 }
 """What each page runs; all other pages run nothing."""
-PYTHON_EXAMPLES = {"README.md": 1, "python.md": 3}
+PYTHON_EXAMPLES = {"README.md": 1, "python.md": 4}
 
 
 def blocks(page: str, language: str) -> list[str]:

@@ -19,6 +19,9 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
 from iriftrace.part.part import read_part
+from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.pose_plan import plan
+from iriftrace.planning.rank import rank_poses
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
@@ -212,3 +215,58 @@ def test_a_sweep_traces_the_field_where_shells_are_too_few(
     assert dataset["through_field"].values.tolist() == [0, 1]
     engines = [load_swept_scene(dataset, pose).scene.engine for pose in (0, 1)]
     assert engines == ["shells", "continuous"]
+
+
+def test_the_change_is_said_as_a_length_too(
+    with_field: Callable[[tuple[float, float, float]], Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A share of next to nothing may be anything; micrometres tell."""
+    exr, xml = tmp_path / "out.exr", with_field(FROM_ABOVE)
+    options = ("--engine", "shells", "--no-figures")
+    assert main(["render", str(xml), "-o", str(exr), *options]) == 0
+    said = " ".join("".join(capsys.readouterr()).split())
+    found = json.loads(exr.with_suffix(".json").read_text())
+    p95 = found[KEY]["p95_mm"]
+    # Of the sample, and of all rays.
+    assert p95 / found[KEY]["p95_share"] == pytest.approx(found["displacement_mm"]["p95"], rel=0.1)
+    assert f"change by {1e3 * p95:.3g} um" in said
+
+
+def test_a_plan_confirms_its_best_poses_through_the_field(
+    with_field: Callable[[tuple[float, float, float]], Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """By shells, the view down the plume is said to move hits by other than what the field does."""
+    xml = with_field(FROM_THE_SIDE)
+    places = (FROM_THE_SIDE, FROM_ABOVE, (0.0, -240.0, 40.0))
+    poses = PoseSet(np.stack([look_at(o, (0.0, 0.0, 0.0)) for o in places]))
+    file = tmp_path / "s.nc"
+    with pytest.warns(IriftraceWarning, match="by up to .* um"):
+        swept = run_sweep(load_scene(xml, engine="shells"), poses, file)
+    exact = load_scene(xml, engine="continuous")
+    truth = [
+        render_scene(exact, camera=exact.camera.at(matrix), nearest=False).metrics
+        for matrix in poses.matrices
+    ]
+    criteria = Criteria(1, 0, 0, 0, statistic="p95")
+    by_shells = rank_poses(swept, criteria).metrics["displacement"][1]
+    assert abs(by_shells / truth[1].displacement_mm.p95 - 1) > 0.1
+    found = plan(file, criteria)
+    expected = [one.displacement_mm.p95 for one in truth]
+    np.testing.assert_allclose(found.summary.plan.metrics["displacement"], expected, rtol=1e-12)
+    assert found.summary.plan.order.tolist() == np.argsort(expected).tolist()
+    assert sorted(found.confirmation.poses) == [0, 1, 2]
+    said = f"{1e3 * expected[found.confirmation.before[0]]:.3g} instead of"
+    assert said in found.confirmation.text
+    capsys.readouterr()
+    words = ["plan", str(file), "--displacement=1", "--coverage=0", "--axial=0", "--lateral=0"]
+    assert main([*words, "--statistic=p95"]) == 0
+    assert found.confirmation.text in capsys.readouterr().out
+    assert plan(file, criteria, confirm=False).confirmation is None
+    (xml.parent / "field.npz").unlink()
+    assert main([*words, "--statistic=p95"]) == 0
+    gone = capsys.readouterr().out
+    assert "not confirmed by tracing the field itself, because" in gone

@@ -301,3 +301,26 @@ def test_a_crop_window_is_a_piece_of_the_whole_picture(tmp_path: Path) -> None:
     assert rendering.metrics.camera.resolution == (200, 150)
     assert 0 < rendering.metrics.coverage_area < 0.1
     rendering.save(tmp_path / "piece.exr")
+
+
+def test_a_scaled_picture_states_shifts_and_steps_of_the_full_camera() -> None:
+    """Computed from a quarter of the pixels across, and measured with all of them."""
+    xml = folder_of("cylinder") / "scene.xml"
+    small, large = (
+        render_scene(load_scene(xml, {"scale": scale}), nearest=False).metrics
+        for scale in (0.1, 0.4)
+    )
+    stated = evolve(small, full_resolution=large.camera.resolution).full_camera
+    assert stated["resolution"] == list(large.camera.resolution)
+    assert stated["shift_px"]["median"] == pytest.approx(large.shift_px.median, rel=0.03)
+    assert stated["lateral_resolution_mm"] == pytest.approx(large.lateral_resolution_mm, rel=0.05)
+    assert (
+        large.as_dict()["full_camera"]["resolution"] == small.as_dict()["full_camera"]["resolution"]
+    )
+    assert evolve(large, full_resolution=large.camera.resolution).full_camera is None
+
+
+def test_the_time_of_the_check_is_counted() -> None:
+    scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
+    times = render_scene(scene, nearest=False, check_shells=1000).metrics.time_s
+    assert 0 < times["check"] < times["total"]

@@ -27,10 +27,11 @@ def sweep_table(
     lateral: Sequence[float],
     rays_good: Sequence[int] | int = 1000,
 ) -> xr.Dataset:
-    """A sweep with one region, ``part``; unnamed statistics and readings are unknown (NaN)."""
+    """A sweep with one region, ``part``; all statistics alike, unnamed readings unknown (NaN)."""
     count = len(displacement)
     columns = {name: np.full(count, np.nan) for name in METRIC_VARIABLES}
-    columns["displacement_mean"] = np.asarray(displacement, dtype=float)
+    for statistic in ("mean", "median", "p95"):
+        columns[f"displacement_{statistic}"] = np.asarray(displacement, dtype=float)
     columns["coverage"] = np.asarray(coverage, dtype=float)
     columns["axial_resolution"] = np.asarray(axial, dtype=float)
     columns["lateral_resolution"] = np.asarray(lateral, dtype=float)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from attrs import evolve
 from matplotlib.image import imread, imsave
 
 from iriftrace.figures.pose import displacement_figure
 from iriftrace.figures.style import write_figure
 from iriftrace.figures.sweep_space import sweep_face_figure
-from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.criteria import THE_PAPERS
 from iriftrace.planning.rank import rank_poses
 from iriftrace.planning.summary import summarise
 from iriftrace.sweep.faces import FaceMap
@@ -31,14 +32,14 @@ def draw_faces(swept: Swept, path: Path) -> None:
         values,
         (float(low), float(high)),
     )
-    summary = summarise(swept.dataset)
+    summary = summarise(swept.dataset, THE_PAPERS)
     write_figure(sweep_face_figure(summary, swept.part, shown), path)
     _halve(path)
 
 
 def draw_best_pose(swept: Swept, path: Path, region: str) -> None:
     """Draw what the best pose for a region sees."""
-    best = rank_poses(swept.dataset, Criteria(region=region)).best
+    best = rank_poses(swept.dataset, evolve(THE_PAPERS, region=region)).best
     matrix = swept.dataset["matrix"].values[best]
     image = load_swept_scene(swept.dataset, best).render(matrix).image
     write_figure(displacement_figure(image), path)

@@ -1,0 +1,87 @@
+"""Warnings of single poses of a sweep, as flags that its file keeps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import BoolArray, IntArray
+from iriftrace.sweep.store import WHOLE_PART
+from iriftrace.trace.shell_convergence import LIMIT
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+VARIABLE = "warned"
+"""Name of the variable over ``pose`` that holds the flags."""
+
+SHARE = 0.05
+"""Share of rays from which on they can make a 95th percentile by themselves."""
+
+
+@frozen
+class Flag:
+    """One thing that is warned of.
+
+    Attributes
+    ----------
+    name : str
+        As in the file's ``flag_meanings`` (CF conventions 1.11, section 3.5).
+    letter : str
+        For tables.
+    text : str
+        In words.
+    """
+
+    name: str
+    letter: str
+    text: str
+
+
+FLAGS = (
+    Flag("shells_too_few", "s", "shells too few for single rays"),
+    Flag("open_boundary", "o", f"over {SHARE:.0%} of the rays pass an open end of the data"),
+    Flag("out_of_focus", "f", f"over {SHARE:.0%} of the hits out of focus"),
+    Flag("part_beyond_picture", "b", "part reaches beyond the picture"),
+)
+"""In the order of their bits, the lowest first."""
+
+
+def warned_variable(dataset: xr.Dataset) -> tuple[tuple[str], IntArray, dict[str, Any]]:
+    """Flags of each pose, with the attributes that explain them in the file.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        A sweep with all that was measured.
+    """
+    whole = dataset.sel(region=WHOLE_PART)
+    good, hit, beyond, blurred, passed = (
+        np.asarray(whole[name].values, dtype=np.float64)
+        for name in (
+            "rays_good",
+            "rays_hit",
+            "hits_at_border",
+            "rays_out_of_focus",
+            "rays_open_boundary",
+        )
+    )
+    coarse = (whole["every_second_shell_p95"].values > LIMIT) & (whole["through_field"].values != 1)
+    found = (coarse, passed > SHARE * good, blurred > SHARE * hit, (beyond > 0) | (hit == 0))
+    flags = sum((one & (good >= 0)).astype(np.int8) << bit for bit, one in enumerate(found))
+    attributes = {
+        "long_name": "what the sweep warns of in this pose",
+        "flag_masks": np.array([1 << bit for bit in range(len(FLAGS))], dtype=np.int8),
+        "flag_meanings": " ".join(flag.name for flag in FLAGS),
+    }
+    return ("pose",), np.asarray(flags, dtype=np.int8), attributes
+
+
+def warned_of(dataset: xr.Dataset) -> BoolArray:
+    """Mask (n, number of `FLAGS`) of a sweep's poses; none is set in an older sweep."""
+    count = dataset.sizes["pose"]
+    flags = dataset[VARIABLE].values if VARIABLE in dataset else np.zeros(count, dtype=np.int8)
+    found: BoolArray = (flags[:, None] >> np.arange(len(FLAGS))) & 1 == 1
+    return found
