@@ -10,9 +10,7 @@ from typing import Any
 from warnings import warn
 
 import numpy as np
-import pyvista as pv
 from attrs import frozen
-from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of_list
@@ -20,7 +18,7 @@ from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_polyhedra
 from iriftrace.field.readers.states import Contents, State, state_number
-from iriftrace.field.readers.vtk_files import vtk_errors
+from iriftrace.field.readers.vtk_process import read_case
 
 _PROCESSOR = re.compile(r"processor(\d+)")
 # Their faces state no value of their own: neighbours, mirrors, or nothing.
@@ -177,8 +175,7 @@ def _names(piece: Piece, flow: bool) -> list[str]:
 
 def _piece(folder: Path, time: str, flow: bool) -> Piece:
     """Cells and patches of one folder with a polyMesh."""
-    with vtk_errors(folder):
-        data, named = _read_with_vtk(folder, time)
+    data, named = read_case(folder, time)
     grid = data["internalMesh"] if "internalMesh" in data.keys() else None
     if grid is None or not grid.n_cells:
         raise InputError(
@@ -212,22 +209,6 @@ def _put_velocity_over_temperature(arrays: Any) -> None:
         kelvin = np.asarray(arrays[TEMPERATURE], dtype=np.float64)
         velocity = np.asarray(arrays[VELOCITY], dtype=np.float64)
         arrays[VELOCITY_OVER_TEMPERATURE] = velocity / kelvin[:, None]
-
-
-def _read_with_vtk(folder: Path, time: str) -> tuple[Any, list[str]]:
-    """VTK's reading of a folder, and the names of the fields that it found there."""
-    reader = vtkOpenFOAMReader()
-    # Any name in the case's folder will do; the file itself is not looked for.
-    reader.SetFileName(str(folder / "case.foam"))
-    reader.SetSkipZeroTime(False)
-    reader.SetCreateCellToPoint(False)
-    reader.UpdateInformation()
-    reader.EnableAllPatchArrays()
-    reader.EnableAllCellArrays()
-    reader.SetTimeValue(float(time))
-    reader.Update()
-    named = [reader.GetCellArrayName(k) for k in range(reader.GetNumberOfCellArrays())]
-    return pv.wrap(reader.GetOutput()), named
 
 
 def _patch_kinds(folder: Path) -> dict[str, str]:
