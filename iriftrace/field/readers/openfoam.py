@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from warnings import warn
@@ -61,6 +62,7 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     ]
     if not names:
         raise InputError(f"The case {path} has no scalar field at this time; is it complete?")
+    _refuse_bare_patches(path, pieces, names)
     files = (
         file
         for piece in case.pieces
@@ -75,6 +77,18 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
         length_unit="m",
         origin=f"OpenFOAM{_solver(case.folder)}, t = {time} s",
     )
+
+
+def _refuse_bare_patches(path: Path, pieces: Iterable[Piece], names: Iterable[str]) -> None:
+    """Refuse boundaries without the values that the points on them have."""
+    for piece in pieces:
+        for patch, mesh in piece.patches.items():
+            missing = [name for name in names if mesh.n_cells and name not in mesh.cell_data]
+            if missing:
+                raise InputError(
+                    f"The case {path} has no values of {missing[0]} on the patch {patch}; is the "
+                    "file of this time complete?"
+                )
 
 
 def is_case(folder: Path) -> bool:
