@@ -140,8 +140,6 @@ class Journal:
 
     def __init__(self, connection: sqlite3.Connection, work: Work) -> None:
         self._connection = connection
-        # Damaged text is other text, which is compared or parsed as such.
-        connection.text_factory = lambda raw: raw.decode(errors="replace")
         # With the exclusive lock set first, the log needs no shared memory, which network file
         # systems lack.
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -238,11 +236,12 @@ def open_journal(work: Work) -> Iterator[Journal]:
             connection.close()
             if journal is not None and not journal:
                 path.unlink()
-    except sqlite3.Error as error:
+    # Of damaged names of columns and texts sqlite3 says that they are not UTF-8.
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         raise InputError(_reason(error, path, work.kind)) from error
 
 
-def _reason(error: sqlite3.Error, path: Path, kind: str) -> str:
+def _reason(error: Exception, path: Path, kind: str) -> str:
     code = getattr(error, "sqlite_errorcode", None)
     if code == sqlite3.SQLITE_BUSY:
         return (

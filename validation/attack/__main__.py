@@ -19,7 +19,7 @@ from validation.attack.workers import OUTCOMES, damaged_files, outcome, outcomes
 PAGE = Path(__file__).parents[2] / "docs/reliability.md"
 MARKS = ("<!-- attack -->", "<!-- end of attack -->")
 
-CASES = 1500
+CASES = 10_000
 """About five minutes on two cores."""
 
 
