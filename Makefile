@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-all lint docs bench accuracy statements clean llvm openfoam
+.PHONY: help demo test test-all lint docs bench accuracy statements attack clean llvm openfoam
 .DEFAULT_GOAL := help
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
 	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and mend it where needed'
 	@echo 'make statements  compute docs/parts.md anew: what the paper says of its components'
+	@echo 'make attack  damage files of every format and count what readers make of them: docs/reliability.md'
 	@echo 'make clean   remove build folders and caches; .venv and out/ stay'
 
 demo: $(VENV)/installed $(VENV)/drawing llvm
@@ -57,6 +58,9 @@ accuracy: $(VENV)/installed-dev llvm
 
 statements: $(VENV)/installed $(VENV)/drawing llvm
 	$(BIN)/python -m validation.statements
+
+attack: $(VENV)/installed-dev $(VENV)/drawing llvm
+	$(BIN)/python -m validation.attack --write
 
 clean:
 	rm -rf build dist docs/_build docs/api docs/gallery docs/sg_execution_times.rst *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

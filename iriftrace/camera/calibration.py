@@ -131,8 +131,21 @@ def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration
     )
 
 
+LARGEST_BYTES = 4_000_000
+"""Size of a calibration with the poses of ten thousand boards, which YAML reads in ten seconds."""
+
+
 class _MatrixLoader(yaml.SafeLoader):  # type: ignore[misc, unused-ignore]
-    """Plain YAML, in which OpenCV's tagged matrices are mappings like any other."""
+    """Plain YAML, in which OpenCV's tagged matrices are mappings like any other.
+
+    Aliases are refused: OpenCV writes none, and ten lines of them stand for billions of values.
+    """
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """The next value of the file."""
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("it has aliases, which no calibration needs")
+        return super().compose_node(parent, index)
 
 
 _MatrixLoader.add_multi_constructor(
@@ -143,6 +156,11 @@ _MatrixLoader.add_multi_constructor(
 
 def _content(path: Path) -> Mapping[str, Any]:
     try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise InputError(
+                f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
+                f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
+            )
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error

@@ -342,21 +342,40 @@ class Camera:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Camera:
-        """Inverse of :meth:`as_dict`."""
-        near, far = values["focus_mm"]
-        focal = values["focal_length_mm"]
-        # Files of earlier versions know no distortion.
-        distortion = values.get("distortion")
-        return cls(
-            projection=values["projection"],
-            focal_length_mm=math.nan if focal is None else focal,
-            sensor_mm=values["sensor_mm"],
-            resolution=values["resolution"],
-            principal_point_px=values["principal_point_px"],
-            focus_mm=(near, math.inf if far is None else far),
-            matrix=values["matrix"],
-            distortion=None if distortion is None else Distortion(**distortion),
-        )
+        """Inverse of :meth:`as_dict`.
+
+        Raises
+        ------
+        InputError
+            The values are no camera's, as of a damaged file.
+        """
+        try:
+            near, far = values["focus_mm"]
+            focal = values["focal_length_mm"]
+            # Files of earlier versions know no distortion.
+            distortion = values.get("distortion")
+            return cls(
+                projection=values["projection"],
+                focal_length_mm=math.nan if focal is None else focal,
+                sensor_mm=values["sensor_mm"],
+                resolution=values["resolution"],
+                principal_point_px=values["principal_point_px"],
+                focus_mm=(near, math.inf if far is None else far),
+                matrix=values["matrix"],
+                distortion=None if distortion is None else Distortion(**distortion),
+            )
+        except (TypeError, LookupError, AttributeError, OverflowError) as error:
+            raise InputError(
+                f"The camera in the file lacks or misnames something ({error}); write the file "
+                "again."
+            ) from error
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(
+                f"The camera in the file has something else than numbers ({error}); write the "
+                "file again."
+            ) from error
 
 
 def _check(camera: Camera) -> None:

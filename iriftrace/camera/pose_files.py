@@ -21,7 +21,6 @@ import io
 import json
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from attrs import frozen
@@ -30,7 +29,7 @@ from numpy.typing import ArrayLike
 from iriftrace.camera.pose_set import PoseSet, aimed, refuse_distorted
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import array_in, whole_file
 from iriftrace.core.units import length_factor
 
 SCHEMA = "iriftrace.poses/1"
@@ -227,9 +226,11 @@ def _text(content: bytes, path: Path) -> str:
 
 def _array(content: bytes, path: Path) -> Any:
     try:
-        return np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, EOFError, OSError, BadZipFile) as error:
-        raise InputError(f"{path} is not a NumPy array; save one of 4x4 matrices.") from error
+        return array_in(content)
+    except ValueError as error:
+        raise InputError(
+            f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
+        ) from error
 
 
 def _object(text: str, path: Path) -> dict[str, Any]:

@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import math
 import os
+import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tokenize import TokenError
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
 
 from iriftrace.core.errors import InputError
 
@@ -77,7 +87,61 @@ def check_readable(path: Path) -> None:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
 
 
-def numpy_reason(error: Exception) -> str:
-    """NumPy's message about a file, without its advice to trust pickled objects."""
-    text = " ".join(str(error).split())
-    return "it holds something else than arrays of numbers" if "pickle" in text else text
+MOST_PACKED = 100
+"""Bytes that one byte of a compressed file may unpack to: fields and their masks stay below 20."""
+
+
+def array_in(content: bytes) -> NDArray[Any]:
+    """Array of numbers in the bytes of a ``.npy`` file; nothing is unpickled.
+
+    Raises
+    ------
+    ValueError
+        It is no such file, or its header states another size than it has.
+    """
+    file = io.BytesIO(content)
+    try:
+        header = _HEADERS[npy.read_magic(file)]
+        shape, by_columns, kind = header(file)
+    # The header is Python's syntax, and its parsers have errors of their own.
+    except (ValueError, LookupError, TypeError, SyntaxError, TokenError, RecursionError):
+        raise ValueError("it holds something else than arrays of numbers") from None
+    if kind.hasobject or kind.kind not in "biufV":
+        raise ValueError("it holds something else than arrays of numbers")
+    stated, there = math.prod(shape) * kind.itemsize, len(content) - file.tell()
+    if min(shape, default=0) < 0 or stated != there:
+        raise ValueError(f"its header states {stated:,} bytes in place of {there:,}")
+    flat = np.frombuffer(content, dtype=kind, offset=file.tell())
+    return flat.reshape(shape, order="F" if by_columns else "C").copy()
+
+
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def arrays_in(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Arrays of an ``.npz`` file by name, as in `array_in`.
+
+    Raises
+    ------
+    ValueError
+        It is no such file, lacks an array, or would unpack to more than `MOST_PACKED` times itself.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = {info.filename: info for info in archive.infolist()}
+            wanted = [members[f"{name}.npy"] for name in names]
+            stated, size = sum(info.file_size for info in wanted), path.stat().st_size
+            if stated > MOST_PACKED * size:
+                raise ValueError(f"its {size:,} bytes would unpack to {stated:,}")
+            contents = [archive.read(info) for info in wanted]
+    except KeyError as error:
+        raise ValueError(f"it lacks {error}") from error
+    # NotImplementedError and RuntimeError are those of compressions and encryptions.
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:
+        raise ValueError("it holds something else than arrays of numbers") from error
+    return {name: array_in(content) for name, content in zip(names, contents, strict=True)}
+
+
+def is_number(value: Any) -> bool:
+    """True for a finite number out of a JSON file, in which true and NaN can stand for one."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf

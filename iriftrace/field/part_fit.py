@@ -41,6 +41,9 @@ _SCALES = {
     25.4: "--length-unit inch",
     1 / 25.4: "--field-length-unit inch",
 }
+MOST_LARGER = 100.0
+"""Part over field: air around a part is larger than it, and one lost vertex slows what follows."""
+
 _TURNS = (
     "",
     *(f"rotate {axis} {angle}" for axis, angle in product("xyz", (90, -90, 180))),
@@ -107,6 +110,11 @@ def fit_part_to_field(
     advice = _advice(part.bounds, cavity)
     if apart:
         raise InputError(f"{unreached}they lie side by side; {advice}")
+    larger = _diagonal(part.bounds) / _diagonal(data)
+    if larger > MOST_LARGER:
+        raise InputError(
+            f"{unreached}the part is {larger:.3g} times as large as the field; {advice}"
+        )
     gaps = part.surface.distance(wall.points)
     # A wall that is nowhere closer than half its own size surrounds something else.
     if gaps.min() > 0.5 * min(_diagonal(cavity), _diagonal(part.bounds)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from iriftrace.air.refractivity import dispersion
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import check_readable, numpy_reason, whole_file
+from iriftrace.core.files import arrays_in, check_readable, is_number, whole_file
 from iriftrace.field.gradient import CORNERS
 
 if TYPE_CHECKING:
@@ -132,15 +131,13 @@ def load_field_file(path: str | Path) -> FieldCells:
         )
     check_readable(Path(path))
     try:
-        # Opened here, since NumPy leaves a damaged file open.
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in ARRAYS}
-            header = json.loads(content["header"].tobytes())
+        arrays: dict[str, Any] = arrays_in(Path(path), (*ARRAYS, "header"))
+        header = json.loads(arrays.pop("header").tobytes())
         known = {name: header[name] for name in HEADER}
         schema = header["schema"]
-    except (OSError, ValueError, LookupError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise InputError(
-            f"{path} is damaged or no field file ({numpy_reason(error)}); write the scene again."
+            f"{path} is damaged or no field file ({error}); write the scene again."
         ) from error
     if schema != SCHEMA:
         raise InputError(
@@ -148,15 +145,32 @@ def load_field_file(path: str | Path) -> FieldCells:
             "iriftrace; write the scene again."
         )
     cells = FieldCells(**arrays, **known)
+    fault = _fault(cells)
+    if fault:
+        raise InputError(f"{path} is damaged: {fault}; write the scene again.")
+    return cells
+
+
+def _fault(cells: FieldCells) -> str:
+    """What others would stumble over; "" where all fits."""
+    kinds = {"points": "f4", "refractivity": "f8", "celltypes": "u1", "wall": "b1"}
+    kinds["cell_connectivity"] = "i4"
+    if any(getattr(cells, name).dtype != np.dtype(kind) for name, kind in kinds.items()):
+        return "its arrays have other types of numbers"
     count = len(cells.points)
     if not (
         cells.points.shape == (count, 3)
         and cells.refractivity.shape == cells.wall.shape == (count,)
+        and cells.celltypes.ndim == 1
+        and len(cells.celltypes)
+        and np.isin(cells.celltypes, list(CORNERS)).all()
         and cells.cell_connectivity.shape == (cells.cell_offsets[-1],)
         and (cells.cell_connectivity >= 0).all()
         and (cells.cell_connectivity < count).all()
     ):
-        raise InputError(
-            f"{path} is damaged: its cells do not fit its points; write the scene again."
-        )
-    return cells
+        return "its cells do not fit its points"
+    if not (np.isfinite(cells.points).all() and np.isfinite(cells.refractivity).all()):
+        return "its points or their indices are not all finite numbers"
+    if not (is_number(cells.ambient) and isinstance(cells.air, dict)):
+        return "it states no air"
+    return "" if isinstance(cells.source, dict) else "it states no source"

@@ -30,8 +30,9 @@ class PlyMesh:
 def read_ply(path: Path) -> PlyMesh:
     """Read a PLY file of any program; polygons are split into triangles.
 
-    What is wrong with a damaged file is raised as the reader of trimesh finds it.
+    What is wrong with a damaged file is raised as the reader of trimesh finds it, or as ValueError.
     """
+    _refuse_stated(path)
     # Imported late, as whoever writes a mesh needs no reader.
     import trimesh
 
@@ -39,12 +40,58 @@ def read_ply(path: Path) -> PlyMesh:
     with path.open("rb") as file:
         mesh: Any = trimesh.load(file, file_type="ply", process=False)
     raw = mesh.metadata.get("_ply_raw", {})
-    return PlyMesh(
-        np.array(mesh.vertices, dtype=np.float64),
-        np.asarray(getattr(mesh, "faces", ()), dtype=np.int64),
-        _columns(raw, "vertex"),
-        _columns(raw, "face"),
-    )
+    vertices = np.array(mesh.vertices, dtype=np.float64)
+    faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
+    check_corners(vertices, faces)
+    return PlyMesh(vertices, faces, _columns(raw, "vertex"), _columns(raw, "face"))
+
+
+def check_corners(vertices: FloatArray, faces: IntArray) -> None:
+    """Refuse what is no list of triangles between existing vertices.
+
+    Raises
+    ------
+    ValueError
+    """
+    if faces.size == 0:
+        return
+    if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise ValueError(f"vertices {vertices.shape} and faces {faces.shape} are no triangles")
+    lowest, highest = int(faces.min()), int(faces.max())
+    if lowest < 0 or highest >= len(vertices):
+        wrong = lowest if lowest < 0 else highest
+        raise ValueError(f"a triangle names vertex {wrong}, but there are {len(vertices)}")
+
+
+def _refuse_stated(path: Path) -> None:
+    """Refuse a header that states more than the file has: its reader would make room for it."""
+    with path.open("rb") as file:
+        head, end, _ = file.read(HEADER_LIMIT).partition(b"end_header")
+    if not end:
+        raise ValueError("its header has no end")
+    least, count, text = 0, 0, False
+    for line in head.splitlines():
+        match line.split():
+            case [b"format", kind, *_]:
+                text = kind == b"ascii"
+            case [b"element", _, number]:
+                count = int(number)
+            case [b"property", b"list", kind, *_] | [b"property", kind, _]:
+                # A digit and what separates it from the next.
+                least += count * (2 if text else _BYTES.get(kind, 1))
+    size = path.stat().st_size
+    if least > size:
+        raise ValueError(f"its header states at least {least:,} bytes, and it has {size:,}")
+
+
+HEADER_LIMIT = 1_000_000
+"""Bytes in which a header ends, comments included."""
+
+_BYTES = {
+    **dict.fromkeys((b"short", b"ushort", b"int16", b"uint16"), 2),
+    **dict.fromkeys((b"int", b"uint", b"float", b"int32", b"uint32", b"float32"), 4),
+    **dict.fromkeys((b"double", b"float64"), 8),
+}
 
 
 def _columns(raw: Any, element: str) -> dict[str, NDArray[Any]]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import is_number, sha256_of, whole_file
 from iriftrace.part.part import Part, read_part
 
 CHANNELS: tuple[str, ...] = (
@@ -200,6 +200,10 @@ class AovImage:
         """
         self.require(*_NEEDED)
         named = self.header["part"]
+        if not _names_part(named):
+            raise InputError(
+                "The image's header does not say which part it shows; render the scene again."
+            )
         file = Path(named["path"] if path is None else path)
         if not file.is_file():
             raise InputError(
@@ -350,7 +354,7 @@ def read_exr(path: str | Path) -> AovImage:
             # Closing the file empties its dictionaries, so both are copied.
             attributes = dict(file.header())
             channels = {key: channel.pixels for key, channel in file.channels().items()}
-    except (RuntimeError, ValueError) as error:
+    except Exception as error:  # OpenEXR and its layer of Python let any through
         raise InputError(f"{name} is damaged or incomplete ({error}); render it again.") from error
     header = {
         key.removeprefix(_PREFIX): _decode(value)
@@ -366,6 +370,18 @@ def read_exr(path: str | Path) -> AovImage:
     image = AovImage({key: channels[key] for key in _KNOWN if key in channels}, header)
     _refuse_not_finite(image, f"in {name} is damaged")
     return image
+
+
+def _names_part(named: Any) -> bool:
+    """True for a header entry with a part's file, checksum, unit and place."""
+    return (
+        isinstance(named, dict)
+        and all(isinstance(named.get(key), str) for key in ("path", "sha256", "length_unit"))
+        and isinstance(rows := named.get("to_world"), list)
+        and len(rows) == 4
+        and all(isinstance(row, list) and len(row) == 4 for row in rows)
+        and all(is_number(value) for row in rows for value in row)
+    )
 
 
 def _refuse_not_finite(image: AovImage, consequence: str) -> None:

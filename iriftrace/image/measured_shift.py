@@ -16,7 +16,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import numpy_reason, sha256_of
+from iriftrace.core.files import array_in, sha256_of
 
 COLUMNS = ("u", "v", "du", "dv")
 PAIRS = (("x", "y"), ("u", "v"), ("du", "dv"), ("dx", "dy"), ("r", "g"))
@@ -120,10 +120,9 @@ def _pair(names: list[str], file: Path) -> tuple[str, str]:
 
 def _npy_map(file: Path) -> FloatArray:
     try:
-        field = np.load(file, allow_pickle=False)
-        numbers = np.asarray(field, dtype=np.float64)
-    except (OSError, ValueError, TypeError, EOFError) as error:
-        raise InputError(f"{file} is no NumPy array of numbers ({numpy_reason(error)}).") from error
+        numbers = np.asarray(array_in(file.read_bytes()), dtype=np.float64)
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"{file} is no NumPy array of numbers ({error}).") from error
     if numbers.ndim == 3 and numbers.shape[2] == 2:
         return numbers
     if numbers.ndim == 3 and numbers.shape[0] == 2:

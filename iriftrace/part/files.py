@@ -13,7 +13,7 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.geometry.ply import read_ply, write_ply
+from iriftrace.geometry.ply import HEADER_LIMIT, check_corners, read_ply, write_ply
 from iriftrace.part.regions import Regions
 
 # Mitsuba reads face properties only with a number at the end, and calls this one ``face_region``;
@@ -21,7 +21,6 @@ from iriftrace.part.regions import Regions
 _WRITTEN_PROPERTY = "region_0"
 _READ_PROPERTIES = ("region", _WRITTEN_PROPERTY)
 _REGION_COMMENT = re.compile(r"comment\s+region\s+(-?\d+)\s+(.*\S)\s*")
-_HEADER_LIMIT = 1_000_000
 
 LARGEST_REGION = 2**31
 """Regions have numbers below this; what is larger is no region."""
@@ -81,13 +80,10 @@ def load_mesh_file(path: Path) -> MeshFile:
             "part's surface as triangles."
         )
     vertices = np.array(mesh.vertices, dtype=np.float64)
-    lowest, highest = int(faces.min()), int(faces.max())
-    if lowest < 0 or highest >= len(vertices):
-        wrong = lowest if lowest < 0 else highest
-        raise InputError(
-            f"{path} is damaged: a triangle names vertex {wrong}, but there are {len(vertices)}; "
-            "export it again."
-        )
+    try:
+        check_corners(vertices, faces)
+    except ValueError as error:
+        raise InputError(f"{path} is damaged: {error}; export it again.") from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
     return MeshFile(vertices, faces, regions, unit, sha256_of(path))
 
@@ -117,7 +113,7 @@ def _regions(path: Path, column: Any, face_count: int) -> Regions:
 
 def _region_names(path: Path) -> dict[int, str]:
     with path.open("rb") as file:
-        header = file.read(_HEADER_LIMIT).partition(b"end_header")[0]
+        header = file.read(HEADER_LIMIT).partition(b"end_header")[0]
     lines = header.decode("utf-8", errors="replace").splitlines()
     matches = (_REGION_COMMENT.fullmatch(line) for line in lines)
     return {int(match[1]): match[2] for match in matches if match}

@@ -29,6 +29,9 @@ _SHORT_UNITS = {
     **{"inche": "inch", "micron": "um"},
 }
 
+FARTHEST_MM = 1e9
+"""Coordinates beyond are damage: a thousand kilometres, of which even the cube fits in float32."""
+
 MOST_FACES = 2**24 - 2
 """The EXR channel ``part.face`` is float32, which holds face number + 1 exactly up to here."""
 
@@ -283,6 +286,11 @@ def part_of_mesh(
         )
     if not np.isfinite(points).all():
         raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
+    if np.abs(points).max(initial=0.0) > FARTHEST_MM:
+        raise InputError(
+            f"{name} has a vertex {np.abs(points).max():.3g} mm from the origin, farther than any "
+            f"part ({FARTHEST_MM:g} mm); export the part again."
+        )
     welded = weld(points)
     triangles, closed = _oriented(name, points, triangles, welded)
     surface = Surface(points, triangles)

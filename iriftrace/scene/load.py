@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 import weakref
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.files import check_readable
 from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.geometry.ply import read_ply
 from iriftrace.part.part import Part, read_part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import (
@@ -261,6 +263,7 @@ def _load_one(
 
     started = time.perf_counter()
     file = read_scene_file(path, values)
+    _check_meshes(file.file_paths)
     try:
         scene = mi.load_file(
             str(path),
@@ -328,6 +331,18 @@ def _second_device(sensors: Sequence[Any]) -> tuple[Camera | None, str]:
         return None, ""
     camera = Camera.from_dict(camera_of(sensors[1]).description())
     return _seen_by(sensors[1].film(), camera), str(sensors[1].id())
+
+
+def _check_meshes(files: Iterable[Path]) -> None:
+    """Refuse damaged meshes, whose corners Mitsuba takes as they are."""
+    for mesh in files:
+        if mesh.suffix.lower() != ".ply":
+            continue
+        check_readable(mesh)
+        try:
+            read_ply(mesh)
+        except Exception as error:  # the reader lets any error through that a damaged file causes
+            raise InputError(f"{mesh} is damaged ({error}); write the scene again.") from error
 
 
 def _seen_by(film: Any, camera: Camera) -> Camera:

@@ -15,7 +15,7 @@ from attrs import asdict, frozen
 from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import is_number, sha256_of, whole_file
 from iriftrace.geometry import ply
 from iriftrace.geometry.triangles import polydata
 from iriftrace.shells.hessian import PLY_COLUMNS
@@ -143,7 +143,7 @@ def load_shells(folder: str | Path) -> ShellStack:
         raise InputError(
             f"cannot read {path} ({error.strerror}); give a folder that `iriftrace shells` wrote."
         ) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
     if not isinstance(table, dict) or table.get("schema") != SCHEMA:
         raise InputError(
@@ -153,10 +153,10 @@ def load_shells(folder: str | Path) -> ShellStack:
     try:
         shells = [
             Shell(
-                row["layer"],
-                row["refractivity"],
-                row["ext"],
-                row["int"],
+                _number(row, "layer"),
+                _number(row, "refractivity"),
+                _number(row, "ext"),
+                _number(row, "int"),
                 *read_ply(path.parent / row["file"]),
             )
             for row in table["shells"]
@@ -164,8 +164,14 @@ def load_shells(folder: str | Path) -> ShellStack:
         source = None if table["source"] is None else FieldSource(**table["source"])
         small = [SmallComponents(**row) for row in table["small_components"]]
         return ShellStack(shells, Air(**table["air"]), table["rule"], source, small)
-    except (KeyError, TypeError) as error:
+    except (LookupError, TypeError, AttributeError) as error:
         raise InputError(f"{path} lacks or misnames {error}; write the shells again.") from error
+
+
+def _number(row: Mapping[str, Any], key: str) -> Any:
+    if not is_number(row[key]):
+        raise TypeError(f"the number {key}: it has {row[key]!r}")
+    return row[key]
 
 
 def _stem(shell: Shell) -> str:

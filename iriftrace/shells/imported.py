@@ -25,7 +25,8 @@ from iriftrace.field import arrays
 from iriftrace.field.arrays import unit_of
 from iriftrace.field.index_field import FieldSource
 from iriftrace.field.origin import origin_of
-from iriftrace.field.readers.vtk_files import blocks_of, read_vtk
+from iriftrace.field.readers.vtk_files import blocks_of
+from iriftrace.field.readers.vtk_process import read_file
 from iriftrace.geometry import transform as motion
 from iriftrace.geometry.topology import drop_degenerate, face_along, weld
 from iriftrace.geometry.triangles import area_vectors, normals_along, unit_vectors, used_vertices
@@ -272,7 +273,7 @@ def _read(path: Path) -> tuple[list[pv.PolyData], str]:
         raise InputError(f"The file of surfaces {path} does not exist; check the path.")
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path} cannot be read as surfaces; export it as {', '.join(SUFFIXES)}.")
-    data = read_vtk(path)
+    data = read_file(path)
     found = [mesh for mesh in map(_triangles, blocks_of(data)) if mesh is not None]
     if not found:
         raise InputError(

@@ -13,7 +13,8 @@ import numpy as np
 from attrs import asdict, frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import check_readable, whole_file
+from iriftrace.core.netcdf import check_netcdf
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, own_size
 from iriftrace.image.metrics import FEWEST_RAYS
@@ -337,10 +338,12 @@ def read_study(path: str | Path) -> xr.Dataset:
 
     if not Path(path).is_file():
         raise InputError(f"There is no study {path}; `iriftrace study` writes one.")
+    check_readable(Path(path))
+    check_netcdf(Path(path))
     try:
         with xr.open_dataset(path, engine="h5netcdf") as file:
             dataset: xr.Dataset = file.load()
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:  # xarray decodes what a damaged file states, with any error
         raise InputError(f"{path} is no netCDF file ({error}); give a study.") from error
     if dataset.attrs.get("schema") != SCHEMA:
         raise InputError(
@@ -355,6 +358,7 @@ def is_study(path: str | Path) -> bool:
     import xarray as xr
 
     try:
+        check_netcdf(Path(path))
         with xr.open_dataset(path, engine="h5netcdf") as file:
             return str(file.attrs.get("schema", "")).startswith(SCHEMA.partition("/")[0] + "/")
     except (OSError, ValueError, KeyError):

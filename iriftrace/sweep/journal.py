@@ -15,6 +15,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import array_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -182,21 +183,27 @@ class Journal:
 
     def entry(self, number: int) -> dict[str, Any]:
         """The JSON values of a piece."""
-        (text,) = self._connection.execute(
-            "SELECT entry FROM piece WHERE number = ?", (number,)
-        ).fetchone()
-        entry: dict[str, Any] = json.loads(text)
+        try:
+            entry: dict[str, Any] = json.loads(self._stored("entry", number))
+        except (ValueError, TypeError, RecursionError) as error:
+            raise sqlite3.DatabaseError(f"piece {number}: {error}") from error
         return entry
 
     def rows(self, number: int) -> NDArray[Any] | None:
         """The array of a piece."""
-        (blob,) = self._connection.execute(
-            "SELECT rows FROM piece WHERE number = ?", (number,)
+        blob = self._stored("rows", number)
+        try:
+            return None if blob is None else array_in(blob)
+        except (ValueError, TypeError) as error:
+            raise sqlite3.DatabaseError(f"piece {number}: {error}") from error
+
+    def _stored(self, column: str, number: int) -> Any:
+        row = self._connection.execute(
+            f"SELECT {column} FROM piece WHERE number = ?", (number,)
         ).fetchone()
-        if blob is None:
-            return None
-        rows: NDArray[Any] = np.load(io.BytesIO(blob), allow_pickle=False)
-        return rows
+        if row is None:
+            raise sqlite3.DatabaseError(f"piece {number} is listed but not there")
+        return row[0]
 
     def clear(self) -> None:
         """Give the pieces up, because they are in the result."""
@@ -229,11 +236,12 @@ def open_journal(work: Work) -> Iterator[Journal]:
             connection.close()
             if journal is not None and not journal:
                 path.unlink()
-    except sqlite3.Error as error:
+    # Of damaged names of columns and texts sqlite3 says that they are not UTF-8.
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         raise InputError(_reason(error, path, work.kind)) from error
 
 
-def _reason(error: sqlite3.Error, path: Path, kind: str) -> str:
+def _reason(error: Exception, path: Path, kind: str) -> str:
     code = getattr(error, "sqlite_errorcode", None)
     if code == sqlite3.SQLITE_BUSY:
         return (

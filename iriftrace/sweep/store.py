@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import check_readable, sha256_of, whole_file
+from iriftrace.core.netcdf import check_netcdf
 from iriftrace.image.sightings import COLUMNS, COUNTS, ROW, FaceSightings
 from iriftrace.sweep.journal import journal_of
 
@@ -184,12 +185,14 @@ def read_sweep(path: str | Path) -> xr.Dataset:
                 "`iriftrace sweep` command again, which goes on from there."
             )
         raise InputError(f"There is no sweep {path}; `iriftrace sweep` writes one.")
+    check_readable(Path(path))
+    check_netcdf(Path(path))
     try:
         dataset = xr.open_dataset(path, engine="h5netcdf")
         for variable in dataset.variables.values():
             if SIGHTING not in variable.dims:
                 variable.load()
-    except (OSError, ValueError, KeyError, RuntimeError) as error:  # RuntimeError is HDF5's own
+    except Exception as error:  # xarray decodes what a damaged file states, with any error
         raise InputError(f"{path} is damaged or no netCDF file ({error}); give a sweep.") from error
     fault = _fault(dataset)
     if fault:

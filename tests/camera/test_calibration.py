@@ -162,3 +162,18 @@ def test_files_that_are_something_else(tmp_path: Path, text: str, message: str) 
 def test_a_calibration_that_says_it_is_no_fisheye(tmp_path: Path) -> None:
     """As OpenCV's own calibration program writes it."""
     assert read_calibration(plain(tmp_path / "camera.json", fisheye_model=0)).views == 0
+
+
+def test_aliases_are_refused_before_they_grow(tmp_path: Path) -> None:
+    """Ten lines that stand for ten billion numbers."""
+    lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 10)]
+    (tmp_path / "bomb.yaml").write_text("\n".join([*lines, "camera_matrix: *a9"]))
+    with pytest.raises(InputError, match="aliases, which no calibration needs"):
+        read_calibration(tmp_path / "bomb.yaml")
+
+
+def test_a_calibration_too_large_to_be_one(tmp_path: Path) -> None:
+    (tmp_path / "huge.json").write_bytes(b" " * 5_000_000)
+    with pytest.raises(InputError, match="more than any camera needs"):
+        read_calibration(tmp_path / "huge.json")

@@ -201,3 +201,14 @@ def test_damaged_mesh_is_refused(stack, tmp_path):
     path.unlink()
     with pytest.raises(InputError, match="cannot read the shell"):
         load_shells(tmp_path)
+
+
+@pytest.mark.parametrize("key", ["layer", "refractivity", "ext", "int"])
+@pytest.mark.parametrize("value", ["0.0002", None, float("nan"), True])
+def test_numbers_of_the_table_are_numbers(stack, tmp_path, key, value):
+    save_shells(stack, tmp_path)
+    table = json.loads((tmp_path / "shells.json").read_text())
+    table["shells"][0][key] = value
+    (tmp_path / "shells.json").write_text(json.dumps(table))
+    with pytest.raises(InputError, match=f"the number {key}"):
+        load_shells(tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import xarray as xr
 
 from iriftrace.core.errors import InputError
 from iriftrace.studies.study import SCHEMA, read_study
-from iriftrace.sweep.journal import Journal, Piece, Progress, Work, open_journal
+from iriftrace.sweep.journal import Journal, Piece, Progress, Work, journal_of, open_journal
 from iriftrace.sweep.pose import fingerprint
 
 REQUEST = {"study": "squares", "count": 5}
@@ -131,3 +132,22 @@ def test_reading_says_what_is_wrong(tmp_path: Path) -> None:
     xr.Dataset({"a": 1}).to_netcdf(other, engine="h5netcdf")
     with pytest.raises(InputError, match="schema"):
         read_study(other)
+
+
+def _read_piece(work: Work) -> None:
+    with open_journal(work) as journal:
+        journal.entry(0)
+        journal.rows(0)
+
+
+@pytest.mark.parametrize("column", ["entry", "rows"])
+def test_a_damaged_piece_is_named(tmp_path: Path, column: str) -> None:
+    work = Work("sweep", "poses", tmp_path / "a.nc", "request", 1)
+    with open_journal(work) as journal:
+        journal.add(Piece(0, {"pose": 0}, np.arange(3.0)))
+    connection = sqlite3.connect(journal_of(work.output))
+    connection.execute(f"UPDATE piece SET {column} = ?", (b"\x93NUMPY",))
+    connection.commit()
+    connection.close()
+    with pytest.raises(InputError, match=r"is damaged \(piece 0: "):
+        _read_piece(work)

@@ -107,3 +107,19 @@ def test_ambient_air_that_is_too_hot(hot: HotBlock, fails: Failing) -> None:
     said = fails("shells", hot.field, "-o", "shells", "--ambient", "300 degC")
     assert said.endswith("and of the air far from the part, which is not heated.")
     assert "refractivity" not in said
+
+
+@pytest.mark.parametrize("name", ["part.ply", "shells/shell_01.ply"])
+def test_corners_that_a_scenes_mesh_lacks(
+    hot: HotBlock, tmp_path: Path, fails: Failing, name: str
+) -> None:
+    """Mitsuba takes them as they are, and what it finds there is no vertex."""
+    shutil.copytree(hot.scene.parent, tmp_path / "scene")
+    mesh = tmp_path / "scene" / name
+    head, end, body = mesh.read_bytes().partition(b"end_header\n")
+    count = int(head.partition(b"element vertex ")[2].split()[0])
+    floats = head.partition(b"element face")[0].count(b"property float")
+    corner = 4 * floats * count + 1
+    mesh.write_bytes(head + end + body[:corner] + b"\xff\xff" + body[corner + 2 :])
+    said = fails("render", "scene/scene.xml", "-o", "out.exr", "--engine", "shells")
+    assert f"{name} is damaged (a triangle names vertex" in said

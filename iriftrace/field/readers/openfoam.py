@@ -5,14 +5,13 @@ from __future__ import annotations
 import gzip
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from warnings import warn
 
 import numpy as np
-import pyvista as pv
 from attrs import frozen
-from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of_list
@@ -20,7 +19,7 @@ from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_polyhedra
 from iriftrace.field.readers.states import Contents, State, state_number
-from iriftrace.field.readers.vtk_files import vtk_errors
+from iriftrace.field.readers.vtk_process import read_case
 
 _PROCESSOR = re.compile(r"processor(\d+)")
 # Their faces state no value of their own: neighbours, mirrors, or nothing.
@@ -63,6 +62,7 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     ]
     if not names:
         raise InputError(f"The case {path} has no scalar field at this time; is it complete?")
+    _refuse_bare_patches(path, pieces, names)
     files = (
         file
         for piece in case.pieces
@@ -77,6 +77,18 @@ def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
         length_unit="m",
         origin=f"OpenFOAM{_solver(case.folder)}, t = {time} s",
     )
+
+
+def _refuse_bare_patches(path: Path, pieces: Iterable[Piece], names: Iterable[str]) -> None:
+    """Refuse boundaries without the values that the points on them have."""
+    for piece in pieces:
+        for patch, mesh in piece.patches.items():
+            missing = [name for name in names if mesh.n_cells and name not in mesh.cell_data]
+            if missing:
+                raise InputError(
+                    f"The case {path} has no values of {missing[0]} on the patch {patch}; is the "
+                    "file of this time complete?"
+                )
 
 
 def is_case(folder: Path) -> bool:
@@ -177,8 +189,7 @@ def _names(piece: Piece, flow: bool) -> list[str]:
 
 def _piece(folder: Path, time: str, flow: bool) -> Piece:
     """Cells and patches of one folder with a polyMesh."""
-    with vtk_errors(folder):
-        data, named = _read_with_vtk(folder, time)
+    data, named = read_case(folder, time)
     grid = data["internalMesh"] if "internalMesh" in data.keys() else None
     if grid is None or not grid.n_cells:
         raise InputError(
@@ -212,22 +223,6 @@ def _put_velocity_over_temperature(arrays: Any) -> None:
         kelvin = np.asarray(arrays[TEMPERATURE], dtype=np.float64)
         velocity = np.asarray(arrays[VELOCITY], dtype=np.float64)
         arrays[VELOCITY_OVER_TEMPERATURE] = velocity / kelvin[:, None]
-
-
-def _read_with_vtk(folder: Path, time: str) -> tuple[Any, list[str]]:
-    """VTK's reading of a folder, and the names of the fields that it found there."""
-    reader = vtkOpenFOAMReader()
-    # Any name in the case's folder will do; the file itself is not looked for.
-    reader.SetFileName(str(folder / "case.foam"))
-    reader.SetSkipZeroTime(False)
-    reader.SetCreateCellToPoint(False)
-    reader.UpdateInformation()
-    reader.EnableAllPatchArrays()
-    reader.EnableAllCellArrays()
-    reader.SetTimeValue(float(time))
-    reader.Update()
-    named = [reader.GetCellArrayName(k) for k in range(reader.GetNumberOfCellArrays())]
-    return pv.wrap(reader.GetOutput()), named
 
 
 def _patch_kinds(folder: Path) -> dict[str, str]:

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
+import numpy as np
 import pyvista as pv
-from vtkmodules.vtkCommonCore import vtkObject
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.field.readers.states import Contents, State, column_of, state_number, states_of
-
-# What pyvista and the XML parser behind its .pvd reader raise for damaged files.
-_READ_ERRORS = (OSError, ValueError, RuntimeError, TypeError, LookupError, SyntaxError)
+from iriftrace.field.readers.vtk_process import SUFFIXES, read_file
 
 
 def states(path: Path) -> list[State]:
     """Label and time of every state in a file, at least one."""
     if path.suffix.lower() == ".pvd":
-        with vtk_errors(path):
-            times = list(pv.PVDReader(str(path)).time_values)
-        if not times:
-            raise InputError(f"{path} names no data sets; export the series again.")
-        return [(f"t = {time:g}", float(time)) for time in times]
-    return _states_in(read_vtk(path))
+        return [(f"t = {time:g}", time) for time in _series(path)]
+    return _states_in(read_file(path))
 
 
 def read(path: Path, member: int | None) -> Contents:
@@ -34,13 +29,11 @@ def read(path: Path, member: int | None) -> Contents:
     if path.suffix.lower() == ".pvd":
         found = states(path)
         number = state_number(found, member, path)
-        with vtk_errors(path):
-            reader = pv.PVDReader(str(path))
-            reader.set_active_time_point(number)
-            data = reader.read()
+        files = list(_series(path).values())[number]
+        data = pv.MultiBlock([read_file(file) for file in files])
         origin = found[number][0] if len(found) > 1 else ""
         return Contents(data, sha256_of(path), found, origin=origin)
-    data = read_vtk(path)
+    data = read_file(path)
     found = _states_in(data)
     number = state_number(found, member, path)
     label = found[number][0]
@@ -51,30 +44,38 @@ def read(path: Path, member: int | None) -> Contents:
     return Contents(data, sha256_of(path), found, origin=label)
 
 
-def read_vtk(path: Path) -> Any:
-    """Data set or blocks of a VTK file; InputError where it is damaged."""
-    with vtk_errors(path):
-        return pv.read(path)
-
-
-@contextmanager
-def vtk_errors(path: Path) -> Iterator[None]:
-    """Report what fails in reading with VTK, which writes its own complaints to stderr.
+def _series(path: Path) -> dict[float, list[Path]]:
+    """Files of every time of a .pvd, in the order of time.
 
     Raises
     ------
     InputError
+        It is damaged, names nothing, or names what is no file of VTK.
     """
-    warnings_before = vtkObject.GetGlobalWarningDisplay()
-    vtkObject.SetGlobalWarningDisplay(0)
+    text = path.read_bytes()
+    if b"<!" in text.replace(b"<!--", b""):
+        raise InputError(
+            f"{path} declares entities, which no series does and which can fill the memory; export "
+            "the series again."
+        )
+    found: dict[float, list[Path]] = {}
     try:
-        yield
-    except _READ_ERRORS as error:
+        for entry in ElementTree.fromstring(text).iter("DataSet"):
+            file = path.parent / entry.attrib["file"]
+            found.setdefault(float(entry.get("timestep", 0.0)), []).append(file)
+    except (ElementTree.ParseError, KeyError, ValueError) as error:
         raise InputError(
             f"{path} cannot be read ({error}); is it a complete file of its type?"
         ) from error
-    finally:
-        vtkObject.SetGlobalWarningDisplay(warnings_before)
+    if not found or not np.isfinite(list(found)).all():
+        raise InputError(f"{path} names no data sets at a time; export the series again.")
+    for file in (file for files in found.values() for file in files):
+        if file.suffix.lower() not in SUFFIXES or not os.path.isfile(file):
+            raise InputError(
+                f"{path} names {file}, which is no file of VTK that is there; export the series "
+                "again."
+            )
+    return dict(sorted(found.items()))
 
 
 def blocks_of(data: Any) -> Iterator[Any]:

@@ -1,0 +1,265 @@
+"""Child process that reads files with VTK, whose readers may end the process on damaged ones.
+
+Run by `iriftrace.field.readers.vtk_process`. It imports VTK once and forks for every request, so
+that what one file does to the process is gone with it. Nothing of pyvista is imported here: that
+would take longer than to read most files.
+
+A data set goes to the parent as one line of JSON that names its arrays, and the arrays' bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import socket
+import sys
+from collections.abc import Callable
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules import vtkCommonDataModel as model
+from vtkmodules import vtkIOXML
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringArray, vtkStringOutputWindow
+
+_XML = {
+    ".vtu": "vtkXMLUnstructuredGridReader",
+    ".pvtu": "vtkXMLPUnstructuredGridReader",
+    ".vtp": "vtkXMLPolyDataReader",
+    ".vti": "vtkXMLImageDataReader",
+    ".vtr": "vtkXMLRectilinearGridReader",
+    ".vts": "vtkXMLStructuredGridReader",
+    ".vtm": "vtkXMLMultiBlockDataReader",
+}
+
+_LEGACY = ("Scalars", "ColorScalars", "Normals", "TCoords", "Vectors", "Fields", "Tensors")
+
+# VTK's module has no types.
+_to_numpy: Callable[[Any], NDArray[Any]] = vtk_to_numpy
+
+Request = dict[str, Any]
+
+
+class _Arrays:
+    """Arrays in the order in which they are sent, each known by its number."""
+
+    def __init__(self) -> None:
+        self.found: list[NDArray[Any]] = []
+
+    def of_vtk(self, array: Any) -> int | None:
+        """Number of an array; None for one that is not there."""
+        if array is None:
+            return None
+        self.found.append(np.ascontiguousarray(_to_numpy(array)))
+        return len(self.found) - 1
+
+
+def _read_file(request: Request) -> Any:
+    """A file of one of VTK's own formats, as its suffix says."""
+    if request["suffix"] == ".vtk":
+        from vtkmodules.vtkIOLegacy import vtkDataSetReader
+
+        reader = vtkDataSetReader()
+        for kind in _LEGACY:
+            getattr(reader, f"ReadAll{kind}On")()
+    else:
+        reader = getattr(vtkIOXML, _XML[request["suffix"]])()
+    return _complete(reader, request["path"])
+
+
+def _complete(reader: Any, path: str) -> Any:
+    """The output of a reader that has nothing to complain of."""
+    window = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    reader.SetFileName(path)
+    reader.Update()
+    _, error, text = window.GetOutput().partition("ERROR: ")
+    if error:
+        raise ValueError(_reason(text))
+    return reader.GetOutput()
+
+
+def _reason(text: str) -> str:
+    """VTK's first complaint without the places in its source and the reader's address."""
+    lines = [line.partition("): ")[2] or line for line in text.splitlines()[1:]]
+    return next(filter(None, map(str.strip, lines)), "VTK says no more")
+
+
+def _read_case(request: Request) -> Any:
+    """One time of an OpenFOAM case, and the names of the fields that VTK found there.
+
+    VTK complains of much that a case may well have; whoever asks checks what is there.
+    """
+    from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
+
+    vtkOutputWindow.SetInstance(vtkStringOutputWindow())
+    reader = vtkOpenFOAMReader()
+    # Any name in the case's folder will do; the file itself is not looked for.
+    reader.SetFileName(os.path.join(request["path"], "case.foam"))
+    reader.SetSkipZeroTime(False)
+    reader.SetCreateCellToPoint(False)
+    reader.UpdateInformation()
+    reader.EnableAllPatchArrays()
+    reader.EnableAllCellArrays()
+    reader.SetTimeValue(float(request["time"]))
+    reader.Update()
+    count = reader.GetNumberOfCellArrays()
+    request["named"] = [reader.GetCellArrayName(k) for k in range(count)]
+    return reader.GetOutput()
+
+
+_READERS: dict[str, Callable[[Request], Any]] = {"file": _read_file, "case": _read_case}
+
+
+def _described(data: Any, arrays: _Arrays) -> dict[str, Any] | None:
+    """A data set as plain values; its arrays by type and shape."""
+    if data is None:
+        return None
+    if isinstance(data, model.vtkMultiBlockDataSet):
+        count = range(data.GetNumberOfBlocks())
+        known = [data.HasMetaData(k) and data.GetMetaData(k) for k in count]
+        key = model.vtkCompositeDataSet.NAME()
+        return {
+            "kind": "blocks",
+            "names": [m.Get(key) if m and m.Has(key) else None for m in known],
+            "blocks": [_described(data.GetBlock(k), arrays) for k in count],
+            "field": _data_of(data.GetFieldData(), arrays),
+        }
+    if isinstance(data, model.vtkPartitionedDataSet | model.vtkMultiPieceDataSet):
+        count = range(data.GetNumberOfPartitions())
+        pieces = [_described(data.GetPartitionAsDataObject(k), arrays) for k in count]
+        return {"kind": "blocks", "names": [None] * len(pieces), "blocks": pieces, "field": {}}
+    for kind, (name, describe) in _KINDS.items():
+        if isinstance(data, kind):
+            return {
+                "kind": name,
+                **describe(data, arrays),
+                "point": _data_of(data.GetPointData(), arrays),
+                "cell": _data_of(data.GetCellData(), arrays),
+                "field": _data_of(data.GetFieldData(), arrays),
+            }
+    raise ValueError(f"it holds a {data.GetClassName()}, which is no mesh")
+
+
+def _data_of(attributes: Any, arrays: _Arrays) -> dict[str, Any]:
+    """Arrays of numbers, and as lists arrays of texts, by name."""
+    found: dict[str, Any] = {}
+    for k in range(attributes.GetNumberOfArrays()):
+        array = attributes.GetAbstractArray(k)
+        name = array.GetName() or f"Unnamed_{k}"
+        if isinstance(array, vtkStringArray):
+            found[name] = [array.GetValue(i) for i in range(array.GetNumberOfValues())]
+        elif attributes.GetArray(k) is not None:
+            found[name] = arrays.of_vtk(array)
+    return found
+
+
+def _points(data: Any, arrays: _Arrays) -> int | None:
+    points = data.GetPoints()
+    return None if points is None else arrays.of_vtk(points.GetData())
+
+
+def _cells(cells: Any, arrays: _Arrays) -> list[Any] | None:
+    """Offsets and connectivity."""
+    if cells is None:
+        return None
+    return [arrays.of_vtk(cells.GetOffsetsArray()), arrays.of_vtk(cells.GetConnectivityArray())]
+
+
+def _image(data: Any, arrays: _Arrays) -> dict[str, Any]:
+    directions = data.GetDirectionMatrix()
+    return {
+        "extent": data.GetExtent(),
+        "spacing": data.GetSpacing(),
+        "origin": data.GetOrigin(),
+        "directions": [directions.GetElement(i, j) for i in range(3) for j in range(3)],
+    }
+
+
+def _rectilinear(data: Any, arrays: _Arrays) -> dict[str, Any]:
+    axes = (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates())
+    return {"dimensions": data.GetDimensions(), "axes": [arrays.of_vtk(axis) for axis in axes]}
+
+
+def _structured(data: Any, arrays: _Arrays) -> dict[str, Any]:
+    dimensions = [0, 0, 0]
+    data.GetDimensions(dimensions)
+    return {"dimensions": dimensions, "points": _points(data, arrays)}
+
+
+def _unstructured(data: Any, arrays: _Arrays) -> dict[str, Any]:
+    described = {
+        "points": _points(data, arrays),
+        "cells": _cells(data.GetCells(), arrays),
+        "types": arrays.of_vtk(data.GetCellTypesArray()),
+    }
+    if data.GetPolyhedronFaces() is not None:
+        described["faces"] = _cells(data.GetPolyhedronFaces(), arrays)
+        described["face_places"] = _cells(data.GetPolyhedronFaceLocations(), arrays)
+    return described
+
+
+def _poly(data: Any, arrays: _Arrays) -> dict[str, Any]:
+    cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
+    return {"points": _points(data, arrays), "cells": [_cells(c, arrays) for c in cells]}
+
+
+_KINDS: dict[Any, tuple[str, Callable[[Any, _Arrays], dict[str, Any]]]] = {
+    model.vtkImageData: ("image", _image),
+    model.vtkRectilinearGrid: ("rectilinear", _rectilinear),
+    model.vtkStructuredGrid: ("structured", _structured),
+    model.vtkUnstructuredGrid: ("unstructured", _unstructured),
+    model.vtkPolyData: ("poly", _poly),
+}
+
+
+def _answer(request: Request, out: BinaryIO) -> None:
+    arrays = _Arrays()
+    try:
+        data = _described(_READERS[request["reader"]](request), arrays)
+        head: dict[str, Any] = {"data": data, "named": request.get("named", [])}
+    except (ValueError, MemoryError) as error:
+        arrays, head = _Arrays(), {"error": str(error) or "it needs more memory than it may take"}
+    head["arrays"] = [(array.dtype.str, array.shape) for array in arrays.found]
+    out.write(json.dumps(head).encode("ascii") + b"\n")
+    for array in arrays.found:
+        out.write(array.data if array.size else b"")
+
+
+def _limit(request: Request) -> None:
+    for kind, limit in (
+        (resource.RLIMIT_AS, request["memory"]),
+        (resource.RLIMIT_CPU, request["seconds"]),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        _, most = resource.getrlimit(kind)
+        limit = limit if most == resource.RLIM_INFINITY else min(limit, most)
+        resource.setrlimit(kind, (limit, limit))
+
+
+def serve(channel: socket.socket) -> None:
+    """Fork for each request, and say how its process ended."""
+    while True:
+        line, descriptors, _, _ = socket.recv_fds(channel, 1 << 16, 1)
+        if not line:
+            return
+        child = os.fork()
+        if child == 0:
+            try:
+                request = json.loads(line)
+                _limit(request)
+                with open(descriptors[0], "wb") as out:
+                    _answer(request, out)
+                # Without the clean-up of an interpreter that shares its parent's state.
+                os._exit(0)
+            finally:
+                os._exit(1)
+        os.close(descriptors[0])
+        _, status = os.waitpid(child, 0)
+        channel.sendall(status.to_bytes(4, "little"))
+
+
+if __name__ == "__main__":
+    serve(socket.socket(fileno=int(sys.argv[1])))

@@ -1,0 +1,135 @@
+"""Damaged files of VTK: an InputError, and the process lives on."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from numpy.testing import assert_array_equal
+
+from iriftrace.core.errors import InputError
+from iriftrace.field.read import read_field
+from iriftrace.field.readers import vtk_child, vtk_process
+from iriftrace.field.readers.vtk_process import read_file
+from validation.inputs.hot_block import air
+
+
+def test_what_the_child_hands_over_is_what_vtk_reads(tmp_path: Path) -> None:
+    faces = np.array(
+        ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+    )
+    polyhedron = pv.UnstructuredGrid(
+        [31, 6, *np.insert(faces, 0, 4, axis=1).ravel()],
+        [pv.CellType.POLYHEDRON],
+        pv.ImageData(dimensions=(2, 2, 2)).points,
+    )
+    polyhedron["T"] = np.arange(8.0)
+    grids = {
+        "cells.vtu": air(4),
+        "polyhedron.vtu": polyhedron,
+        "sphere.vtp": pv.Sphere(theta_resolution=8, phi_resolution=8),
+        "image.vti": _with_values(pv.ImageData(dimensions=(3, 4, 5), origin=(1, 2, 3))),
+        "lattice.vtr": _with_values(pv.RectilinearGrid([0.0, 1, 3], [0.0, 2], [0.0, 1, 5])),
+    }
+    for name, grid in grids.items():
+        grid.field_data["field_origin"] = ["synthetic"]
+        grid.save(tmp_path / name)
+        found, expected = read_file(tmp_path / name), pv.read(tmp_path / name)
+        assert type(found) is type(expected)
+        assert_array_equal(found.points, expected.points)
+        assert found.n_cells == expected.n_cells
+        assert found.volume == pytest.approx(expected.volume)
+        for array in expected.point_data:
+            assert_array_equal(found.point_data[array], expected.point_data[array])
+        assert list(found.field_data["field_origin"]) == ["synthetic"]
+
+
+def _with_values(grid: pv.DataSet) -> pv.DataSet:
+    grid["T"] = np.arange(float(grid.n_points))
+    return grid
+
+
+def test_a_reader_that_dies_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next file is read as if nothing had been."""
+    air(4).save(tmp_path / "air.vtu")
+    monkeypatch.setattr(vtk_process, "_MEMORY", 1 << 20)
+    with pytest.raises(InputError, match=r"air\.vtu cannot be read \(.*\); is it a complete file"):
+        read_file(tmp_path / "air.vtu")
+    monkeypatch.undo()
+    assert read_file(tmp_path / "air.vtu").n_cells == air(4).n_cells
+
+
+def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "endless.vtu").write_text("<VTKFile>")
+    monkeypatch.setattr(vtk_process, "_CHILD", "endless")
+    (tmp_path / "endless.py").write_text(_ENDLESS)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(vtk_process, "_child", vtk_process._Child())
+    monkeypatch.setattr(vtk_process, "_SECONDS", 1)
+    with pytest.raises(InputError, match="still busy with it after 1 s"):
+        read_file(tmp_path / "endless.vtu")
+    vtk_process._child.stop()
+
+
+_ENDLESS = """
+import socket, sys
+from iriftrace.field.readers import vtk_child
+
+def forever(request):
+    while True:
+        pass
+
+vtk_child._READERS["file"] = forever
+vtk_child.serve(socket.socket(fileno=int(sys.argv[1])))
+"""
+
+
+def test_a_killed_child_is_started_again(tmp_path: Path) -> None:
+    air(4).save(tmp_path / "air.vtu")
+    read_file(tmp_path / "air.vtu")
+    process = vtk_process._child._process
+    assert process is not None
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert read_file(tmp_path / "air.vtu").n_cells == air(4).n_cells
+
+
+@pytest.mark.parametrize("wrong", [-1, 10**6])
+def test_corners_that_do_not_exist(tmp_path: Path, wrong: int) -> None:
+    """Before, they ended in an IndexError or in a crash of VTK."""
+    (tmp_path / "cell.vtk").write_text(
+        "# vtk DataFile Version 3.0\ncell\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+        f"POINTS 4 float\n0 0 0 1 0 0 0 1 0 0 0 1\nCELLS 1 5\n4 0 1 2 {wrong}\nCELL_TYPES 1\n10\n"
+        "POINT_DATA 4\nSCALARS T float\nLOOKUP_TABLE default\n300 310 320 330\n"
+    )
+    with pytest.raises(InputError, match="name corners that are not among its"):
+        read_field(tmp_path / "cell.vtk")
+
+
+def test_a_grid_that_is_only_stated(tmp_path: Path) -> None:
+    """Ten to the twelfth points in a hundred bytes."""
+    (tmp_path / "huge.vti").write_text(
+        '<VTKFile type="ImageData"><ImageData WholeExtent="0 9999 0 9999 0 9999" Origin="0 0 0" '
+        'Spacing="1 1 1"><Piece Extent="0 9999 0 9999 0 9999"/></ImageData></VTKFile>'
+    )
+    with pytest.raises(InputError, match="a grid without values"):
+        read_field(tmp_path / "huge.vti")
+
+
+def test_entities_in_a_series_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "air.pvd").write_text(
+        '<!DOCTYPE a [<!ENTITY b "c">]><VTKFile type="Collection"><Collection/></VTKFile>'
+    )
+    with pytest.raises(InputError, match="declares entities"):
+        read_field(tmp_path / "air.pvd")
+
+
+def test_the_child_needs_no_pyvista() -> None:
+    """Importing it would take longer than reading most files."""
+    assert "pyvista" not in Path(vtk_child.__file__).read_text().replace("of pyvista is", "")

@@ -1,0 +1,1 @@
+"""Damaged input files, and what each reader makes of them."""
