@@ -79,9 +79,9 @@ def _points(file: Path) -> FloatArray:
     if kind in TEXT:
         return _text_points(file)
     if kind == ".vtp":
-        import pyvista as pv
+        from iriftrace.field.readers.vtk_process import read_file
 
-        return np.asarray(pv.read(file).points, dtype=np.float64)
+        return np.asarray(read_file(file).points, dtype=np.float64)
     if kind not in MESHES:
         raise InputError(
             f"{file} is no cloud that can be read; give {', '.join((*MESHES, '.vtp', *TEXT))}."

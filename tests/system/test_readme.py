@@ -26,7 +26,7 @@ COMMANDS = {
     "fields.md": ["field", "field"],
 }
 """What each page runs; all other pages run nothing."""
-PYTHON_EXAMPLES = {"README.md": 1, "python.md": 4}
+PYTHON_EXAMPLES = {"README.md": 1, "python.md": 4, "triangulation.md": 1}
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -84,7 +84,7 @@ def test_python_examples_run_as_they_stand(folder: Path) -> None:
     assert {page: count for page, count in found.items() if count} == PYTHON_EXAMPLES
     median_mm = float(run(["-c", *blocks("README.md", "python")], folder).splitlines()[0])
     assert 0.001 < median_mm < 0.01
-    of_pixels, of_another_camera, of_mitsuba = (
+    of_pixels, _, of_another_camera, of_mitsuba = (
         run(["-c", block], folder) for block in blocks("python.md", "python")
     )
     medians, _, share = of_pixels.splitlines()
@@ -92,6 +92,9 @@ def test_python_examples_run_as_they_stand(folder: Path) -> None:
     assert 0.1 < float(share) < 0.5
     assert 0.001 < float(of_another_camera) < 0.01
     assert "displacement.norm" in of_mitsuba
+    mean, left = run(["-c", *blocks("triangulation.md", "python")], folder).splitlines()
+    assert -0.1 < float(mean) < 0.0
+    assert float(left) < 0.1 * abs(float(mean))
 
 
 def test_channel_table_names_every_channel() -> None:
