@@ -18,6 +18,7 @@ from scipy.spatial import KDTree
 from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.path_data import FieldCells
 from iriftrace.field.tetrahedra import BOUNDARY, tetrahedra_of
+from iriftrace.plugins.kernels.layers import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
 from iriftrace.plugins.kernels.tables import aligned
 
@@ -105,11 +106,12 @@ class Cell:
         return dr.select(self._solid, self._smooth_gradient(point, heading) - self.constant, 0)
 
     def _smooth_gradient(self, point: Any, heading: Any) -> Any:
-        """Along the recovered direction N, with a length that fits the change of n along the ray.
+        """Along the recovered direction N, as strong as n changes along the ray.
 
-        With g the cell's own gradient, d the ray's direction and c = N.d, the recovered length l
-        becomes l + c (g.d - c l), as between shells (`iriftrace.plugins.kernels.layers`): a ray
-        along N sees g's own change of n, and one across N the recovered gradient.
+        With g the cell's own gradient and d the ray's direction that is (g.d) / (N.d) N, so that
+        the changes of n along the ray add up without error, whatever the cells' noise. As N.d falls
+        below ``DIRECTION_ERROR``, the recovered gradient's own length takes its place; see
+        `iriftrace.plugins.kernels.layers.length_gain`.
         """
         import drjit as dr
 
@@ -117,9 +119,10 @@ class Cell:
         length = dr.norm(recovered)
         direction = dr.select(length > 0, recovered / length, 0)
         cosine = dr.dot(heading, direction)
+        share = length_gain(cosine)
         # Where n is even, the neighbours' gradients do not matter.
         strength = dr.select(dr.norm(self.constant) > 0, length, 0)
-        strength += cosine * (dr.dot(self.constant, heading) - cosine * strength)
+        strength += share * (dr.dot(self.constant, heading) - cosine * strength)
         return dr.select(self._solid, strength * direction, 0)
 
     def _interpolated(self, point: Any) -> Any:

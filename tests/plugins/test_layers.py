@@ -10,9 +10,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from iriftrace.plugins.kernels.layers import (
+    DIRECTION_ERROR,
     AtShell,
     beside_part,
     between_shells,
+    length_gain,
     onto_plane,
     outside,
     stays_in_layer,
@@ -115,6 +117,16 @@ def test_a_uniform_gradient_bends_rays_exactly(along: float, towards: float, len
         np.testing.assert_allclose(
             row(found[1]), expected * length / 2, rtol=0, atol=1e-9 * size * length
         )
+
+
+@given(cosine=st.floats(-1.0, 1.0))
+def test_length_gain_is_the_best_linear_estimate(cosine: float) -> None:
+    """Against the covariance with the one measured component over that component's variance."""
+    axis, across = np.array((1.0, 0.0)), np.array((0.0, 1.0))
+    ray = cosine * axis + np.sqrt(1 - cosine**2) * across
+    covariance = np.outer(axis, axis) + DIRECTION_ERROR**2 * np.outer(across, across)
+    expected = axis @ covariance @ ray / (ray @ covariance @ ray)
+    assert np.array(length_gain(numbers(cosine)))[0] == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_indexs_step_corrects_a_gradient_of_wrong_length() -> None:
