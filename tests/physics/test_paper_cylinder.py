@@ -14,9 +14,6 @@ from iriftrace.sweep.sweep import SweepOptions, run_sweep
 STAND_OFF_MM = 225.0
 FULL_LENGTH_MM, RADIUS_MM = 170.0, 13.5
 
-# The pose head on goes over to the field; the paper's statements hold for either.
-pytestmark = pytest.mark.filterwarnings("ignore:.*every second shell")
-
 
 @pytest.fixture(scope="module")
 def orbit(variant: str, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
