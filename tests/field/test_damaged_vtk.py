@@ -56,13 +56,13 @@ def _with_values(grid: pv.DataSet) -> pv.DataSet:
 def test_a_reader_that_dies_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The next file is read as if nothing had been."""
-    air(4).save(tmp_path / "air.vtu")
+    """Its arrays need new memory; the next file is read as if nothing had been."""
+    air(30).save(tmp_path / "air.vtu")
     monkeypatch.setattr(vtk_process, "_MEMORY", 1 << 20)
     with pytest.raises(InputError, match=r"air\.vtu cannot be read \(.*\); is it a complete file"):
         read_file(tmp_path / "air.vtu")
     monkeypatch.undo()
-    assert read_file(tmp_path / "air.vtu").n_cells == air(4).n_cells
+    assert read_file(tmp_path / "air.vtu").n_cells == air(30).n_cells
 
 
 def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,7 +97,7 @@ def test_a_killed_child_is_started_again(tmp_path: Path) -> None:
     assert process is not None
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    assert read_file(tmp_path / "air.vtu").n_cells == air(4).n_cells
+    assert read_file(tmp_path / "air.vtu").n_cells == air(30).n_cells
 
 
 @pytest.mark.parametrize("wrong", [-1, 10**6])
