@@ -97,7 +97,7 @@ def test_a_killed_child_is_started_again(tmp_path: Path) -> None:
     assert process is not None
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    assert read_file(tmp_path / "air.vtu").n_cells == air(30).n_cells
+    assert read_file(tmp_path / "air.vtu").n_cells == air(4).n_cells
 
 
 @pytest.mark.parametrize("wrong", [-1, 10**6])
