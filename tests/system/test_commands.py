@@ -304,7 +304,7 @@ def test_another_room_is_said(run: Run, hot: HotBlock) -> None:
     """A false step at the edge of the data is worth a warning, and the work goes on."""
     run(
         *("shells", hot.field, "-o", "shells", "--layers=1", "--ambient=30 degC"),
-        warns=r"coolest air .* give --ambient '293\.\d K'",
+        warns=r"coolest air .* \(--ambient '293\.\d K'\)",
     )
 
 
