@@ -89,7 +89,7 @@ if __name__ == "__main__":
     try:
         _read_through(sys.argv[1], _size)
     except Exception as _error:  # HDF5 and its two layers of Python let any through
-        print(" ".join(str(_error).split()), file=sys.stderr)
+        sys.stderr.write(" ".join(str(_error).split()))
         os._exit(1)
     # Closing what is damaged can hang, too.
     os._exit(0)

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from iriftrace.core.arrays import FloatArray, IntArray
 
 FRONTAL = "plane seen frontally"
-"""Why an axial resolution is 0, in words."""
+"""Reason for an axial resolution of 0, for messages."""
 
 FRONTAL_SLOPE = 1e-3
 """Steps along over steps across the axis below which only the rounding of hits is left of them."""

@@ -15,7 +15,7 @@ from iriftrace.core.units import length_factor
 
 TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
 MESHES = (".ply", ".stl", ".obj")
-"""What `read_cloud` reads, and .vtp."""
+"""Endings that `read_cloud` knows, beside .vtp."""
 
 COARSE_DECIMALS = 3
 """Decimals of a millimetre that hide what hot air does, which is micrometres."""

@@ -44,7 +44,7 @@ EVALUATIONS = 2
 
 
 class CorrectionStatus(IntEnum):
-    """What became of a measured point."""
+    """Outcome of a measured point."""
 
     CORRECTED = 0
     FAR_FROM_PART = 1

@@ -53,7 +53,7 @@ CLEAR_MM = 1e-3
 
 
 class ScanStatus(IntEnum):
-    """What became of a pixel of the first device."""
+    """Outcome of a pixel of the device that is traced forward."""
 
     MEASURED = 0
     NOT_SEEN = 1

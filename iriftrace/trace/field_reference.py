@@ -1,4 +1,4 @@
-"""How far a scene's shells are from the field they were cut from, on a sample of its rays."""
+"""Distance of a scene's shells from the field they were cut from, on a sample of its rays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a scene's shells are fine enough for a view: what every second one of them changes.
+"""Test of a scene's shells in a view: the change when every second one is left out.
 
 Needs no field. Where hits hardly move without half of the shells, single rays have converged; where
 lines of sight run along the layers, as straight down a plume, they move by as much as the air does.
