@@ -39,7 +39,7 @@ GEAR_ABOVE: dict[str, Position] = {"from above, through the plume": (1e-3, 0.0, 
 SHELLS_BOUND = (2.0, 3.0)
 """Per cent of median and 95th percentile, on the cylinder in the fine mesh."""
 
-ENGINE_BOUND = (2.5, 4.0)
+ENGINE_BOUND = (2.0, 4.0)
 """The same of the continuous engine, which sees every cell: recovered lengths of the gradients, the
 cells' own or a mixture of them leave 2.9 to 3.6 % at the 95th percentile from 45 degrees above."""
 
