@@ -29,5 +29,10 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import run_sweep as run_sweep
 from .trace.render import render_scene as render_scene
 from .trace.render import trace_rays as trace_rays
+from .triangulation.correct import Correction as Correction
+from .triangulation.correct import correct as correct
+from .triangulation.features import fit_feature as fit_feature
+from .triangulation.scan import Scan as Scan
+from .triangulation.scan import measure as measure
 
 __version__: str

@@ -62,8 +62,8 @@ def measure(
     figures
         Draw the errors along the part's normal.
     """
-    from iriftrace.measure.scan import measure as simulate
     from iriftrace.scene.file import require_scene
+    from iriftrace.triangulation.scan import measure as simulate
 
     check_input(scene)
     require_scene(scene)
@@ -135,9 +135,9 @@ def correct(
         How it is traced.
     """
     from iriftrace.geometry.transform import apply, parse_transform
-    from iriftrace.measure.cloud import read_cloud
-    from iriftrace.measure.correct import correct as take_out
     from iriftrace.scene.file import require_scene
+    from iriftrace.triangulation.cloud import read_cloud
+    from iriftrace.triangulation.correct import correct as take_out
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from iriftrace.figures.style import finish_axes, new_figure
-from iriftrace.measure.scan import Scan, ScanStatus
+from iriftrace.triangulation.scan import Scan, ScanStatus
 
 UM_PER_MM = 1000.0
 

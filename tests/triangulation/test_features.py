@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError
-from iriftrace.measure.features import Feature, fit_feature
+from iriftrace.triangulation.features import Feature, fit_feature
 
 AXIS = np.array((0.2, -0.5, 0.8)) / np.linalg.norm((0.2, -0.5, 0.8))
 PLACE = np.array((120.0, -45.0, 33.0))

@@ -15,11 +15,11 @@ import pyvista as pv
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
-from iriftrace.measure.correct import CorrectionStatus, correct
-from iriftrace.measure.features import fit_feature
-from iriftrace.measure.scan import Scan, ScanStatus, measure
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.triangulation.correct import CorrectionStatus, correct
+from iriftrace.triangulation.features import fit_feature
+from iriftrace.triangulation.scan import Scan, ScanStatus, measure
 
 DEVICES = [
     Camera(

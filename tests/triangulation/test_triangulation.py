@@ -17,10 +17,10 @@ from attrs import evolve
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.measure.scan import Scan, ScanStatus, measure
-from iriftrace.measure.triangulation import nearest_point, on_plane
 from iriftrace.scene.load import LoadedScene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.triangulation.intersection import nearest_point, on_plane
+from iriftrace.triangulation.scan import Scan, ScanStatus, measure
 from validation.inputs.parts import cylinder_fine_at
 from validation.inputs.scene_rays import loaded
 from validation.oracles.closed_forms import (

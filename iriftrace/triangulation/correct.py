@@ -19,8 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.measure.features import feature_table
-from iriftrace.measure.scan import (
+from iriftrace.part.part import Part
+from iriftrace.scene.load import LoadedScene
+from iriftrace.triangulation.features import feature_table
+from iriftrace.triangulation.scan import (
     Phase,
     System,
     devices_of,
@@ -28,9 +30,7 @@ from iriftrace.measure.scan import (
     spread,
     triangulated,
 )
-from iriftrace.measure.two_points import lines_of_sight
-from iriftrace.part.part import Part
-from iriftrace.scene.load import LoadedScene
+from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -140,12 +140,12 @@ def correct(
         Of one scan by these devices, before it was merged with others or aligned.
     scene : LoadedScene or path
     camera, second, system, phase
-        As for `iriftrace.measure.measure`. A laser's sheet is taken to pass through each point.
+        As for `iriftrace.measure`. A laser's sheet is taken to pass through each point.
 
     Raises
     ------
     InputError
-        As `iriftrace.measure.measure`, and if there are no points, some are not finite, or none
+        As `iriftrace.measure`, and if there are no points, some are not finite, or none
         lies on the part.
     """
     measured = np.array(points, dtype=np.float64)

@@ -25,12 +25,12 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.aov_image import Status
-from iriftrace.measure.features import feature_table
-from iriftrace.measure.triangulation import nearest_point, on_plane
-from iriftrace.measure.two_points import lines_of_sight
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.trace.render import trace_rays
+from iriftrace.triangulation.features import feature_table
+from iriftrace.triangulation.intersection import nearest_point, on_plane
+from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.scan/1"
 
