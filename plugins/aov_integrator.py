@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
+from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.kernels.bundle import Bundle, Trace, trace_bundle
@@ -210,10 +211,12 @@ def integrator_class(variant: str) -> type:
             left, top = (int(n) for n in film.crop_offset())
             check_picture_size(width, height, len(self.aov_names()))
             columns = dr.opaque(mi.UInt32, width)
+            pixels_of = mi.UInt32(pixels_in_tiles(width, height))
 
             def rays(number: Any) -> tuple[Any, Any]:
-                x = mi.Float64(number % columns) + (left + 0.5)
-                y = mi.Float64(number // columns) + (top + 0.5)
+                pixel = dr.gather(mi.UInt32, pixels_of, number)
+                x = mi.Float64(pixel % columns) + (left + 0.5)
+                y = mi.Float64(pixel // columns) + (top + 0.5)
                 return camera.rays64(x, y)
 
             count = width * height
@@ -231,15 +234,15 @@ def integrator_class(variant: str) -> type:
             trace = bundle.trace
             names = self.aov_names()
             pixels = dr.zeros(mi.Float, len(names) * count)
-            everywhere = dr.arange(mi.UInt32, count)
             status_row = names.index("status.code")
-            dr.scatter(pixels, mi.Float(bundle.status), everywhere + status_row * count)
+            dr.scatter(pixels, mi.Float(bundle.status), pixels_of + status_row * count)
             dr.eval(pixels)
             counts = {"open_boundary": 0}
             if trace is not None:
+                pixel = dr.gather(mi.UInt32, pixels_of, trace.ray)
                 for row, (value, exists) in enumerate(self.channel_values(trace, camera)):
                     value = mi.Float(dr.select(exists, value, 0))
-                    dr.scatter(pixels, value, trace.ray + row * count)
+                    dr.scatter(pixels, value, pixel + row * count)
                 dr.eval(pixels)
                 counts = self.counts(trace)
             dr.sync_thread()

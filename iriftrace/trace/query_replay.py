@@ -6,6 +6,7 @@ import gc
 import time
 from typing import Any, NamedTuple
 
+from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.plugins.kernels.march import refracted_hits
 from iriftrace.plugins.kernels.queries import straight_hits
 from iriftrace.scene.load import LoadedScene
@@ -41,7 +42,7 @@ class Recording:
         self.prepared = scene.integrator.prepare(self.scene)
         sensor = self.scene.sensors()[0]
         width, height = sensor.film().size()
-        pixel = dr.arange(mi.UInt32, int(width) * int(height))
+        pixel: Any = mi.UInt32(pixels_in_tiles(int(width), int(height)))
         origin, direction = self._rays(sensor, pixel, int(width))
         hits = straight_hits(
             self.prepared.opaque,
@@ -51,7 +52,8 @@ class Recording:
             coherent=True,
             step=self.prepared.step,
         )
-        chosen = dr.compress(hits.outcome == 1)
+        hit: Any = dr.compress(hits.outcome == 1)
+        chosen = dr.gather(mi.UInt32, pixel, hit)
         self.origin, self.direction = self._rays(sensor, chosen, int(width))
         dr.eval(self.origin, self.direction)
         self.rays = dr.width(chosen)

@@ -1,0 +1,43 @@
+"""Order of a picture's pixels in which neighbouring rays are traced together."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+TILE = 4
+"""Side of a tile, px. A packet of the ray query holds 16 rays (8 without AVX-512)."""
+
+
+@lru_cache(maxsize=4)
+def pixels_in_tiles(width: int, height: int) -> NDArray[np.uint32]:
+    """Numbers of a picture's pixels, tile by tile; tiles at the right and lower edge are smaller.
+
+    Rays of a tile meet the same triangles far more often than those of as many pixels in a row.
+
+    Parameters
+    ----------
+    width, height : int
+
+    Returns
+    -------
+    (width * height,) array, read-only
+        Row-major pixel numbers, each once.
+    """
+    whole = width - width % TILE
+
+    def ordered(bands: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        count, rows, _ = bands.shape
+        tiles = bands[..., :whole].reshape(count, rows, whole // TILE, TILE).swapaxes(1, 2)
+        rest = bands[..., whole:]
+        parts = tiles.reshape(count, rows * whole), rest.reshape(count, rows * (width - whole))
+        return np.hstack(parts).ravel()
+
+    pixels = np.arange(width * height, dtype=np.uint32).reshape(height, width)
+    above = height - height % TILE
+    bands = pixels[:above].reshape(above // TILE, TILE, width)
+    order = np.concatenate((ordered(bands), ordered(pixels[None, above:])))
+    order.flags.writeable = False
+    return order
