@@ -15,12 +15,19 @@ from attrs import evolve
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.field.read import read_field
-from iriftrace.part.part import read_part
-from iriftrace.scene.write import write_scene
+from iriftrace.part.part import read_part, save_part
+from iriftrace.scene.write import (
+    PART_FILE,
+    SHELLS_FOLDER,
+    scene_xml,
+    shell_shapes,
+    write_scene,
+)
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.scenes.components import COMPONENTS, write_component, write_tooth
 from iriftrace.shells.contour import contour_shells
+from iriftrace.shells.files import load_shells
 from iriftrace.shells.report import report_shells
 
 FIELD = "field.vtu"
@@ -28,6 +35,10 @@ FIELD_ORIGIN = "OpenFOAM, coarse solution"
 SENSOR_MM = (6.7, 5.6)
 RESOLUTION = (2448, 2048)
 SCALE = 0.5
+FRINGE_SCENE = "fringe_cylinder"
+FRINGE_DEVICES_MM = ((-55.0, -275.0, 60.0), (55.0, -275.0, 60.0))
+"""Camera and projector, 110 mm apart along the cylinder's axis; both pictures hold all of it."""
+
 NOTES = {
     "cylinder": {"time": "steady", "symmetry": "a quarter was solved and mirrored"},
     "slab": {"time": "steady", "symmetry": "analytic, plane layers"},
@@ -77,6 +88,43 @@ def write_bundled(folder: str | Path) -> list[Path]:
     return written
 
 
+def write_fringe(folder: Path, cylinder: Path) -> Path:
+    """Write the cylinder's scene with a camera and a projector, in the shells of the scene beside.
+
+    Parameters
+    ----------
+    folder
+        Of the scenes.
+    cylinder
+        Folder of the cylinder's scene; its name is what the new scene refers to.
+    """
+    target = folder / FRINGE_SCENE
+    target.mkdir(parents=True, exist_ok=True)
+    save_part(read_part(cylinder / PART_FILE), target / PART_FILE)
+    stack = load_shells(cylinder / SHELLS_FOLDER)
+    meshes = [Path(f"shell_{shell.layer:02d}.ply") for shell in stack.shells]
+    camera, projector = (
+        Camera(
+            focal_length_mm=10.0,
+            sensor_mm=SENSOR_MM,
+            resolution=RESOLUTION,
+            focus_mm=(50.0, 450.0),
+            matrix=look_at(origin, (0.0, 0.0, 0.0)),
+        )
+        for origin in FRINGE_DEVICES_MM
+    )
+    text = scene_xml(
+        camera,
+        SCALE,
+        "gradient",
+        shell_shapes(stack, meshes, f"../{cylinder.name}/{SHELLS_FOLDER}"),
+        f"Field: {FIELD_ORIGIN}",
+        second=projector,
+    )
+    (target / "scene.xml").write_text(text, encoding="utf-8")
+    return target / "scene.xml"
+
+
 def write_components(folder: str | Path, fields: Mapping[str, Path]) -> list[Path]:
     """Write the scenes of the components whose fields are given; returns the XML files.
 
@@ -100,7 +148,9 @@ def main() -> None:
         parser.add_argument(f"--{name}", type=Path, metavar="FIELD")
     given = vars(parser.parse_args())
     fields = {name: given[name] for name in COMPONENTS if given[name] is not None}
-    for path in [*write_bundled(given["folder"]), *write_components(given["folder"], fields)]:
+    written = write_bundled(given["folder"])
+    written.append(write_fringe(given["folder"], given["folder"] / "cylinder"))
+    for path in [*written, *write_components(given["folder"], fields)]:
         print(path)
 
 

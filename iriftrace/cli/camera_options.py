@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 
 CAMERA = Group("Camera", sort_key=5)
+SECOND = Group("Second device", sort_key=6)
 ORBIT = Group("Orbit", sort_key=1)
 
 AZIMUTH, ELEVATION = "0:90:10", "-90:90:19"
@@ -105,6 +106,11 @@ class CameraOptions:
             self._refuse_blind(camera, part)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
         return camera
+
+    def has_pose(self) -> bool:
+        """True if the calibration says where its camera stands."""
+        calibration = self._calibration()
+        return calibration is not None and calibration.matrix is not None
 
     def _described(self) -> Camera:
         """Intrinsics from the options for focal length, sensor and the like; no pose."""
@@ -207,6 +213,86 @@ class CameraOptions:
             near, far = camera.focus_mm
             camera = evolve(camera, focus_mm=(near, max(far, math.ceil(farthest_mm(part, camera)))))
         return camera
+
+
+@Parameter(name="*", group=SECOND)
+@frozen
+class SecondOptions:
+    """A second device, with which points are triangulated; see ``iriftrace measure``.
+
+    Parameters
+    ----------
+    second
+        Its position in mm, "150,-100,40"; it looks at the same target, by default through the
+        camera's lens onto the camera's sensor.
+    second_calibration
+        Its calibration of OpenCV (.yaml or .json); the pose in it holds unless second is given.
+    second_pixel_size
+        Width of its pixel, which its calibration needs, "5.4 um".
+    system
+        What it is: a projector (fringe, by default), a second camera (stereo) or a laser, whose
+        sheet is the middle column of its picture.
+    """
+
+    second: Vector | None = None
+    second_calibration: Path | None = None
+    second_pixel_size: Length | None = None
+    system: Literal["fringe", "stereo", "laser"] | None = None
+
+    def given(self) -> bool:
+        """True if there is a second device."""
+        if self.second is not None or self.second_calibration is not None:
+            return True
+        said = {"--second-pixel-size": self.second_pixel_size, "--system": self.system}
+        for name in _given(said):
+            raise InputError(
+                f"{name} is of a second device, and there is none; give its position too, such as "
+                '--second "150,-100,40".'
+            )
+        return False
+
+    def device(
+        self,
+        first: CameraOptions,
+        camera: Camera,
+        part: Part,
+        field: IndexField | None,
+        stack: ShellStack,
+        scale: float,
+    ) -> Camera:
+        """The second device, at its whole resolution."""
+        from attrs import evolve
+
+        from iriftrace.camera.pose import look_at
+
+        if self.second_calibration is None:
+            if self.second is None or self.second_pixel_size is not None:
+                raise InputError(
+                    "--second-pixel-size belongs to --second-calibration; give that too."
+                )
+            target = part.centre if first.target is None else first.target
+            return camera.at(look_at(self.second, target, first.up))
+        if self.second_pixel_size is None:
+            raise InputError(
+                f"{self.second_calibration} knows lengths in pixels only; give the width of a "
+                'pixel too, such as --second-pixel-size "5.4 um".'
+            )
+        options = CameraOptions(
+            calibration=self.second_calibration,
+            pixel_size=self.second_pixel_size,
+            calibration_length_unit=first.calibration_length_unit,
+            focus=first.focus,
+            origin=self.second,
+            target=first.target if self.second is not None else None,
+            up=first.up,
+        )
+        if self.second is None and not options.has_pose():
+            raise InputError(
+                f"{self.second_calibration} has no pose, so nothing says where the second device "
+                "stands; give --second too."
+            )
+        device = options.camera(part, field, stack, scale)
+        return evolve(device, focus_mm=camera.focus_mm) if first.focus is None else device
 
 
 @Parameter(name="*", group=ORBIT)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from iriftrace.cli.console import say, working
 from iriftrace.cli.options import check_input, check_output
 from iriftrace.cli.trace_options import TraceOptions
+
+if TYPE_CHECKING:
+    from iriftrace.scene.load import LoadedScene
 
 UM_PER_MM = 1000.0
 
@@ -63,16 +67,29 @@ def measure(
         Draw the errors along the part's normal.
     """
     from iriftrace.scene.file import require_scene
-    from iriftrace.triangulation.scan import measure as simulate
 
     check_input(scene)
     require_scene(scene)
     check_output(output, ".vtp", "scan.vtp", make=False)
     with working("Loading the scene"):
         loaded = trace.load(scene)
+    write_scan(loaded, output, system, phase, feature or (), figures)
+
+
+def write_scan(
+    loaded: LoadedScene,
+    output: Path,
+    system: Literal["stereo", "fringe", "laser"] | None,
+    phase: Literal["columns", "rows", "both"] | None,
+    feature: Sequence[str],
+    figures: bool,
+) -> None:
+    """Simulate the measurement of a scene's two devices, write its files and say what it found."""
+    from iriftrace.triangulation.scan import measure as simulate
+
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
-    features = scan.features(loaded.part, feature or ())
+    features = scan.features(loaded.part, feature)
     files = list(scan.save(output, features))
     values = scan.as_dict()
     if figures:
@@ -96,8 +113,8 @@ def measure(
     )
     if scan.system == "stereo":
         say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")
-    _say_features(features, "cold", "measured", "as measured through hot air")
     say("Files: " + ", ".join(map(str, files)))
+    _say_features(features, "cold", "measured", "as measured through hot air")
 
 
 def correct(

@@ -23,10 +23,13 @@ from iriftrace.cli.trace_options import TraceOptions, check_light
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
+    from iriftrace.scene.load import LoadedScene
     from iriftrace.trace.render import Rendering
 
 
 DEMO = "cylinder"
+SCAN_FEATURES = ("cylinder:lateral",)
+"""Fitted to what a bundled scene's two devices measure."""
 
 
 def render(
@@ -84,7 +87,8 @@ def render(
             surface, surface.suffix.lower() if known else SUFFIXES[0], "out.vtp", make=False
         )
     used = statuses(include)
-    rendering, part = _render(scene, exr, trace, used, figures, check_shells, rgb)
+    rendering, loaded = _render(scene, exr, trace, used, figures, check_shells, rgb)
+    part = loaded.part
     print_summary(out, rendering.metrics)
     _print_view(rendering, part)
     more = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
@@ -157,8 +161,8 @@ def demo(
     output
         Folder for the results; the scene is copied there, ready to be changed.
     scene
-        Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, gear_tooth,
-        hybrid_cylinder, slab or wishbone.
+        Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, fringe_cylinder,
+        gear_tooth, hybrid_cylinder, slab or wishbone.
     trace
         How it is traced.
     """
@@ -171,11 +175,16 @@ def demo(
     exr = output / f"{scene}.exr"
     folder = output / ("scene" if scene == DEMO else scene)
     with scene_copied(scene, folder) as (xml, shells):
-        rendering, part = _render(xml, exr, trace, (0,), True)
+        rendering, loaded = _render(xml, exr, trace, (0,), True)
+    part = loaded.part
     pictures = _scene_picture(rendering, part, shells, output / f"{scene}_scene.png")
     print_summary(out, rendering.metrics)
     _print_view(rendering, part)
     _list_files(exr, True, *pictures)
+    if loaded.second is not None:
+        from iriftrace.cli.measure import write_scan
+
+        write_scan(loaded, output / f"{scene}_scan.vtp", None, None, SCAN_FEATURES, True)
     say(f"Change {xml} and run:  {command_line('render', xml)}")
 
 
@@ -187,7 +196,7 @@ def _render(
     figures: bool,
     check_field: bool = False,
     rgb: str | None = None,
-) -> tuple[Rendering, Part]:
+) -> tuple[Rendering, LoadedScene]:
     """Render a scene and write all its files."""
     from iriftrace.trace.render import render_scene
     from iriftrace.trace.shell_convergence import SAMPLE
@@ -209,7 +218,7 @@ def _render(
             rendering.metrics.add_time("figures", time.perf_counter() - started)
     with working("Writing"):
         rendering.save(exr, rgb=rgb)
-    return rendering, loaded.part
+    return rendering, loaded
 
 
 def _print_view(rendering: Rendering, part: Part) -> None:

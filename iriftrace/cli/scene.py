@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 from rich.table import Table
 
-from iriftrace.cli.camera_options import CameraOptions, Scale
+from iriftrace.cli.camera_options import CameraOptions, Scale, SecondOptions
 from iriftrace.cli.console import command_line, out, say, show_warning, working
 from iriftrace.cli.field_options import (
     AirOptions,
@@ -106,6 +106,7 @@ def scene(
     shell_options: ShellOptions = ShellOptions(),
     part_options: PartOptions = PartOptions(),
     camera_options: CameraOptions = CameraOptions(),
+    second_options: SecondOptions = SecondOptions(),
     scale: Scale = 0.5,
 ) -> None:
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
@@ -154,6 +155,7 @@ def scene(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
             "the same way; leave out --isosurfaces or --member."
         )
+    two_devices = second_options.given()
     settings: dict[str, Any] = {
         "wall_temperature_k": part_options.hot_temperature,
         "trim_mm": trim,
@@ -168,6 +170,11 @@ def scene(
         else chosen_members([field, *(member or [])], field_options.time)
     )
     if len(states) > 1:
+        if two_devices:
+            raise InputError(
+                "An ensemble of fields is not measured with two devices; choose one of them with "
+                "--time, or leave out --second."
+            )
 
         def cut(one: Member) -> tuple[ShellStack, IndexField]:
             volume = field_options.read(one.path, air.air(), measured, one.index)
@@ -179,12 +186,25 @@ def scene(
     number = states[0].index if states and field_options.time is not None else None
     stack, volume = _stack(field, measured, air, field_options, shell_options, number)
     camera = camera_options.camera(measured, volume, stack, scale)
+    if two_devices:
+        from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+
+        settings["second"] = second_options.device(
+            camera_options, camera, measured, volume, stack, scale
+        )
+        settings["second_id"] = DEVICE_OF_SYSTEM[second_options.system or "fringe"]
     with working("Comparing part and field, measuring the shells"):
         built = build_scene(volume, measured, camera, output, shells=stack, **settings)
     print_shells(out, built.shells, built.report, _unit_of(stack))
     if built.fit is not None:
         print_fit(out, built.fit)
     _print_scene(output, camera, measured, scale)
+    if two_devices:
+        x, y, z = settings["second"].origin
+        say(
+            f"Second device ({settings['second_id']}) at ({x:.1f}, {y:.1f}, {z:.1f}) mm; what both "
+            f"measure:  {command_line('measure', output, '-o', output.with_name('scan.vtp'))}"
+        )
 
 
 def _stack(

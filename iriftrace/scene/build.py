@@ -13,7 +13,7 @@ from attrs import evolve, field, frozen
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.part_fit import Fit, fit_part_to_field
-from iriftrace.scene.viewpoint import refuse_camera_inside
+from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
 from iriftrace.scene.write import PART_FILE, refuse_edited, write_scene
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.shells.contour import contour_shells
@@ -93,6 +93,8 @@ def build_scene(
     normals: str = "gradient",
     inside_hit: str = "refract",
     notes: Mapping[str, str] | None = None,
+    second: Camera | None = None,
+    second_id: str = "projector",
 ) -> BuiltScene:
     """Make a complete scene folder of field, part and camera, as ``iriftrace scene`` does.
 
@@ -123,6 +125,11 @@ def build_scene(
         ``"drop"`` gives up rays that meet a shell from its inside; see ``first_hit``.
     notes : mapping of str, optional
         What is known of the field, such as ``{"time": "snapshot"}``; stated in every result.
+    second : Camera, optional
+        The device with which points are triangulated (:func:`iriftrace.measure`), at its full
+        resolution.
+    second_id : str
+        Its id, which says what it is: ``"projector"``, ``"camera_2"`` or ``"laser"``.
 
     Returns
     -------
@@ -131,9 +138,9 @@ def build_scene(
     Raises
     ------
     InputError
-        Field and part do not overlap, the camera stands in the part or in hot air, no shell is in
-        its view, the XML file has been changed since it was written, or the folder cannot be
-        written.
+        Field and part do not overlap, a camera stands in the part or in hot air, no shell is in
+        its view, both devices stand at one place, shells are trimmed to one of two cameras, the
+        XML file has been changed since it was written, or the folder cannot be written.
 
     Warns
     -----
@@ -149,6 +156,14 @@ def build_scene(
     if volume is not None:
         fit = fit_part_to_field(volume, part, wall_temperature_k=wall_temperature_k)
         _warn(fit.warnings)
+    if second is not None:
+        refuse_one_place(camera, second)
+        refuse_camera_inside(second.origin, part, shells, volume, "second device")
+        if trim_mm is not None:
+            raise InputError(
+                "Trimmed shells serve one camera only, and there is a second device; leave out "
+                "trim."
+            )
     shells, report = _shells_for(camera, part, shells, volume, trim_mm)
     write_scene(
         xml.parent,
@@ -162,6 +177,8 @@ def build_scene(
         report=report,
         notes=notes,
         field=volume,
+        second=second,
+        second_id=second_id,
     )
     return BuiltScene(xml, shells, report, fit)
 

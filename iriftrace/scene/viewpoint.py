@@ -202,7 +202,11 @@ def part_view(part: Part, camera: Camera) -> PartView:
 
 
 def refuse_camera_inside(
-    origin: ArrayLike, part: Part, stack: ShellStack, field: IndexField | None
+    origin: ArrayLike,
+    part: Part,
+    stack: ShellStack,
+    field: IndexField | None,
+    name: str = "camera",
 ) -> None:
     """Refuse a camera that stands in the part or inside the outermost shell.
 
@@ -213,13 +217,15 @@ def refuse_camera_inside(
     stack : ShellStack
     field : IndexField, optional
         Without it, the closed shells are asked.
+    name : str
+        What the error calls it.
 
     Raises
     ------
     InputError
     """
     point = np.asarray(origin, dtype=np.float64).reshape(1, 3)
-    place = f"The camera at {np.round(point[0], 1).tolist()} mm stands"
+    place = f"The {name} at {np.round(point[0], 1).tolist()} mm stands"
     if part.closed and part.surface.inside(point)[0]:
         raise InputError(f"{place} in the part, where there is nothing to see; move it outside.")
     if field is None:
@@ -236,6 +242,19 @@ def refuse_camera_inside(
         raise InputError(
             f"{place} in the hot air (about {temperature:.0f} degC), where the bending along its "
             "rays is not known; move it outside the outermost shell."
+        )
+
+
+def refuse_one_place(camera: Camera, second: Camera) -> None:
+    """Refuse two devices whose lines of sight meet nowhere but at themselves.
+
+    Raises
+    ------
+    InputError
+    """
+    if np.linalg.norm(camera.origin - second.origin) < 1e-3:
+        raise InputError(
+            "Both devices stand at one place, so their lines meet nowhere else; move one of them."
         )
 
 

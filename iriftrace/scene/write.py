@@ -47,6 +47,8 @@ def write_scene(
     notes: Mapping[str, str] | None = None,
     paraview: bool = True,
     field: IndexField | None = None,
+    second: Camera | None = None,
+    second_id: str = "projector",
 ) -> Path:
     """Write a complete scene folder: XML, part, shells and what the continuous engine needs.
 
@@ -74,6 +76,10 @@ def write_scene(
         Whether to write ``shells.vtm`` too.
     field : IndexField, optional
         Written too, as `field.npz`, for the continuous engine.
+    second : Camera, optional
+        The device with which points are triangulated, at its full resolution.
+    second_id : str
+        Its id: ``"projector"``, ``"camera_2"`` or ``"laser"``.
 
     Returns
     -------
@@ -83,9 +89,11 @@ def write_scene(
     Raises
     ------
     InputError
-        If the folder cannot be written or the camera is not a pinhole camera.
+        If the folder cannot be written or a camera is not a pinhole camera.
     """
-    require_pinhole(camera)
+    for device in (camera, second):
+        if device is not None:
+            require_pinhole(device)
     target = Path(folder)
     with written_together(target) as building:
         save_part(part, building / PART_FILE)
@@ -107,6 +115,8 @@ def write_scene(
             shapes,
             f"Field: {origin}" if origin else "",
             inside_hit=inside_hit,
+            second=second,
+            second_id=second_id,
         )
         (building / name).write_text(text, encoding="utf-8")
     remove_stale(target / SHELLS_FOLDER, shells, paraview)
@@ -239,6 +249,8 @@ def scene_xml(
     parameters: Mapping[str, str] | None = None,
     *,
     inside_hit: str = "refract",
+    second: Camera | None = None,
+    second_id: str = "projector",
 ) -> str:
     """XML of a scene: integrator, camera, part and what bends the light.
 
@@ -258,9 +270,9 @@ def scene_xml(
         Further parameters that the shapes use, and their defaults.
     inside_hit : str
         Of the integrator ``first_hit``; said only where it is not the usual ``"refract"``.
+    second, second_id
+        See `write_scene`.
     """
-    near, far = camera.focus_mm
-    distance = max(1.0, float(np.linalg.norm(camera.origin)))
     head = [
         '<?xml version="1.0" encoding="utf-8"?>',
         "<!-- Lengths in mm. Move the camera, drop a shell or set -D scale=..., then run",
@@ -288,15 +300,31 @@ def scene_xml(
         ),
         "    </integrator>",
         "",
-        '    <sensor type="calibrated_camera" id="camera">',
+        *sensor_lines(camera, "camera"),
+        *(sensor_lines(second, second_id) if second is not None else []),
+        '    <shape type="ply" id="part">',
+        f'        <string name="filename" value={quoteattr(PART_FILE)}/>',
+        '        <boolean name="face_normals" value="true"/>',
+        '        <bsdf type="diffuse"/>',
+        "    </shape>",
+    ]
+    return _sealed("\n".join([*head, ""]), "\n".join([*lines, *shapes, "</scene>", ""]))
+
+
+def sensor_lines(camera: Camera, name: str) -> list[str]:
+    """Lines of a camera with the id `name`, and an empty one."""
+    near, far = camera.focus_mm
+    distance = max(1.0, float(np.linalg.norm(camera.origin)))
+    return [
+        f'    <sensor type="calibrated_camera" id="{name}">',
         f'        <float name="focal_length" value="{camera.focal_length_mm!r}"/>',
         f'        <float name="sensor_width" value="{camera.sensor_mm[0]!r}"/>',
         f'        <float name="sensor_height" value="{camera.sensor_mm[1]!r}"/>',
         f'        <float name="principal_point_x" value="{camera.principal_point_px[0]!r}"/>',
         f'        <float name="principal_point_y" value="{camera.principal_point_px[1]!r}"/>',
         *(
-            f'        <float name="{name}" value="{value!r}"/>'
-            for name, value in (camera.distortion.as_dict() if camera.distortion else {}).items()
+            f'        <float name="{key}" value="{value!r}"/>'
+            for key, value in (camera.distortion.as_dict() if camera.distortion else {}).items()
             if value
         ),
         f'        <float name="focus_near" value="{near!r}"/>',
@@ -316,13 +344,7 @@ def scene_xml(
         "        </film>",
         "    </sensor>",
         "",
-        '    <shape type="ply" id="part">',
-        f'        <string name="filename" value={quoteattr(PART_FILE)}/>',
-        '        <boolean name="face_normals" value="true"/>',
-        '        <bsdf type="diffuse"/>',
-        "    </shape>",
     ]
-    return _sealed("\n".join([*head, ""]), "\n".join([*lines, *shapes, "</scene>", ""]))
 
 
 def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list[str]:

@@ -27,6 +27,7 @@ from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.render import trace_rays
 from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
@@ -43,6 +44,8 @@ SYSTEM_OF_DEVICE: dict[str, System] = {
     "laser": "laser",
 }
 """Kind of sensor by the id of the scene's second device."""
+
+DEVICE_OF_SYSTEM = {system: device for device, system in SYSTEM_OF_DEVICE.items()}
 
 LEAST_ANGLE = math.radians(1.0)
 """Lines at a smaller angle are warned of: their intersection moves 57 times as far as they do."""
@@ -337,10 +340,7 @@ def _check(camera: Camera, second: Camera, system: str, phase: str | None) -> No
             "A device with parallel rays has no place from which to triangulate; give both devices "
             "a focal length."
         )
-    if np.linalg.norm(camera.origin - second.origin) < 1e-3:
-        raise InputError(
-            "Both devices stand at one place, so their lines meet nowhere else; move one of them."
-        )
+    refuse_one_place(camera, second)
 
 
 def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:

@@ -1,0 +1,116 @@
+"""Scenes with two devices: what ``scene --second`` writes measures; wrong ones are refused."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from iriftrace.cli import main
+from iriftrace.scene.load import load_scene
+from iriftrace.scenes import folder_of
+from iriftrace.scenes.bundled import FRINGE_SCENE, write_fringe
+from validation.inputs import hot_block
+
+CAMERA = ["--origin=60,-45,70", "--resolution=120,100", "--scale=0.5", "--sensor=6,5"]
+LENS = ["--focal-length=20", "--layers=3"]
+
+Printed = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def words(tmp_path: Path) -> list[str]:
+    field, part = hot_block.save(tmp_path)
+    scene = str(tmp_path / "scene" / "scene.xml")
+    return ["scene", str(field), str(part), "-o", scene, *CAMERA, *LENS]
+
+
+@pytest.mark.usefixtures("variant")
+def test_the_printed_command_measures(words: list[str], capsys: Printed) -> None:
+    """The second device looks at the part's centre, as the camera does, through the same lens."""
+    assert main([*words, "--second=75,-20,70", "--system=stereo"]) == 0
+    said = capsys.readouterr().out
+    scene = load_scene(words[4])
+    assert scene.second_id == "camera_2"
+    assert scene.second.origin == pytest.approx((75, -20, 70))
+    towards = -scene.second.origin / np.linalg.norm(scene.second.origin)
+    assert scene.second.forward == pytest.approx(towards)
+    assert scene.second.focal_length_mm == scene.camera.focal_length_mm
+    command = shlex.split(said.split("measure:  iriftrace ")[1].strip())
+    assert main(command) == 0
+    numbers = json.loads(Path(command[-1]).with_suffix(".json").read_text())
+    assert numbers["system"] == "stereo"
+    assert numbers["points"]["measured"] > 100
+
+
+@pytest.mark.usefixtures("variant")
+def test_a_calibration_gives_the_projector_its_lens_and_place(
+    words: list[str], tmp_path: Path
+) -> None:
+    """Pixels of 5 um and a focal length of 4000 of them are 20 mm; R and t place it at -R't."""
+    calibration = tmp_path / "projector.json"
+    matrix = [[4000.0, 0.0, 60.0], [0.0, 4000.0, 50.0], [0.0, 0.0, 1.0]]
+    calibration.write_text(
+        json.dumps(
+            {
+                "camera_matrix": matrix,
+                "distortion_coefficients": [0, 0, 0, 0],
+                "image_width": 120,
+                "image_height": 100,
+                "R": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+                "T": [0, 0, 90],
+            }
+        )
+    )
+    given = [f"--second-calibration={calibration}", "--second-pixel-size=5 um"]
+    assert main([*words, *given]) == 0
+    scene = load_scene(words[4])
+    assert scene.second_id == "projector"
+    assert scene.second.origin == pytest.approx((0, -90, 0), abs=1e-9)
+    assert scene.second.focal_length_mm == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--system=stereo"], "--system is of a second device, and there is none"),
+        (["--second-pixel-size=5 um"], "--second-pixel-size is of a second device"),
+        (["--second=60,-45,70"], "Both devices stand at one place"),
+        (["--second=7,0,0"], "The second device at [7.0, 0.0, 0.0] mm stands in the hot air"),
+        (["--second=1,0,0"], "The second device at [1.0, 0.0, 0.0] mm stands in the part"),
+        (["--second=75,-20,70", "--trim=5 mm"], "Trimmed shells serve one camera only"),
+        (["--second=75,-20,70", "--second-pixel-size=5 um"], "belongs to --second-calibration"),
+        (["--second-calibration=none.yaml"], "--second-pixel-size"),
+    ],
+)
+def test_wrong_second_devices_end_in_one_sentence(
+    words: list[str], options: list[str], said: str, capsys: Printed
+) -> None:
+    assert main([*words, *options]) == 2
+    error = capsys.readouterr().err
+    assert "Traceback" not in error
+    assert said in " ".join(error.split())
+    assert not Path(words[4]).exists()
+
+
+def test_the_script_writes_the_bundled_scene(tmp_path: Path) -> None:
+    written = write_fringe(tmp_path, folder_of("cylinder"))
+    assert written.read_text() == (folder_of(FRINGE_SCENE) / "scene.xml").read_text()
+
+
+@pytest.mark.usefixtures("variant")
+def test_the_demo_ends_with_the_diameter(tmp_path: Path, capsys: Printed) -> None:
+    """A hot cylinder measures too small: air of n < n0 near the wall bends lines towards the cold.
+
+    Concentric layers would make it 3.7 um (the closed form); the coarse field's are wider.
+    """
+    assert main(["demo", "-o", str(tmp_path), "--scene", FRINGE_SCENE, "-D", "scale=0.1"]) == 0
+    assert "is air" in capsys.readouterr().out
+    numbers = json.loads((tmp_path / f"{FRINGE_SCENE}_scan.json").read_text())
+    (feature,) = numbers["features"]
+    air_um = 1e3 * (feature["size_mm"]["cold"] - feature["size_mm"]["measured"])
+    assert 3.0 < air_um < 6.0
+    assert (tmp_path / f"{FRINGE_SCENE}_scan.png").stat().st_size > 10_000
