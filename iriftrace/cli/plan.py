@@ -15,6 +15,7 @@ from rich.table import Table
 from iriftrace.cli.console import notes, out, raise_if_noticed, say, working
 from iriftrace.cli.options import (
     Angle,
+    Interval,
     LengthWithUnit,
     LightOf,
     Whole,
@@ -41,6 +42,7 @@ Ranking = Annotated[Criteria, Parameter(name="*", group=RANKING)]
 
 VIEWS = Group("Several views", sort_key=2)
 REFINE = Group("Refinement", sort_key=3)
+PAIRS = Group("Two devices", sort_key=5)
 POSES = Group("Poses for other programs", sort_key=4)
 
 EVALUATIONS = 80
@@ -59,6 +61,9 @@ def plan(
     refine: Annotated[bool, Parameter(group=REFINE, negative=())] = False,
     evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
+    pairs: Annotated[bool, Parameter(group=PAIRS, negative=())] = False,
+    system: Annotated[Literal["fringe", "stereo", "laser"] | None, Parameter(group=PAIRS)] = None,
+    angle: Annotated[Interval | None, Parameter(group=PAIRS)] = None,
     save_poses: Annotated[Path | None, Parameter(group=POSES)] = None,
     convention: Annotated[
         Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None, Parameter(group=POSES)
@@ -92,6 +97,14 @@ def plan(
         Most poses that the search renders, 80 by default.
     output
         Write the refined pose to this .json file.
+    pairs
+        Rank pairs of poses for two devices, such as a camera and a projector, by the error of what
+        they would measure, the area that both see, and the angle between them; the best three are
+        measured (``iriftrace measure``), unless --no-confirm is given.
+    system
+        What the second device is: a projector (fringe, by default), a camera (stereo) or a laser.
+    angle
+        Smallest and largest angle between two lines of sight in degrees, 15:45 by default.
     save_poses
         Write the poses of the printed ranking, best first, to this .csv, .json, .npy or .txt file.
     convention
@@ -104,12 +117,19 @@ def plan(
 
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
+    _refuse_without("--pairs", pairs, {"--system": system, "--angle": angle})
     limits = view_limits(views, max_displacement, max_incidence)
     if output is not None:
         check_output(output, ".json", "refined.json", make=False)
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
+    if pairs:
+        for name, given in (("--views", views), ("--refine", refine or None)):
+            if given is not None:
+                raise InputError(f"{name} is about single poses; leave it out, or --pairs.")
+        _plan_pairs(dataset, ranking, system or "fringe", angle, confirm, top)
+        return
     confirmation = None
     if confirm:
         dataset, confirmation = confirmed(dataset, ranking)
@@ -143,6 +163,48 @@ def plan(
             say(f"Refined pose in {output}")
     if save_poses is not None:
         say(f"Ranked poses in {save_poses}")
+
+
+def _plan_pairs(
+    dataset: xr.Dataset,
+    criteria: Criteria,
+    system: Literal["fringe", "stereo", "laser"],
+    angles_deg: tuple[float, float] | None,
+    confirm: bool,
+    top: int,
+) -> None:
+    """Rank pairs of poses and print them."""
+    from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
+
+    with working("Ranking pairs of poses"):
+        found = plan_pairs(
+            dataset,
+            criteria,
+            system=system,
+            angles_deg=angles_deg or ANGLES_DEG,
+            confirm=confirm,
+        )
+    name = {"mean": "mean", "median": "median", "p95": "p95"}[criteria.statistic]
+    table = _table(
+        f"Best of {len(found.pairs)} pairs ({system}) for region {criteria.region}: error along "
+        "the normal",
+        ("poses", "score", f"{name} (um)", "median (um)", "both see", "angle", "measured (um)"),
+    )
+    for row, (one, other) in enumerate(found.pairs[:top]):
+        exact = f"{1e3 * found.exact_mm[row]:.3g}" if row < len(found.exact_mm) else ""
+        table.add_row(
+            f"{one}, {other}",
+            f"{found.score[row]:.3f}",
+            f"{1e3 * found.error_mm[row]:.3g}",
+            f"{1e3 * found.bias_mm[row]:.3g}",
+            f"{100 * found.coverage[row]:.1f} %",
+            f"{found.angle_deg[row]:.1f} deg",
+            exact,
+        )
+    out.print(table)
+    matrices = dataset["matrix"].values
+    for what, pose in zip(("Camera", "Second device"), found.pairs[0], strict=True):
+        print_pose(f"{what}, pose {pose}", matrices[pose], float(dataset["distance"].values[pose]))
 
 
 def view_limits(

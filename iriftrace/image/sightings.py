@@ -14,8 +14,9 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import Float32Array, Int32Array
+from iriftrace.core.arrays import Float32Array, FloatArray, Int32Array
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask
 from iriftrace.part.part import Part
@@ -32,6 +33,10 @@ COLUMNS: dict[str, tuple[str, str, str]] = {
     "rays": ("i4", "1", "good rays on the face"),
     "displacement": ("f4", "mm", "mean displacement of these rays"),
     "incidence": ("f4", "degree", "smallest angle of incidence of these rays"),
+    **{
+        f"offset_{axis}": ("f4", "mm", f"mean offset of the line of sight at the part, {axis}")
+        for axis in "xyz"
+    },
 }
 """Columns, in the file with ``sighting_`` before their names: (type, unit, description)."""
 
@@ -52,12 +57,23 @@ class FaceSightings:
         Mean over these rays.
     incidence : (n,) array of float32, degree
         Smallest angle of incidence of these rays.
+    offset_x, offset_y, offset_z : (n,) arrays of float32, mm, world
+        Way from where the bent ray hits the part to the straight line of sight, at right angles to
+        that; mean over these rays.
     """
 
     face: Int32Array
     rays: Int32Array
     displacement: Float32Array
     incidence: Float32Array
+    offset_x: Float32Array
+    offset_y: Float32Array
+    offset_z: Float32Array
+
+    @property
+    def offset(self) -> FloatArray:
+        """(n, 3) array, mm, world."""
+        return np.stack((self.offset_x, self.offset_y, self.offset_z), axis=1).astype(np.float64)
 
     def __len__(self) -> int:
         return len(self.face)
@@ -103,12 +119,31 @@ def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> F
     angle = np.full(len(rays), np.inf, dtype=np.float32)
     np.minimum.at(angle, row, image.channels["incidence.angle"][good])
     seen = np.flatnonzero(rays)
+    offset = [
+        (np.bincount(row, column)[seen] / rays[seen]).astype(np.float32)
+        for column in _offsets(image, good).T
+    ]
     return FaceSightings(
         face=(seen + first).astype(np.int32),
         rays=rays[seen].astype(np.int32),
         displacement=(moved[seen] / rays[seen]).astype(np.float32),
         incidence=np.degrees(angle[seen].astype(np.float64)).astype(np.float32),
+        offset_x=offset[0],
+        offset_y=offset[1],
+        offset_z=offset[2],
     )
+
+
+def _offsets(image: AovImage, good: NDArray[np.bool_]) -> FloatArray:
+    """(n, 3) array, mm: from the refracted hits to the straight lines of sight."""
+    camera, moved = image.camera, image.vector("displacement", good)
+    if camera.projection == "orthographic":
+        sight = np.broadcast_to(camera.forward, moved.shape)
+    else:
+        sight = unit_vectors(image.vector("straight", good) - camera.origin)
+    along = np.einsum("ij,ij->i", moved, sight)
+    offsets: FloatArray = sight * along[:, None] - moved
+    return offsets
 
 
 def face_maps(sightings: Iterable[FaceSightings], part: Part) -> dict[str, Any]:
@@ -251,7 +286,8 @@ def seen_by_pose(
 
 
 def _counts(dataset: xr.Dataset) -> NDArray[np.int64]:
-    if COUNTS not in dataset or "face" not in dataset.sizes:
+    columns = {f"sighting_{name}" for name in COLUMNS}
+    if COUNTS not in dataset or "face" not in dataset.sizes or not columns <= set(dataset):
         raise InputError(
             "The sweep does not say which faces each pose sees, because an earlier version of "
             "iriftrace or another program wrote it; run it again."

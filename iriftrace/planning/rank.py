@@ -364,6 +364,11 @@ def _normalise(values: FloatArray, lower: float, upper: float) -> FloatArray:
     return np.where(np.isfinite(values), np.where(values > lower, 1.0, 0.0), np.nan)
 
 
+def normalised(values: FloatArray, percentile: float) -> FloatArray:
+    """Values (n,) from 0 at their minimum to 1 at a percentile and above; 0 if all are alike."""
+    return 0 * values if _is_constant(values) else _normalise(values, *_limits(values, percentile))
+
+
 def _cost(name: str, normalised: FloatArray, constant: Collection[str]) -> FloatArray:
     return 1 - normalised if name == "coverage" and name not in constant else normalised
 

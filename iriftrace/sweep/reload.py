@@ -159,7 +159,7 @@ def surroundings_of(dataset: xr.Dataset) -> Surroundings:
     missing = []
     part, shell = None, None
     try:
-        part = _part(dataset)
+        part = swept_part(dataset)
     except InputError as error:
         missing.append(f"the part ({_reason(error)})")
     try:
@@ -173,7 +173,14 @@ def _reason(error: InputError) -> str:
     return str(error).rstrip(".")
 
 
-def _part(dataset: xr.Dataset) -> Part:
+def swept_part(dataset: xr.Dataset) -> Part:
+    """Read the part of a sweep, if its file is still what was swept.
+
+    Raises
+    ------
+    InputError
+        Half a sentence, to go on with.
+    """
     named = attribute(dataset, "part")
     if not {"path", "sha256", "length_unit", "to_world"} <= set(named):
         raise InputError("the sweep does not name its file")

@@ -19,7 +19,7 @@ def nearest_point(
 
     Parameters
     ----------
-    first_origin, second_origin : (3,) arrays, mm
+    first_origin, second_origin : (3,) or (n, 3) arrays, mm
     first, second : (n, 3) arrays
         Unit directions; nowhere parallel.
 
@@ -32,7 +32,7 @@ def nearest_point(
     base = second_origin - first_origin
     cosine = _dot(first, second)
     sine_squared = np.einsum("ij,ij->i", *2 * (np.cross(first, second),))
-    along_first, along_second = first @ base, second @ base
+    along_first, along_second = _dot(first, base), _dot(second, base)
     s = (along_first - cosine * along_second) / sine_squared
     t = (cosine * along_first - along_second) / sine_squared
     one = first_origin + s[:, None] * first
@@ -47,17 +47,17 @@ def on_plane(
 
     Parameters
     ----------
-    line_origin, plane_origin : (3,) arrays, mm
+    line_origin, plane_origin : (3,) or (n, 3) arrays, mm
     line : (n, 3) array
         Directions.
     normal : (n, 3) array
         Of the planes.
     """
-    reach = normal @ (plane_origin - line_origin) / _dot(normal, line)
+    reach = _dot(normal, plane_origin - line_origin) / _dot(normal, line)
     points: FloatArray = line_origin + reach[:, None] * line
     return points
 
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    product: FloatArray = np.einsum("ij,ij->i", one, other)
+    product: FloatArray = (one * other).sum(axis=1)
     return product

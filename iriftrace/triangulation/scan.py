@@ -322,10 +322,10 @@ def devices_of(
         return loaded, camera, second, system, "both"
     if system == "laser":
         return loaded, camera, second, system, "columns"
-    return loaded, camera, second, system, phase or _better_phase(camera, second)
+    return loaded, camera, second, system, phase or better_phase(camera, second)
 
 
-def _better_phase(camera: Camera, projector: Camera) -> Phase:
+def better_phase(camera: Camera, projector: Camera) -> Phase:
     """The lines of a projector's picture that run more across the way to the camera."""
     base = projector.matrix[:3, :2].T @ (camera.origin - projector.origin)
     return "columns" if abs(base[0]) >= abs(base[1]) else "rows"
@@ -434,7 +434,7 @@ def triangulated(
     if system == "laser":
         normal = np.broadcast_to(_sheet_normal(second), a.shape)
     else:
-        normal = _phase_planes(second, b, phase)
+        normal = phase_planes(second, b, phase)
     return on_plane(camera.origin, a, second.origin, normal), np.zeros(len(a))
 
 
@@ -446,7 +446,7 @@ def _sheet_normal(laser: Camera) -> FloatArray:
     return normal / np.linalg.norm(normal)
 
 
-def _phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:
+def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:
     """Normals of the planes of a projector's columns or rows at its lines of sight.
 
     With a distorting lens a column is no plane; the plane through its tangent takes its place.

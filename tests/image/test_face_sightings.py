@@ -148,7 +148,7 @@ def test_limits_leave_out_what_is_seen_badly(swept: xr.Dataset) -> None:
         found = sightings_of(swept, pose)
         expected = [
             face
-            for face, rays, moved, angle in found.as_rows().tolist()
+            for face, rays, moved, angle, *_ in found.as_rows().tolist()
             if moved <= 2e-3 and angle <= 60 and rays >= 3
         ]
         assert np.flatnonzero(seen[pose]).tolist() == expected
@@ -196,6 +196,9 @@ def test_rows_survive_the_way_to_the_disk(tmp_path: Path) -> None:
                 ([1, 2], "i4"),
                 ([0.1, 2.0], "f4"),
                 ([89.9, 0.0], "f4"),
+                ([1e-3, 0.0], "f4"),
+                ([0.0, -2e-3], "f4"),
+                ([0.0, 3e-3], "f4"),
             )
         )
     )

@@ -87,6 +87,7 @@ def with_faces(
         sighting_rays=("sighting", rays),
         sighting_displacement=("sighting", displacement),
         sighting_incidence=("sighting", incidence),
+        **{f"sighting_offset_{axis}": ("sighting", np.zeros(len(rows), "f4")) for axis in "xyz"},
         face_area=("face", np.asarray(areas, dtype=float)),
         face_region=("face", np.array([1] * count if regions is None else regions, dtype="i2")),
         face_times_seen=("face", seen.astype("i4")),

@@ -1,0 +1,52 @@
+"""Errors of triangulated points to first order, from the offsets of the lines of sight alone."""
+
+from __future__ import annotations
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
+from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.triangulation.intersection import nearest_point, on_plane
+from iriftrace.triangulation.scan import Phase, System, better_phase, phase_planes
+
+
+def first_order_error(
+    camera: Camera,
+    second: Camera,
+    points: FloatArray,
+    offset: FloatArray,
+    second_offset: FloatArray,
+    system: System = "fringe",
+    phase: Phase | None = None,
+) -> FloatArray:
+    r"""Error X' - X of points whose lines of sight pass beside them by known offsets.
+
+    The devices see X along the unit directions a and b, and their straight lines pass through
+    :math:`X + \delta_c` and :math:`X + \delta_p`. With the normal m of the projector's plane
+
+    .. math:: e = \delta_c + a \frac{m \cdot (\delta_p - \delta_c)}{m \cdot a}
+
+    and of two cameras e is the midpoint between the two lines. What is left out is of second order:
+    the offset is taken at X for the line that ends beside it.
+
+    Parameters
+    ----------
+    camera, second : Camera
+    points : (n, 3) array, mm, world
+        X, on the part.
+    offset, second_offset : (n, 3) arrays, mm, world
+        Of each device's line of sight at X, :math:`-(I - a a^T)` times its displacement; as
+        `iriftrace.image.sightings.FaceSightings.offset`.
+    system : str
+        ``"fringe"``, ``"stereo"`` or ``"laser"``, whose sheet is taken to pass through each point.
+    phase : str, optional
+        As for :func:`iriftrace.measure`.
+
+    Returns
+    -------
+    (n, 3) array, mm, world
+    """
+    a, b = unit_vectors(points - camera.origin), unit_vectors(points - second.origin)
+    phase = phase or ("columns" if system == "laser" else better_phase(camera, second))
+    if system == "stereo" or phase == "both":
+        return nearest_point(offset, a, second_offset, b)[0]
+    return on_plane(offset, a, second_offset, phase_planes(second, b, phase))

@@ -1,0 +1,72 @@
+"""Errors to first order: plane layers by the formula, and the exact solver on a real field."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.scene.load import load_scene
+from iriftrace.scenes import folder_of
+from iriftrace.trace.render import trace_rays
+from iriftrace.triangulation.first_order import first_order_error
+from iriftrace.triangulation.scan import measure
+
+J_MM = 2.5e-3
+"""Integral of n0 - n over the height of the layers."""
+
+
+def device(slope: float) -> Camera:
+    """A camera 300 mm above the origin, at x = slope x 300 mm, whose columns run along y."""
+    return Camera(
+        focal_length_mm=10.0,
+        sensor_mm=(6.0, 5.0),
+        resolution=(120, 100),
+        matrix=look_at((300.0 * slope, 0.0, 300.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    )
+
+
+def offset(slope: float) -> np.ndarray:
+    """Of the line with x = slope z at z = 0: Snell's law moves it by J t (1 + t^2) along x."""
+    line = np.array((slope, 0.0, 1.0)) / np.hypot(slope, 1.0)
+    moved = np.array((J_MM * slope * (1.0 + slope**2), 0.0, 0.0))
+    return (moved - line * (line @ moved))[None]
+
+
+@pytest.mark.parametrize("system", ["fringe", "stereo", "laser"])
+@pytest.mark.parametrize(("tc", "tp"), [(-0.3, 0.3), (0.0, 0.6), (0.4, 1.2)])
+def test_plane_layers(system: str, tc: float, tp: float) -> None:
+    """Depth J (1 + tc^2 + tc tp + tp^2), lateral -J tc tp (tc + tp), whatever the sensor."""
+    error = first_order_error(
+        device(tc), device(tp), np.zeros((1, 3)), offset(tc), offset(tp), system
+    )
+    expected = (-J_MM * tc * tp * (tc + tp), 0.0, -J_MM * (1 + tc**2 + tc * tp + tp**2))
+    assert error[0] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.usefixtures("variant")
+def test_the_exact_solver_differs_in_the_second_order_alone() -> None:
+    """On the bundled cylinder, where two devices err by micrometres."""
+    scene = load_scene(folder_of("fringe_cylinder") / "scene.xml", {"scale": 0.05})
+    scan = measure(scene)
+    offsets = []
+    for one in (scene.camera, scene.second):
+        sight = unit_vectors(scan.true - one.origin)
+        moved = trace_rays(scene, np.broadcast_to(one.origin, sight.shape), sight).displacement
+        offsets.append(sight * np.einsum("ij,ij->i", sight, moved)[:, None] - moved)
+    known = np.isfinite(offsets[0] + offsets[1]).all(axis=1)
+    found = first_order_error(
+        scene.camera,
+        scene.second,
+        scan.true[known],
+        *(o[known] for o in offsets),
+        "fringe",
+        scan.phase,
+    )
+    left = np.linalg.norm(found - scan.error[known], axis=1)
+    size = np.linalg.norm(scan.error[known], axis=1)
+    assert known.mean() > 0.98
+    assert np.median(left) < 0.01 * np.median(size)
+    assert np.quantile(left, 0.95) < 0.05 * np.median(size)
