@@ -29,7 +29,8 @@ Features = Annotated[
     Parameter(
         name="--feature",
         negative=(),
-        help='Feature to fit, of a region or of all points: "cylinder:lateral"; repeatable.',
+        help='Feature to fit, of a region or of all points: "cylinder:lateral"; repeatable. By '
+        "default all regions that are planes, cylinders, cones or spheres.",
     ),
 ]
 
@@ -56,7 +57,7 @@ def measure(
     scene
         The scene's XML file.
     output
-        The cloud, .vtp; its numbers (.json) and picture (.png) go beside it.
+        The cloud, .vtp or .ply; its numbers (.json) and picture (.png) go beside it.
     trace
         How it is traced.
     figures
@@ -67,7 +68,7 @@ def measure(
 
     check_input(scene)
     require_scene(scene)
-    check_output(output, ".vtp", "scan.vtp", make=False)
+    _check_cloud(output, "scan.vtp")
     with working("Loading the scene"):
         loaded = trace.load(scene)
     with working("Measuring"):
@@ -115,7 +116,7 @@ def correct(
     """Take the air's share out of a measured cloud.
 
     Correct each scan by itself, before it is merged with others. The scene has the two devices
-    where they stood. What was taken from each point is written beside it.
+    where they stood. What was added to each point is written beside it.
 
     Example: ``iriftrace correct scan.vtp scene/scene.xml -o corrected.vtp --feature cylinder``
 
@@ -126,7 +127,8 @@ def correct(
     scene
         The scene's XML file.
     output
-        The corrected cloud, .vtp, in mm in the scene's frame; its numbers (.json) go beside it.
+        The corrected cloud, .vtp or .ply, in mm in the scene's frame; its numbers (.json) go
+        beside it.
     length_unit
         Unit of the cloud.
     cloud_to_part
@@ -141,7 +143,7 @@ def correct(
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
-    check_output(output, ".vtp", "corrected.vtp", make=False)
+    _check_cloud(output, "corrected.vtp")
     points = read_cloud(cloud, length_unit=length_unit)
     if cloud_to_part is not None:
         text = " ".join(cloud_to_part.read_text(encoding="utf-8", errors="replace").split())
@@ -162,6 +164,12 @@ def correct(
     )
     _say_features(features, "corrected", "measured", "as measured through hot air")
     say("Files: " + ", ".join(map(str, files)))
+
+
+def _check_cloud(path: Path, example: str) -> None:
+    """Refuse before the work a cloud that could not be written after it."""
+    suffix = ".ply" if path.suffix.lower() == ".ply" else ".vtp"
+    check_output(path, suffix, example, make=False)
 
 
 def _say_features(features: list[dict[str, Any]], true: str, hot: str, how: str) -> None:
