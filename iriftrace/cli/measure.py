@@ -42,6 +42,7 @@ def measure(
     system: System = None,
     phase: Phase = None,
     feature: Features = None,
+    acceptance: Annotated[bool, Parameter(negative=())] = False,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
 ) -> None:
@@ -58,12 +59,16 @@ def measure(
         The scene's XML file.
     output
         The cloud, .vtp or .ply; its numbers (.json) and picture (.png) go beside it.
+    acceptance
+        Say the errors that VDI/VDE 2634 tests on the part's spheres and planes: probing error of
+        form and of size, sphere-spacing error, flatness error.
     trace
         How it is traced.
     figures
         Draw the errors along the part's normal.
     """
     from iriftrace.scene.file import require_scene
+    from iriftrace.triangulation.acceptance import acceptance as accepted
     from iriftrace.triangulation.scan import measure as simulate
 
     check_input(scene)
@@ -74,7 +79,8 @@ def measure(
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
     features = scan.features(loaded.part, feature or ())
-    files = list(scan.save(output, features))
+    errors = accepted(features, loaded.part) if acceptance else []
+    files = list(scan.save(output, features, errors))
     values = scan.as_dict()
     if figures:
         from iriftrace.figures.scan import scan_figure
@@ -98,6 +104,12 @@ def measure(
     if scan.system == "stereo":
         say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")
     _say_features(features, "cold", "measured", "as measured through hot air")
+    for row in errors:
+        value = row["error_mm"]
+        say(
+            f"{row['error'].capitalize()} ({row['region'] or 'all points'}): "
+            f"{_um(value['measured'])} through hot air, {_um(value['cold'])} cold."
+        )
     say("Files: " + ", ".join(map(str, files)))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import asdict, evolve, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
@@ -214,6 +214,7 @@ def trace_rays(
     *,
     focus_mm: tuple[float, float] = (0.0, math.inf),
     coherent: bool = False,
+    trace_all: bool = True,
 ) -> RayHits:
     """Trace any bundle of rays: a projector's, a laser sheet's, a random pencil.
 
@@ -229,6 +230,8 @@ def trace_rays(
         Nearest and farthest length of a straight ray that counts as sharp.
     coherent : bool
         Neighbouring rays run alike, as a camera's do; only the speed depends on it.
+    trace_all : bool
+        Bend also the rays whose straight twin misses the part; otherwise they have missed.
 
     Returns
     -------
@@ -254,7 +257,7 @@ def trace_rays(
         from iriftrace.plugins.kernels.tables import aligned
 
         places, headings = (mi.Float64(aligned(rows.ravel())) for rows in (start, heading))
-        trace = loaded.integrator.trace(
+        bundle = loaded.integrator.trace(
             loaded.mitsuba_scene,
             lambda ray: (
                 dr.gather(mi.Point3d, places, ray),
@@ -263,8 +266,11 @@ def trace_rays(
             len(start),
             focus=focus_mm,
             coherent=coherent,
-            trace_all=True,
-        ).trace
+            trace_all=trace_all,
+        )
+        trace = bundle.trace
+        if trace is None:
+            return _no_hits(np.array(bundle.status, dtype=np.int64))
         refracted = trace.refracted
         on_part = np.array(trace.straight_outcome) == 1
         bent_on_part = np.array(refracted.outcome) == 1
@@ -273,7 +279,7 @@ def trace_rays(
         def points(value: Any, exists: NDArray[np.bool_]) -> FloatArray:
             return np.where(exists[:, None], np.array(value, dtype=np.float64).T, np.nan)
 
-        return RayHits(
+        traced = RayHits(
             straight=points(trace.straight, on_part),
             refracted=points(refracted.point, bent_on_part),
             last_point=np.array(refracted.point, dtype=np.float64).T,
@@ -286,6 +292,21 @@ def trace_rays(
             crossings=np.array(refracted.crossings, dtype=np.int64),
             status=np.array(trace.status, dtype=np.int64),
         )
+        if trace_all:
+            return traced
+        hits = _no_hits(np.array(bundle.status, dtype=np.int64))
+        ray = np.array(trace.ray)
+        for name, column in asdict(hits, recurse=False).items():
+            column[ray] = getattr(traced, name)
+        return hits
+
+
+def _no_hits(status: IntArray) -> RayHits:
+    """Rays that were not bent."""
+    nowhere = [np.full((len(status), 3), np.nan) for _ in range(4)]
+    no_face = [np.full(len(status), -1) for _ in range(2)]
+    length = np.full(len(status), np.nan)
+    return RayHits(*nowhere, *no_face, length, np.zeros(len(status), dtype=np.int64), status)
 
 
 def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:

@@ -28,7 +28,7 @@ from iriftrace.triangulation.scan import (
     devices_of,
     triangulated,
 )
-from iriftrace.triangulation.two_points import lines_of_sight
+from iriftrace.triangulation.two_points import ROUNDS, lines_of_sight
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -38,7 +38,10 @@ REACH_MM = 1.0
 Forged parts are off their CAD model by some tenths of a millimetre.
 """
 
-EVALUATIONS = 2
+ROUNDS_OF_EVALUATIONS = (1, ROUNDS)
+"""Most rounds of `lines_of_sight` in each evaluation of the error. The first one only finds about
+where the point lies, for which one round, right to 1e-3 of the deflection, is enough.
+"""
 
 
 class CorrectionStatus(PointStatus):
@@ -115,7 +118,7 @@ class Correction:
         InputError
             If the name ends neither in .vtp nor in .ply.
         """
-        columns = {
+        columns: dict[str, NDArray[Any]] = {
             **by_axis("correction", self.correction),
             "status": self.status.astype(np.int32),
         }
@@ -159,9 +162,9 @@ def correct(
     _refuse_another_part(measured, loaded)
     place = measured.copy()
     offsets: tuple[FloatArray | None, FloatArray | None] = (None, None)
-    for _ in range(EVALUATIONS):
+    for rounds in ROUNDS_OF_EVALUATIONS:
         lines = [
-            lines_of_sight(loaded, device.origin, place, offset)
+            lines_of_sight(loaded, device.origin, place, offset, rounds=rounds)
             for device, offset in zip((camera, second), offsets, strict=True)
         ]
         offsets = lines[0].offset, lines[1].offset

@@ -162,13 +162,18 @@ class Scan:
         clouds = {"cold": self.true, "measured": self.points}
         return feature_table(clouds, self.face, part, choices)
 
-    def save(self, path: str | Path, features: Sequence[dict[str, Any]] = ()) -> tuple[Path, Path]:
+    def save(
+        self,
+        path: str | Path,
+        features: Sequence[dict[str, Any]] = (),
+        acceptance: Sequence[dict[str, Any]] = (),
+    ) -> tuple[Path, Path]:
         """Write the cloud (.vtp or .ply) and, beside it, its numbers (.json).
 
         Parameters
         ----------
         path : path
-        features : sequence of dict
+        features, acceptance : sequences of dict
             Written with the numbers.
 
         Raises
@@ -177,6 +182,8 @@ class Scan:
             If the name ends neither in .vtp nor in .ply.
         """
         values = self.as_dict() | {"features": list(features)}
+        if acceptance:
+            values["acceptance"] = list(acceptance)
         return save_cloud(path, self.points, self._columns(), values)
 
     def _columns(self) -> dict[str, NDArray[Any]]:
@@ -298,7 +305,9 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     forward, solved = (second, camera) if system == "laser" else (camera, second)
     pixels, shape = _pixels(forward, sheet=system == "laser")
     origin, direction = forward.rays(pixels)
-    hits = trace_rays(scene, origin, direction, focus_mm=forward.focus_mm, coherent=True)
+    hits = trace_rays(
+        scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
+    )
     seen = np.isin(hits.status, (Status.GOOD, Status.INDEX_MISMATCH))
     status = np.where(seen, ScanStatus.MEASURED, ScanStatus.NOT_SEEN)
     normals = scene.part.surface.normals
