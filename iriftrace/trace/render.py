@@ -303,10 +303,19 @@ def trace_rays(
 
 def _no_hits(status: IntArray) -> RayHits:
     """Rays that were not bent."""
-    nowhere = [np.full((len(status), 3), np.nan) for _ in range(4)]
-    no_face = [np.full(len(status), -1) for _ in range(2)]
-    length = np.full(len(status), np.nan)
-    return RayHits(*nowhere, *no_face, length, np.zeros(len(status), dtype=np.int64), status)
+    nowhere = np.full((len(status), 3), np.nan)
+    no_face = np.full(len(status), -1)
+    return RayHits(
+        straight=nowhere,
+        refracted=nowhere.copy(),
+        last_point=nowhere.copy(),
+        direction=nowhere.copy(),
+        face=no_face,
+        refracted_face=no_face.copy(),
+        path_length=np.full(len(status), np.nan),
+        crossings=np.zeros(len(status), dtype=np.int64),
+        status=status,
+    )
 
 
 def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:
