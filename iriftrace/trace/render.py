@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import asdict, evolve, frozen
+from attrs import evolve, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
@@ -67,6 +67,8 @@ class RayHits:
         Shells the refracted ray met.
     status : (n,) array of int
         Codes of :class:`iriftrace.image.aov_image.Status`.
+    ray : (n,) array of int
+        Number of each ray in the bundle that was given.
     """
 
     straight: FloatArray
@@ -78,6 +80,7 @@ class RayHits:
     path_length: FloatArray
     crossings: IntArray
     status: IntArray
+    ray: IntArray
 
     @property
     def displacement(self) -> FloatArray:
@@ -231,7 +234,7 @@ def trace_rays(
     coherent : bool
         Neighbouring rays run alike, as a camera's do; only the speed depends on it.
     trace_all : bool
-        Bend also the rays whose straight twin misses the part; otherwise they have missed.
+        Bend also the rays whose straight twin misses the part; otherwise they are left out.
 
     Returns
     -------
@@ -257,7 +260,7 @@ def trace_rays(
         from iriftrace.plugins.kernels.tables import aligned
 
         places, headings = (mi.Float64(aligned(rows.ravel())) for rows in (start, heading))
-        bundle = loaded.integrator.trace(
+        trace = loaded.integrator.trace(
             loaded.mitsuba_scene,
             lambda ray: (
                 dr.gather(mi.Point3d, places, ray),
@@ -267,10 +270,9 @@ def trace_rays(
             focus=focus_mm,
             coherent=coherent,
             trace_all=trace_all,
-        )
-        trace = bundle.trace
+        ).trace
         if trace is None:
-            return _no_hits(np.array(bundle.status, dtype=np.int64))
+            return _no_hits()
         refracted = trace.refracted
         on_part = np.array(trace.straight_outcome) == 1
         bent_on_part = np.array(refracted.outcome) == 1
@@ -279,7 +281,7 @@ def trace_rays(
         def points(value: Any, exists: NDArray[np.bool_]) -> FloatArray:
             return np.where(exists[:, None], np.array(value, dtype=np.float64).T, np.nan)
 
-        traced = RayHits(
+        return RayHits(
             straight=points(trace.straight, on_part),
             refracted=points(refracted.point, bent_on_part),
             last_point=np.array(refracted.point, dtype=np.float64).T,
@@ -291,30 +293,24 @@ def trace_rays(
             path_length=np.where(bent_on_part, np.array(refracted.path_length), np.nan),
             crossings=np.array(refracted.crossings, dtype=np.int64),
             status=np.array(trace.status, dtype=np.int64),
+            ray=np.array(trace.ray, dtype=np.int64),
         )
-        if trace_all:
-            return traced
-        hits = _no_hits(np.array(bundle.status, dtype=np.int64))
-        ray = np.array(trace.ray)
-        for name, column in asdict(hits, recurse=False).items():
-            column[ray] = getattr(traced, name)
-        return hits
 
 
-def _no_hits(status: IntArray) -> RayHits:
-    """Rays that were not bent."""
-    nowhere = np.full((len(status), 3), np.nan)
-    no_face = np.full(len(status), -1)
+def _no_hits() -> RayHits:
+    """Hits of no ray."""
+    points, numbers = np.empty((0, 3)), np.empty(0, dtype=np.int64)
     return RayHits(
-        straight=nowhere,
-        refracted=nowhere.copy(),
-        last_point=nowhere.copy(),
-        direction=nowhere.copy(),
-        face=no_face,
-        refracted_face=no_face.copy(),
-        path_length=np.full(len(status), np.nan),
-        crossings=np.zeros(len(status), dtype=np.int64),
-        status=status,
+        straight=points,
+        refracted=points,
+        last_point=points,
+        direction=points,
+        face=numbers,
+        refracted_face=numbers,
+        path_length=np.empty(0),
+        crossings=numbers,
+        status=numbers,
+        ray=numbers,
     )
 
 

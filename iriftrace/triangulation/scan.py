@@ -309,10 +309,10 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
     )
     seen = np.isin(hits.status, (Status.GOOD, Status.INDEX_MISMATCH))
-    status = np.where(seen, ScanStatus.MEASURED, ScanStatus.NOT_SEEN)
+    status = np.full(len(pixels), ScanStatus.NOT_SEEN, dtype=np.int64)
     normals = scene.part.surface.normals
-    candidates = np.flatnonzero(seen)
-    true, face = hits.refracted[candidates], hits.refracted_face[candidates]
+    candidates = hits.ray[seen]
+    true, face = hits.refracted[seen], hits.refracted_face[seen]
     normal = normals[face]
 
     distance = np.linalg.norm(true - solved.origin, axis=1)
