@@ -33,7 +33,8 @@ Features = Annotated[
     Parameter(
         name="--feature",
         negative=(),
-        help='Feature to fit, of a region or of all points: "cylinder:lateral"; repeatable.',
+        help='Feature to fit, of a region or of all points: "cylinder:lateral"; repeatable. By '
+        "default all regions that are planes, cylinders, cones or spheres.",
     ),
 ]
 
@@ -45,6 +46,7 @@ def measure(
     system: System = None,
     phase: Phase = None,
     feature: Features = None,
+    acceptance: Annotated[bool, Parameter(negative=())] = False,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
 ) -> None:
@@ -60,7 +62,10 @@ def measure(
     scene
         The scene's XML file.
     output
-        The cloud, .vtp; its numbers (.json) and picture (.png) go beside it.
+        The cloud, .vtp or .ply; its numbers (.json) and picture (.png) go beside it.
+    acceptance
+        Say the errors that VDI/VDE 2634 tests on the part's spheres and planes: probing error of
+        form and of size, sphere-spacing error, flatness error.
     trace
         How it is traced.
     figures
@@ -70,10 +75,10 @@ def measure(
 
     check_input(scene)
     require_scene(scene)
-    check_output(output, ".vtp", "scan.vtp", make=False)
+    _check_cloud(output, "scan.vtp")
     with working("Loading the scene"):
         loaded = trace.load(scene)
-    write_scan(loaded, output, system, phase, feature or (), figures)
+    write_scan(loaded, output, system, phase, feature or (), acceptance, figures)
 
 
 def write_scan(
@@ -82,15 +87,18 @@ def write_scan(
     system: Literal["stereo", "fringe", "laser"] | None,
     phase: Literal["columns", "rows", "both"] | None,
     feature: Sequence[str],
+    acceptance: bool,
     figures: bool,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and say what it found."""
+    from iriftrace.triangulation.acceptance import acceptance as accepted
     from iriftrace.triangulation.scan import measure as simulate
 
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
     features = scan.features(loaded.part, feature)
-    files = list(scan.save(output, features))
+    errors = accepted(features, loaded.part) if acceptance else []
+    files = list(scan.save(output, features, errors))
     values = scan.as_dict()
     if figures:
         from iriftrace.figures.scan import scan_figure
@@ -115,6 +123,12 @@ def write_scan(
         say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")
     say("Files: " + ", ".join(map(str, files)))
     _say_features(features, "cold", "measured", "as measured through hot air")
+    for row in errors:
+        value = row["error_mm"]
+        say(
+            f"{row['error'].capitalize()} ({row['region'] or 'all points'}): "
+            f"{_um(value['measured'])} through hot air, {_um(value['cold'])} cold."
+        )
 
 
 def correct(
@@ -132,7 +146,7 @@ def correct(
     """Take the air's share out of a measured cloud.
 
     Correct each scan by itself, before it is merged with others. The scene has the two devices
-    where they stood. What was taken from each point is written beside it.
+    where they stood. What was added to each point is written beside it.
 
     Example: ``iriftrace correct scan.vtp scene/scene.xml -o corrected.vtp --feature cylinder``
 
@@ -143,7 +157,8 @@ def correct(
     scene
         The scene's XML file.
     output
-        The corrected cloud, .vtp, in mm in the scene's frame; its numbers (.json) go beside it.
+        The corrected cloud, .vtp or .ply, in mm in the scene's frame; its numbers (.json) go
+        beside it.
     length_unit
         Unit of the cloud.
     cloud_to_part
@@ -158,7 +173,7 @@ def correct(
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
-    check_output(output, ".vtp", "corrected.vtp", make=False)
+    _check_cloud(output, "corrected.vtp")
     points = read_cloud(cloud, length_unit=length_unit)
     if cloud_to_part is not None:
         text = " ".join(cloud_to_part.read_text(encoding="utf-8", errors="replace").split())
@@ -179,6 +194,12 @@ def correct(
     )
     _say_features(features, "corrected", "measured", "as measured through hot air")
     say("Files: " + ", ".join(map(str, files)))
+
+
+def _check_cloud(path: Path, example: str) -> None:
+    """Refuse before the work a cloud that could not be written after it."""
+    suffix = ".ply" if path.suffix.lower() == ".ply" else ".vtp"
+    check_output(path, suffix, example, make=False)
 
 
 def _say_features(features: list[dict[str, Any]], true: str, hot: str, how: str) -> None:

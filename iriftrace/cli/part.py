@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 part = App(
     name="part",
-    help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone.",
+    help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone, "
+    "sphere, ball bar, plate.",
     help_format="rst",
 )
 
@@ -53,6 +54,21 @@ SHAPES = {
         "wishbone:wishbone",
         "Make a free-form wishbone: a ball hub, two bushes, two arms and a brace.",
         'wishbone -o part.ply --bush-distance "160 mm" --rise "15 mm"',
+    ),
+    "sphere": (
+        "reference:sphere",
+        "Make a sphere, for the probing error.",
+        'sphere -o sphere.ply --diameter "25 mm"',
+    ),
+    "ball-bar": (
+        "reference:ball_bar",
+        "Make two spheres, for the sphere-spacing error.",
+        'ball-bar -o part.ply --spacing "100 mm"',
+    ),
+    "plate": (
+        "reference:plate",
+        "Make a flat plate, for the flatness error.",
+        'plate -o plate.ply --width "60 mm"',
     ),
 }
 """Function, summary and example by the command's name."""

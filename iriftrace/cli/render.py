@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 
 DEMO = "cylinder"
-SCAN_FEATURES = ("cylinder:lateral",)
-"""Fitted to what a bundled scene's two devices measure."""
 
 
 def render(
@@ -184,7 +182,7 @@ def demo(
     if loaded.second is not None:
         from iriftrace.cli.measure import write_scan
 
-        write_scan(loaded, output / f"{scene}_scan.vtp", None, None, SCAN_FEATURES, True)
+        write_scan(loaded, output / f"{scene}_scan.vtp", None, None, (), False, True)
     say(f"Change {xml} and run:  {command_line('render', xml)}")
 
 

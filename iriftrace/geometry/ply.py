@@ -157,11 +157,11 @@ def write_ply(
 def write_ply_points(
     path: str | Path,
     points: FloatArray,
-    columns: Mapping[str, ArrayLike],
+    columns: Mapping[str, NDArray[Any]],
     *,
     comments: Sequence[str] = (),
 ) -> None:
-    """Write points as binary little-endian PLY, their places as float64, all else as float32.
+    """Write points as binary little-endian PLY, their places in double precision.
 
     Parameters
     ----------
@@ -170,24 +170,34 @@ def write_ply_points(
     points
         (n, 3) array, mm.
     columns
-        Numbers of each point, by name.
+        Numbers of each point, by name: float64 as ``double``, float32 as ``float``, whole numbers
+        as ``int``.
     comments
         Lines of the header.
     """
     places = dict(zip("xyz", np.transpose(points), strict=True))
+    kinds = {name: _kind(values) for name, values in {**places, **columns}.items()}
     header = [
         "ply",
         "format binary_little_endian 1.0",
         *(f"comment {comment}" for comment in comments),
         f"element vertex {len(points)}",
-        *(f"property double {name}" for name in places),
-        *(f"property float {name}" for name in columns),
+        *(f"property {_PROPERTY[kind]} {name}" for name, kind in kinds.items()),
         "end_header\n",
     ]
-    kinds = [(name, "<f8") for name in places] + [(name, "<f4") for name in columns]
-    rows = np.empty(len(points), dtype=kinds)
+    rows = np.empty(len(points), dtype=list(kinds.items()))
     for name, values in {**places, **columns}.items():
         rows[name] = values
     with whole_file(path) as temporary, temporary.open("wb") as file:
         file.write("\n".join(header).encode("ascii", "replace"))
         file.write(rows.tobytes())
+
+
+_PROPERTY = {"<f8": "double", "<f4": "float", "<i4": "int"}
+"""Words of PLY for kinds of numbers."""
+
+
+def _kind(values: NDArray[Any]) -> str:
+    if values.dtype.kind in "iub":
+        return "<i4"
+    return "<f4" if values.dtype == np.float32 else "<f8"

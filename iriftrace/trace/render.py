@@ -67,6 +67,8 @@ class RayHits:
         Shells the refracted ray met.
     status : (n,) array of int
         Codes of :class:`iriftrace.image.aov_image.Status`.
+    ray : (n,) array of int
+        Number of each ray in the bundle that was given.
     """
 
     straight: FloatArray
@@ -78,6 +80,7 @@ class RayHits:
     path_length: FloatArray
     crossings: IntArray
     status: IntArray
+    ray: IntArray
 
     @property
     def displacement(self) -> FloatArray:
@@ -214,6 +217,7 @@ def trace_rays(
     *,
     focus_mm: tuple[float, float] = (0.0, math.inf),
     coherent: bool = False,
+    trace_all: bool = True,
 ) -> RayHits:
     """Trace any bundle of rays: a projector's, a laser sheet's, a random pencil.
 
@@ -229,6 +233,8 @@ def trace_rays(
         Nearest and farthest length of a straight ray that counts as sharp.
     coherent : bool
         Neighbouring rays run alike, as a camera's do; only the speed depends on it.
+    trace_all : bool
+        Bend also the rays whose straight twin misses the part; otherwise they are left out.
 
     Returns
     -------
@@ -263,8 +269,10 @@ def trace_rays(
             len(start),
             focus=focus_mm,
             coherent=coherent,
-            trace_all=True,
+            trace_all=trace_all,
         ).trace
+        if trace is None:
+            return _no_hits()
         refracted = trace.refracted
         on_part = np.array(trace.straight_outcome) == 1
         bent_on_part = np.array(refracted.outcome) == 1
@@ -285,7 +293,25 @@ def trace_rays(
             path_length=np.where(bent_on_part, np.array(refracted.path_length), np.nan),
             crossings=np.array(refracted.crossings, dtype=np.int64),
             status=np.array(trace.status, dtype=np.int64),
+            ray=np.array(trace.ray, dtype=np.int64),
         )
+
+
+def _no_hits() -> RayHits:
+    """Hits of no ray."""
+    points, numbers = np.empty((0, 3)), np.empty(0, dtype=np.int64)
+    return RayHits(
+        straight=points,
+        refracted=points,
+        last_point=points,
+        direction=points,
+        face=numbers,
+        refracted_face=numbers,
+        path_length=np.empty(0),
+        crossings=numbers,
+        status=numbers,
+        ray=numbers,
+    )
 
 
 def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:

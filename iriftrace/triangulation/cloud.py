@@ -1,21 +1,30 @@
-"""Measured clouds of points as other programs write them."""
+"""Clouds of points as files, those of other programs and those that are written here."""
 
 from __future__ import annotations
 
+import json
 import warnings
+from collections.abc import Mapping
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.files import whole_file
 from iriftrace.core.number_table import is_numbers, numbers, separator_of
 from iriftrace.core.units import length_factor
+from iriftrace.geometry.ply import write_ply_points
 
 TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
 MESHES = (".ply", ".stl", ".obj")
 """Endings that `read_cloud` knows, beside .vtp."""
+
+WRITTEN = (".vtp", ".ply")
+"""Endings of clouds that `save_cloud` writes."""
 
 COARSE_DECIMALS = 3
 """Decimals of a millimetre that hide what hot air does, which is micrometres."""
@@ -57,21 +66,101 @@ def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
         raise InputError(f"{file} holds no points; export the cloud again.")
     if not np.isfinite(points).all():
         raise InputError(f"{file} has points that are not finite; leave them out.")
-    if (np.abs(points - points.round(COARSE_DECIMALS)) < 1e-9).all():
+    points *= length_factor(length_unit)
+    # Beside what single precision leaves of a rounded number.
+    allowed = 1e-9 + np.minimum(np.finfo(np.float32).eps * np.abs(points), 1e-4)
+    if (np.abs(points - points.round(COARSE_DECIMALS)) <= allowed).all():
         warnings.warn(
-            f"All coordinates in {file.name} are rounded to {10.0**-COARSE_DECIMALS:g} "
-            f"{length_unit}, which may be as much as hot air displaces them; export more decimals.",
+            f"All coordinates in {file.name} are rounded to {10.0**-COARSE_DECIMALS:g} mm or "
+            "coarser, which may be as much as hot air displaces them; export more decimals.",
             IriftraceWarning,
             stacklevel=2,
         )
     if file.suffix.lower() == ".stl":
         warnings.warn(
-            f"{file.name} is a mesh made of measured points, often from several scans; correct the "
-            "cloud of each scan before it is merged or meshed.",
+            f"{file.name} is a mesh made of measured points, often from several scans, and an STL "
+            "does not say from which; correct the cloud of each scan before it is merged or "
+            "meshed.",
             IriftraceWarning,
             stacklevel=2,
         )
-    return points * length_factor(length_unit)
+    return points
+
+
+class PointStatus(IntEnum):
+    """Outcome of a point, which scans and corrections define."""
+
+    @property
+    def key(self) -> str:
+        """Name in JSON."""
+        return self.name.lower()
+
+    @classmethod
+    def counts(cls, status: NDArray[np.int64]) -> dict[str, int]:
+        """How many points have each status, by key."""
+        return {one.key: int((status == one).sum()) for one in cls}
+
+
+def spread(values: FloatArray) -> dict[str, float]:
+    """Mean, median, p95, rms, min and max of some values."""
+    median, p95 = np.percentile(values, (50, 95))
+    return {
+        "mean": float(values.mean()),
+        "median": float(median),
+        "p95": float(p95),
+        "rms": float(np.sqrt(np.mean(values**2))),
+        "min": float(values.min()),
+        "max": float(values.max()),
+    }
+
+
+def by_axis(name: str, vectors: FloatArray) -> dict[str, FloatArray]:
+    """Columns ``name_x``, ``name_y`` and ``name_z`` of (n, 3) vectors."""
+    return {f"{name}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
+
+
+def save_cloud(
+    path: str | Path,
+    points: FloatArray,
+    columns: Mapping[str, NDArray[Any]],
+    values: Mapping[str, Any],
+) -> tuple[Path, Path]:
+    """Write points with columns of numbers and, beside them, a JSON file of the same name.
+
+    Parameters
+    ----------
+    path : path
+        .vtp, or .ply with the same names as properties.
+    points : (n, 3) array, mm
+    columns : mapping of (n,) arrays
+    values : mapping
+        What the JSON file holds.
+
+    Raises
+    ------
+    InputError
+        If the name ends otherwise, or a file cannot be written.
+    """
+    cloud = Path(path)
+    if cloud.suffix not in WRITTEN:
+        raise InputError(
+            f"{cloud} is no name of a cloud that can be written; end it in {' or '.join(WRITTEN)}."
+        )
+    if cloud.suffix == ".ply":
+        remarks = (f"{values['schema']}; x, y, z, lengths: mm, angles: rad",)
+        write_ply_points(cloud, points, columns, comments=remarks)
+    else:
+        import pyvista as pv
+
+        data = pv.PolyData(points)
+        for name, column in columns.items():
+            data.point_data[name] = column
+        with whole_file(cloud) as partial:
+            data.save(partial)
+    numbers = cloud.with_suffix(".json")
+    with whole_file(numbers) as partial:
+        partial.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+    return cloud, numbers
 
 
 def _points(file: Path) -> FloatArray:

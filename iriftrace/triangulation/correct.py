@@ -8,7 +8,6 @@ Since e changes by some 1e-3 of a step, two evaluations leave a nanometre.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +20,15 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
+from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, spread
 from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.scan import (
     Phase,
     System,
     devices_of,
-    save_cloud,
-    spread,
     triangulated,
 )
-from iriftrace.triangulation.two_points import lines_of_sight
+from iriftrace.triangulation.two_points import ROUNDS, lines_of_sight
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -40,21 +38,19 @@ REACH_MM = 1.0
 Forged parts are off their CAD model by some tenths of a millimetre.
 """
 
-EVALUATIONS = 2
+ROUNDS_OF_EVALUATIONS = (1, ROUNDS)
+"""Most rounds of `lines_of_sight` in each evaluation of the error. The first one only finds about
+where the point lies, for which one round, right to 1e-3 of the deflection, is enough.
+"""
 
 
-class CorrectionStatus(IntEnum):
+class CorrectionStatus(PointStatus):
     """Outcome of a measured point."""
 
     CORRECTED = 0
     FAR_FROM_PART = 1
     HIDDEN = 2
     SEVERAL_IMAGES = 3
-
-    @property
-    def key(self) -> str:
-        """Name in JSON."""
-        return self.name.lower()
 
 
 @frozen(eq=False)
@@ -86,6 +82,11 @@ class Correction:
         """(n, 3) array, mm, world: the measured points without the air's share."""
         return self.measured - self.error
 
+    @property
+    def correction(self) -> FloatArray:
+        """(n, 3) array, mm: what was added to the measured points."""
+        return -self.error
+
     def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
         """Features of the corrected points, measured and corrected; see `feature_table`."""
         good = self.status == CorrectionStatus.CORRECTED
@@ -94,18 +95,17 @@ class Correction:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.correction/1``."""
-        counts = {s.key: int((self.status == s).sum()) for s in CorrectionStatus}
         corrected = self.status == CorrectionStatus.CORRECTED
         return {
             "schema": SCHEMA,
             "system": self.system,
-            "points": {"measured": len(self.measured), **counts},
+            "points": {"measured": len(self.measured), **CorrectionStatus.counts(self.status)},
             "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
             "assumptions": self.assumptions,
         }
 
     def save(self, path: str | Path, features: Sequence[dict[str, Any]] = ()) -> tuple[Path, Path]:
-        """Write the corrected cloud (.vtp), with its errors, and its numbers (.json).
+        """Write the corrected cloud (.vtp or .ply), with what was added, and its numbers (.json).
 
         Parameters
         ----------
@@ -116,11 +116,14 @@ class Correction:
         Raises
         ------
         InputError
-            If the name does not end in .vtp.
+            If the name ends neither in .vtp nor in .ply.
         """
-        columns = {f"error_{axis}": self.error[:, i] for i, axis in enumerate("xyz")}
+        columns: dict[str, NDArray[Any]] = {
+            **by_axis("correction", self.correction),
+            "status": self.status.astype(np.int32),
+        }
         values = self.as_dict() | {"features": list(features)}
-        return save_cloud(path, self.points, columns | {"status": self.status}, values)
+        return save_cloud(path, self.points, columns, values)
 
 
 def correct(
@@ -159,9 +162,9 @@ def correct(
     _refuse_another_part(measured, loaded)
     place = measured.copy()
     offsets: tuple[FloatArray | None, FloatArray | None] = (None, None)
-    for _ in range(EVALUATIONS):
+    for rounds in ROUNDS_OF_EVALUATIONS:
         lines = [
-            lines_of_sight(loaded, device.origin, place, offset)
+            lines_of_sight(loaded, device.origin, place, offset, rounds=rounds)
             for device, offset in zip((camera, second), offsets, strict=True)
         ]
         offsets = lines[0].offset, lines[1].offset

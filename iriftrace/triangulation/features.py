@@ -23,6 +23,17 @@ Kind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
 SAMPLE = 1000
 """Points that choose between the principal axes of a cylinder or cone, which differ by far."""
 
+FOUND_KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere")
+"""Surfaces that regions are taken for, the first that fits: a plane fits as a wide cylinder too, a
+cylinder as a cone, and two rings of corners lie on a sphere whatever they belong to."""
+
+FOUND_SHARE = 1e-3
+"""Of a region's extent: farthest off a surface a region may be that is one. Files in single
+precision are off by 1e-7, free-form regions by some percent."""
+
+FEWEST_MEASURED = 100
+"""Measured points of a region for a feature of its own; metrics ask for as many rays."""
+
 FEWEST = {"plane": 3, "line": 2, "circle": 3, "sphere": 4, "cylinder": 5, "cone": 6}
 """Points that determine each kind of feature."""
 
@@ -113,6 +124,8 @@ def feature_table(
     part : Part
     choices : sequence of str
         Kind of a feature, and the region of the part if not all of it: ``"cylinder:lateral"``.
+        If there are none, all regions with enough points that are a plane, cylinder, cone or
+        sphere; see `found_features`.
 
     Returns
     -------
@@ -126,7 +139,7 @@ def feature_table(
         There is no such kind or region, or too few points are on it.
     """
     rows = []
-    for choice in choices:
+    for choice in choices or found_features(part, face):
         kind, _, region = choice.partition(":")
         chosen = np.ones(len(face), dtype=bool)
         if region:
@@ -151,6 +164,39 @@ def feature_table(
             }
         )
     return rows
+
+
+def found_features(part: Part, face: IntArray) -> list[str]:
+    """Features that regions of a part are: ``"cylinder:lateral"``.
+
+    Parameters
+    ----------
+    part : Part
+    face : (n,) array of int
+        Faces that points were measured on; regions with fewer than `FEWEST_MEASURED` points are
+        left out.
+    """
+    region = part.region_of_face
+    measured = np.bincount(region[face], minlength=len(part.region_names))
+    found = []
+    for number in np.flatnonzero(measured >= FEWEST_MEASURED):
+        corners = part.vertices[np.unique(part.faces[region == number])]
+        kind = surface_kind(corners)
+        if kind is not None:
+            found.append(f"{kind}:{part.region_names[number]}")
+    return found
+
+
+def surface_kind(corners: FloatArray) -> str | None:
+    """Kind of surface that corners (n, 3) of a region lie on: one of `FOUND_KINDS`, or None."""
+    sample = corners[:: max(1, len(corners) // SAMPLE)]
+    allowed = FOUND_SHARE * float(np.ptp(sample, axis=0).max())
+    for kind in FOUND_KINDS:
+        # A surface through any points tells nothing.
+        enough = kind == "plane" or len(sample) > 2 * FEWEST[kind]
+        if enough and fit_feature(sample, kind).form_mm <= allowed:
+            return kind
+    return None
 
 
 def _axes(points: FloatArray) -> FloatArray:

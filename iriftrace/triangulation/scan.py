@@ -7,11 +7,9 @@ its calibration, and finds X'. The error is X' - X.
 
 from __future__ import annotations
 
-import json
 import math
 import warnings
-from collections.abc import Mapping, Sequence
-from enum import IntEnum
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -22,13 +20,13 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.files import whole_file
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.render import trace_rays
+from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, spread
 from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.two_points import lines_of_sight
@@ -55,7 +53,7 @@ CLEAR_MM = 1e-3
 """Length of a ray that may lack at a point it sees: what the miss allows at 0.06 degrees."""
 
 
-class ScanStatus(IntEnum):
+class ScanStatus(PointStatus):
     """Outcome of a pixel of the device that is traced forward."""
 
     MEASURED = 0
@@ -64,11 +62,6 @@ class ScanStatus(IntEnum):
     SHADOW = 3
     SEVERAL_IMAGES = 4
     OUT_OF_FOCUS = 5
-
-    @property
-    def key(self) -> str:
-        """Name in JSON."""
-        return self.name.lower()
 
 
 @frozen(eq=False)
@@ -149,12 +142,11 @@ class Scan:
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.scan/1``."""
         translation, rotation, left = self.best_fit()
-        counts = {s.key: int((self.status == s).sum()) for s in ScanStatus}
         return {
             "schema": SCHEMA,
             "system": self.system,
             "phase": self.phase,
-            "points": {"pixels": int(self.status.size), **counts},
+            "points": {"pixels": int(self.status.size), **ScanStatus.counts(self.status)},
             "error_normal_mm": spread(self.error_normal),
             "error_mm": spread(np.linalg.norm(self.error, axis=1)),
             "gap_mm": spread(self.gap),
@@ -173,77 +165,43 @@ class Scan:
         clouds = {"cold": self.true, "measured": self.points}
         return feature_table(clouds, self.face, part, choices)
 
-    def save(self, path: str | Path, features: Sequence[dict[str, Any]] = ()) -> tuple[Path, Path]:
-        """Write the cloud (.vtp) and, beside it, its numbers (.json).
+    def save(
+        self,
+        path: str | Path,
+        features: Sequence[dict[str, Any]] = (),
+        acceptance: Sequence[dict[str, Any]] = (),
+    ) -> tuple[Path, Path]:
+        """Write the cloud (.vtp or .ply) and, beside it, its numbers (.json).
 
         Parameters
         ----------
         path : path
-        features : sequence of dict
+        features, acceptance : sequences of dict
             Written with the numbers.
 
         Raises
         ------
         InputError
-            If the name does not end in .vtp.
+            If the name ends neither in .vtp nor in .ply.
         """
         values = self.as_dict() | {"features": list(features)}
+        if acceptance:
+            values["acceptance"] = list(acceptance)
         return save_cloud(path, self.points, self._columns(), values)
 
     def _columns(self) -> dict[str, NDArray[Any]]:
-        columns: dict[str, NDArray[Any]] = {}
-        for name, vectors in (("true", self.true), ("error", self.error)):
-            columns |= {f"{name}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
-        return columns | {
+        return {
+            **by_axis("true", self.true),
+            **by_axis("error", self.error),
             "error_normal": self.error_normal,
             "gap": self.gap,
             "angle": self.angle,
             "pixel_u": self.pixel[:, 0],
             "pixel_v": self.pixel[:, 1],
-            "face": self.face,
+            "face": self.face.astype(np.int32),
+            # Of the points that were measured, which are the cloud.
+            "status": np.full(len(self.points), ScanStatus.MEASURED, dtype=np.int32),
         }
-
-
-def save_cloud(
-    path: str | Path,
-    points: FloatArray,
-    columns: Mapping[str, NDArray[Any]],
-    values: Mapping[str, Any],
-) -> tuple[Path, Path]:
-    """Write points with columns of numbers (.vtp) and, beside it, a JSON file of the same name.
-
-    Raises
-    ------
-    InputError
-        If the name does not end in .vtp, or a file cannot be written.
-    """
-    import pyvista as pv
-
-    cloud = Path(path)
-    if cloud.suffix != ".vtp":
-        raise InputError(f"{cloud} is no name of a cloud that can be written; end it in .vtp.")
-    data = pv.PolyData(points)
-    for name, column in columns.items():
-        data.point_data[name] = column
-    with whole_file(cloud) as partial:
-        data.save(partial)
-    numbers = cloud.with_suffix(".json")
-    with whole_file(numbers) as partial:
-        partial.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
-    return cloud, numbers
-
-
-def spread(values: FloatArray) -> dict[str, float]:
-    """Mean, median, p95, rms, min and max of some values."""
-    median, p95 = np.percentile(values, (50, 95))
-    return {
-        "mean": float(values.mean()),
-        "median": float(median),
-        "p95": float(p95),
-        "rms": float(np.sqrt(np.mean(values**2))),
-        "min": float(values.min()),
-        "max": float(values.max()),
-    }
 
 
 def measure(
@@ -347,12 +305,14 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     forward, solved = (second, camera) if system == "laser" else (camera, second)
     pixels, shape = _pixels(forward, sheet=system == "laser")
     origin, direction = forward.rays(pixels)
-    hits = trace_rays(scene, origin, direction, focus_mm=forward.focus_mm, coherent=True)
+    hits = trace_rays(
+        scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
+    )
     seen = np.isin(hits.status, (Status.GOOD, Status.INDEX_MISMATCH))
-    status = np.where(seen, ScanStatus.MEASURED, ScanStatus.NOT_SEEN)
+    status = np.full(len(pixels), ScanStatus.NOT_SEEN, dtype=np.int64)
     normals = scene.part.surface.normals
-    candidates = np.flatnonzero(seen)
-    true, face = hits.refracted[candidates], hits.refracted_face[candidates]
+    candidates = hits.ray[seen]
+    true, face = hits.refracted[seen], hits.refracted_face[seen]
     normal = normals[face]
 
     distance = np.linalg.norm(true - solved.origin, axis=1)

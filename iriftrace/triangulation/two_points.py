@@ -57,7 +57,12 @@ class LinesOfSight:
 
 
 def lines_of_sight(
-    scene: LoadedScene, origin: FloatArray, points: FloatArray, offset: FloatArray | None = None
+    scene: LoadedScene,
+    origin: FloatArray,
+    points: FloatArray,
+    offset: FloatArray | None = None,
+    *,
+    rounds: int = ROUNDS,
 ) -> LinesOfSight:
     """Find the straight lines along which a device sees points of the part.
 
@@ -70,6 +75,8 @@ def lines_of_sight(
         On the part or near it.
     offset : (n, 3) array, mm, optional
         First guess of `LinesOfSight.offset`.
+    rounds : int
+        Most traces of a point.
 
     Raises
     ------
@@ -82,7 +89,7 @@ def lines_of_sight(
     lacking = np.full(len(points), np.nan)
     face = np.full(len(points), -1)
     active = np.arange(len(points))
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         if len(active) == 0:
             break
         direction[active] = unit_vectors(aim[active] - origin)

@@ -27,7 +27,7 @@ def test_a_gear_is_read_again_with_its_regions(
     assert np.allclose(read.vertices, made.vertices, atol=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["cylinder", "hybrid", "wishbone"])
+@pytest.mark.parametrize("kind", ["cylinder", "hybrid", "wishbone", "sphere", "ball-bar", "plate"])
 def test_an_stl_is_closed(kind: str, tmp_path: Path) -> None:
     file = tmp_path / f"{kind}.stl"
     finer = ["--spacing", "2.5 mm"] if kind == "wishbone" else []
@@ -44,6 +44,7 @@ def test_an_stl_is_closed(kind: str, tmp_path: Path) -> None:
         (["cylinder", "-o", "nowhere/part.ply"], "does not exist"),
         (["gear", "-o", "part.ply", "--bore", "2 kg"], "--bore"),
         (["gear", "-o", "part.ply", "--teeth", "4"], "give 8 to 400 teeth"),
+        (["ball-bar", "-o", "part.ply", "--spacing", "2 cm"], "the spheres touch"),
         (["hybrid", "-o", "part.stl", "--transition", "1 m"], "is not within its length"),
     ],
 )

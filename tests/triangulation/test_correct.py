@@ -6,6 +6,7 @@ Against the true points of the simulation, on the part and beside it.
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ import pyvista as pv
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.ply import read_ply
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.triangulation.cloud import read_cloud
 from iriftrace.triangulation.correct import CorrectionStatus, correct
 from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.scan import Scan, ScanStatus, measure
@@ -82,10 +85,47 @@ def test_a_saved_correction_can_be_undone(scan: Scan, scene: LoadedScene, tmp_pa
     found = correct(scan.points, scene, *DEVICES, system=scan.system)
     cloud, numbers = found.save(tmp_path / "corrected.vtp")
     read = pv.read(cloud)
-    error = np.column_stack([read[f"error_{axis}"] for axis in "xyz"])
-    np.testing.assert_allclose(read.points + error, scan.points, rtol=0, atol=1e-12)
+    added = np.column_stack([read[f"correction_{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(read.points - added, scan.points, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(read["status"], found.status)
     table = json.loads(numbers.read_text())
     assert table["points"]["corrected"] == (found.status == 0).sum()
+
+
+@pytest.mark.parametrize("what", ["scan", "correction"])
+def test_ply_and_vtp_hold_the_same_numbers(
+    scan: Scan, scene: LoadedScene, what: str, tmp_path: Path
+) -> None:
+    """In double precision, bit for bit, and whole numbers as such."""
+    saved = scan if what == "scan" else correct(scan.points, scene, *DEVICES, system=scan.system)
+    saved.save(tmp_path / "cloud.vtp")
+    saved.save(tmp_path / "cloud.ply")
+    vtp = pv.read(tmp_path / "cloud.vtp")
+    ply = read_ply(tmp_path / "cloud.ply")
+    np.testing.assert_array_equal(ply.vertices, vtp.points)
+    assert set(ply.vertex_columns) == {"x", "y", "z", *vtp.point_data}
+    for name, column in vtp.point_data.items():
+        np.testing.assert_array_equal(ply.vertex_columns[name], column)
+        assert ply.vertex_columns[name].dtype == column.dtype
+    assert ply.vertex_columns["status"].dtype == np.int32
+
+
+@pytest.mark.parametrize(
+    ("unit", "decimals", "single", "warned"),
+    [("mm", 3, False, True), ("mm", 3, True, True), ("m", 6, False, True), ("mm", 4, True, False)],
+)
+def test_rounding_to_a_micrometre_is_noticed(
+    unit: str, decimals: int, single: bool, warned: bool, tmp_path: Path
+) -> None:
+    """In whatever unit, and behind the rounding of single precision."""
+    points = np.random.default_rng(1).uniform(-100, 100, (50, 3))
+    points = (points / (1000.0 if unit == "m" else 1.0)).round(decimals)
+    cloud = tmp_path / "cloud.xyz"
+    np.savetxt(cloud, points.astype(np.float32) if single else points, fmt="%.17g")
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        read_cloud(cloud, length_unit=unit)
+    assert bool(said) is warned
 
 
 @pytest.mark.parametrize(

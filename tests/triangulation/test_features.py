@@ -11,7 +11,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError
-from iriftrace.triangulation.features import Feature, fit_feature
+from iriftrace.part.part import Part, read_part
+from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.scenes import folder_of
+from iriftrace.triangulation.features import (
+    Feature,
+    feature_table,
+    fit_feature,
+    found_features,
+    surface_kind,
+)
 
 AXIS = np.array((0.2, -0.5, 0.8)) / np.linalg.norm((0.2, -0.5, 0.8))
 PLACE = np.array((120.0, -45.0, 33.0))
@@ -125,3 +134,31 @@ def squares(points: np.ndarray, like: Feature) -> float:
 def test_what_determines_no_feature_is_refused(points: np.ndarray, kind: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         fit_feature(points, kind)
+
+
+@pytest.mark.parametrize("kind", ["plane", "cylinder", "cone", "sphere"])
+@pytest.mark.parametrize("share", [1.0, 0.3])
+def test_surfaces_are_told_apart(kind: str, share: float) -> None:
+    assert surface_kind(placed(grid(kind, share))) == kind
+
+
+def test_a_free_form_is_no_such_surface() -> None:
+    x, y = np.meshgrid(np.linspace(-5, 5, 20), np.linspace(-5, 5, 20))
+    saddle = np.column_stack((x.ravel(), y.ravel(), 0.05 * (x * y).ravel()))
+    assert surface_kind(placed(saddle)) is None
+
+
+@pytest.mark.parametrize("part", [cylinder(), read_part(folder_of("cylinder") / "part.ply")])
+def test_regions_of_a_cylinder_are_found_by_themselves(part: Part) -> None:
+    """Each by what it is, and only those that were seen."""
+    face = np.repeat(np.arange(len(part.faces)), 100)
+    assert set(found_features(part, face)) == {
+        "cylinder:lateral",
+        "plane:head -x",
+        "plane:head +x",
+    }
+    lateral = face[part.region_of_face[face] == part.region_names.index("lateral")]
+    points = part.vertices[part.faces[lateral, 0]]
+    (row,) = feature_table({"cold": points}, lateral, part, ())
+    assert (row["kind"], row["region"]) == ("cylinder", "lateral")
+    assert row["size_mm"]["cold"] == pytest.approx(27.0, abs=0.01)

@@ -1,0 +1,85 @@
+"""Acceptance test of an optical 3-D system by VDI/VDE 2634 part 2, simulated in hot air.
+
+Reference artefacts are the part's regions: spheres and planes. Their calibrated sizes are those of
+surfaces through the part's corners. Errors of the cold points are the tessellation's alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.part.part import Part
+from iriftrace.triangulation.features import fit_feature
+
+
+def acceptance(features: Sequence[Mapping[str, Any]], part: Part) -> list[dict[str, Any]]:
+    """Errors that VDI/VDE 2634 part 2 tests, of fitted spheres and planes.
+
+    - probing error of form: range of the distances from the fitted sphere;
+    - probing error of size: diameter of the fitted sphere less the calibrated one;
+    - sphere-spacing error: distance of two spheres' centres less the calibrated one;
+    - flatness error: range of the distances from the fitted plane.
+
+    Parameters
+    ----------
+    features : sequence of dict
+        From `feature_table`; regions that are neither sphere nor plane are left out.
+    part : Part
+
+    Returns
+    -------
+    list of dict
+        ``error``, ``region``, and ``error_mm`` by cloud: ``cold``, ``measured``.
+
+    Raises
+    ------
+    InputError
+        There is no sphere and no plane.
+    """
+    spheres = [row for row in features if row["kind"] == "sphere" and row["region"]]
+    rows = []
+    calibrated = {row["region"]: _calibrated(part, row["region"]) for row in spheres}
+    for row in spheres:
+        _, diameter = calibrated[row["region"]]
+        size = {name: value - diameter for name, value in row["size_mm"].items()}
+        rows.append(_row("probing error of form", row["region"], row["form_mm"]))
+        rows.append(_row("probing error of size", row["region"], size))
+    for one, other in combinations(spheres, 2):
+        names = (one["region"], other["region"])
+        (centre, _), (second_centre, _) = (calibrated[name] for name in names)
+        true = np.linalg.norm(second_centre - centre)
+        spacing = {
+            name: float(np.linalg.norm(np.subtract(other["position_mm"][name], place)) - true)
+            for name, place in one["position_mm"].items()
+        }
+        rows.append(_row("sphere-spacing error", " to ".join(names), spacing))
+    rows += [
+        _row("flatness error", row["region"], row["form_mm"])
+        for row in features
+        if row["kind"] == "plane"
+    ]
+    if not rows:
+        raise InputError(
+            "No region of the part that was measured is a sphere or a plane, so there is nothing "
+            "to test; take a part of `iriftrace part sphere`, `ball-bar` or `plate`."
+        )
+    return rows
+
+
+def _row(error: str, region: str | None, error_mm: Mapping[str, float]) -> dict[str, Any]:
+    return {"error": error, "region": region, "error_mm": dict(error_mm)}
+
+
+def _calibrated(part: Part, region: str) -> tuple[FloatArray, float]:
+    """Centre and diameter, mm, of the sphere through a region's corners."""
+    faces = part.faces[part.region_of_face == part.region_names.index(region)]
+    found = fit_feature(part.vertices[np.unique(faces)], "sphere")
+    if found.size_mm is None:
+        raise AssertionError("a sphere has a diameter")
+    return found.position, found.size_mm
