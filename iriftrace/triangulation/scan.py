@@ -18,6 +18,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
+from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
@@ -303,7 +304,7 @@ def _check(camera: Camera, second: Camera, system: str, phase: str | None) -> No
 
 def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:
     forward, solved = (second, camera) if system == "laser" else (camera, second)
-    pixels, shape = _pixels(forward, sheet=system == "laser")
+    pixels, number, shape = _pixels(forward, sheet=system == "laser")
     origin, direction = forward.rays(pixels)
     hits = trace_rays(
         scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
@@ -312,6 +313,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     status = np.full(len(pixels), ScanStatus.NOT_SEEN, dtype=np.int64)
     normals = scene.part.surface.normals
     candidates = hits.ray[seen]
+    place = number[candidates]
     true, face = hits.refracted[seen], hits.refracted_face[seen]
     normal = normals[face]
 
@@ -328,8 +330,9 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     clear = np.abs(lines.lacking) <= CLEAR_MM
     codes[asked[~lines.found]] = ScanStatus.SEVERAL_IMAGES
     codes[asked[lines.found & ~clear]] = ScanStatus.SHADOW
-    status[candidates] = codes
-    good = lines.found & clear
+    status[place] = codes
+    good = np.flatnonzero(lines.found & clear)
+    good = good[np.argsort(place[asked[good]])]
     kept = asked[good]
     if len(kept) == 0:
         raise InputError(
@@ -370,12 +373,13 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     )
 
 
-def _pixels(device: Camera, sheet: bool) -> tuple[FloatArray, tuple[int, int]]:
-    """Positions of a device's rays, px, and how they are laid out (rows, columns)."""
+def _pixels(device: Camera, sheet: bool) -> tuple[FloatArray, NDArray[np.uint32], tuple[int, int]]:
+    """Positions of a device's rays, px, in tiles; their row-major numbers; rows and columns."""
     width, height = device.resolution
     columns = np.array([width / 2]) if sheet else np.arange(width) + 0.5
-    u, v = np.meshgrid(columns, np.arange(height) + 0.5)
-    return np.column_stack((u.ravel(), v.ravel())), (height, len(columns))
+    number = pixels_in_tiles(len(columns), height)
+    row, column = np.divmod(number, len(columns))
+    return np.column_stack((columns[column], row + 0.5)), number, (height, len(columns))
 
 
 def _in_picture(device: Camera, points: FloatArray) -> NDArray[np.bool_]:
