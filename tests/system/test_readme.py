@@ -22,7 +22,7 @@ README = PAGES["README.md"]
 
 COMMANDS = {
     "README.md": ["doctor", "demo", "part", "field", "scene", "render", "metrics"],
-    "camera_position.md": ["sweep", "plan", "plan", "plan", "plot", "report"],
+    "camera_position.md": ["sweep", "plan", "plan", "plan", "plot", "report", "plan"],
     "fields.md": ["field", "field"],
 }
 """What each page runs; all other pages run nothing."""
