@@ -335,9 +335,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     good = good[np.argsort(place[asked[good]])]
     kept = asked[good]
     if len(kept) == 0:
-        raise InputError(
-            "The two devices see no point of the part in common; point both at the same side."
-        )
+        raise InputError(_nothing_in_common(hits.status, codes))
     one, other = direction[candidates[kept]], lines.direction[good]
     a, b = (other, one) if system == "laser" else (one, other)
     points, gap = triangulated(camera, second, a, b, system, phase)
@@ -371,6 +369,17 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
             "exposure": "one instant: both devices see the same air",
         },
     )
+
+
+def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:
+    """Why no point is measured, by what became of the rays of the one and of the other device."""
+    blurred = (forward == Status.OUT_OF_FOCUS).sum() + (solved == ScanStatus.OUT_OF_FOCUS).sum()
+    if blurred > 0.5 * len(forward):
+        return (
+            "The two devices see no point of the part in common, as most of what they see is out "
+            "of focus; move them, or change focus_near and focus_far (iriftrace scene --focus)."
+        )
+    return "The two devices see no point of the part in common; point both at the same side."
 
 
 def _pixels(device: Camera, sheet: bool) -> tuple[FloatArray, NDArray[np.uint32], tuple[int, int]]:

@@ -96,6 +96,14 @@ def test_wrong_second_devices_end_in_one_sentence(
     assert not Path(words[4]).exists()
 
 
+@pytest.mark.usefixtures("variant")
+def test_devices_out_of_focus_are_told_so(words: list[str], capsys: Printed) -> None:
+    """They see the same side, so that pointing them there would not help."""
+    assert main([*words, "--second=75,-20,70", "--focus=20:40"]) == 0
+    assert main(["measure", words[4], "-o", str(Path(words[4]).with_name("scan.vtp"))]) == 2
+    assert "out of focus" in " ".join(capsys.readouterr().err.split())
+
+
 def test_the_script_writes_the_bundled_scene(tmp_path: Path) -> None:
     written = write_fringe(tmp_path, folder_of("cylinder"))
     assert written.read_text() == (folder_of(FRINGE_SCENE) / "scene.xml").read_text()
