@@ -2,7 +2,8 @@
 
 A sensor found X' where the straight lines of its devices meet; the bent ones end on X. The error
 e(X) = X' - X of a point is known by `lines_of_sight`, so X is the fixed point of X <- X' - e(X).
-Since e changes by some 1e-3 of a step, two evaluations leave a nanometre.
+Both are found together: each round traces both devices' lines once, aims them anew and moves the
+point. A round shrinks what is left as one of `lines_of_sight` does.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, spread
@@ -28,7 +30,7 @@ from iriftrace.triangulation.scan import (
     devices_of,
     triangulated,
 )
-from iriftrace.triangulation.two_points import ROUNDS, lines_of_sight
+from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -38,10 +40,11 @@ REACH_MM = 1.0
 Forged parts are off their CAD model by some tenths of a millimetre.
 """
 
-ROUNDS_OF_EVALUATIONS = (1, ROUNDS)
-"""Most rounds of `lines_of_sight` in each evaluation of the error. The first one only finds about
-where the point lies, for which one round, right to 1e-3 of the deflection, is enough.
-"""
+SETTLED_MM = 1e-5
+"""A round that moves point and aims by less is the last: a hundredth of what sensors resolve."""
+
+ROUNDS = 20
+"""Straight down a plume a round leaves a third; from a millimetre twelve leave a nanometre."""
 
 
 class CorrectionStatus(PointStatus):
@@ -82,11 +85,6 @@ class Correction:
         """(n, 3) array, mm, world: the measured points without the air's share."""
         return self.measured - self.error
 
-    @property
-    def correction(self) -> FloatArray:
-        """(n, 3) array, mm: what was added to the measured points."""
-        return -self.error
-
     def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
         """Features of the corrected points, measured and corrected; see `feature_table`."""
         good = self.status == CorrectionStatus.CORRECTED
@@ -119,7 +117,7 @@ class Correction:
             If the name ends neither in .vtp nor in .ply.
         """
         columns: dict[str, NDArray[Any]] = {
-            **by_axis("correction", self.correction),
+            **by_axis("correction", -self.error),
             "status": self.status.astype(np.int32),
         }
         values = self.as_dict() | {"features": list(features)}
@@ -161,20 +159,33 @@ def correct(
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
     _refuse_another_part(measured, loaded)
     place = measured.copy()
-    offsets: tuple[FloatArray | None, FloatArray | None] = (None, None)
-    for rounds in ROUNDS_OF_EVALUATIONS:
-        lines = [
-            lines_of_sight(loaded, device.origin, place, offset, rounds=rounds)
+    offsets = np.zeros((2, *measured.shape))
+    lacking = np.full((len(measured), 2), np.nan)
+    face = np.full(len(measured), -1)
+    found = np.zeros(len(measured), dtype=bool)
+    for _ in range(ROUNDS):
+        rows = np.flatnonzero(~found)
+        if len(rows) == 0:
+            break
+        one, other = (
+            lines_of_sight(loaded, device.origin, place[rows], offset[rows], rounds=1)
             for device, offset in zip((camera, second), offsets, strict=True)
-        ]
-        offsets = lines[0].offset, lines[1].offset
-        shifts, _ = triangulated(
-            camera, second, lines[0].direction, lines[1].direction, system, phase
         )
-        error = shifts - place
-        place = measured - error
-    found = lines[0].found & lines[1].found
-    lacking = np.column_stack([line.lacking for line in lines])
+        aimed = np.array((one.offset, other.offset))
+        moved = np.linalg.norm(aimed - offsets[:, rows], axis=2).max(axis=0)
+        offsets[:, rows] = aimed
+        lacking[rows] = np.column_stack((one.lacking, other.lacking))
+        face[rows] = one.face
+        a, b = (
+            unit_vectors(place[rows] + offset - device.origin)
+            for device, offset in zip((camera, second), aimed, strict=True)
+        )
+        seen, _ = triangulated(camera, second, a, b, system, phase)
+        step = measured[rows] - seen
+        place[rows] += step
+        moved = np.maximum(moved, np.linalg.norm(step, axis=1))
+        found[rows] = moved <= SETTLED_MM
+    error = measured - place
     with np.errstate(invalid="ignore"):
         # NaN where a ray misses the part.
         far = ~(lacking >= -REACH_MM).all(axis=1)
@@ -186,7 +197,7 @@ def correct(
     )
     error[status != CorrectionStatus.CORRECTED] = 0.0
     assumptions = {"engine": loaded.engine, "bending": loaded.bending}
-    return Correction(measured, error, status, lines[0].face, system, assumptions)
+    return Correction(measured, error, status, face, system, assumptions)
 
 
 def _refuse_another_part(points: FloatArray, scene: LoadedScene) -> None:
