@@ -150,7 +150,7 @@ def render_scene(
     traced = pose_image(loaded, camera, include)
     every_second_shell = None
     checking = time.perf_counter()
-    resolution = shell_resolution(loaded, traced.image, camera, check_shells)
+    resolution = shell_resolution(loaded, traced.image, check_shells)
     check_s = started - began + time.perf_counter() - checking
     if resolution is not None:
         instead = None if resolution.suffices else loaded.through_field

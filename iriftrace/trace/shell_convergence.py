@@ -11,13 +11,11 @@ import warnings
 import numpy as np
 from attrs import asdict, frozen
 
-from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene
-from iriftrace.trace.pose_image import sensor_of_pose
 
 SAMPLE = 5000
 """Good rays of the picture that are traced again."""
@@ -64,7 +62,7 @@ class ShellResolution:
 
 
 def shell_resolution(
-    scene: LoadedScene, image: AovImage, camera: Camera | None = None, sample: int = SAMPLE
+    scene: LoadedScene, image: AovImage, sample: int = SAMPLE
 ) -> ShellResolution | None:
     """Trace a sample of a picture's good rays again, with all shells and with every second one.
 
@@ -73,8 +71,6 @@ def shell_resolution(
     scene : LoadedScene
     image : AovImage
         Of this scene.
-    camera : Camera, optional
-        Of the image, if it is not the scene's own.
     sample : int
         Most rays that are traced again.
 
@@ -85,17 +81,42 @@ def shell_resolution(
         lead from one index to the next, where no ray is bent, and with fewer than `FEWEST` rays.
     """
     good = np.flatnonzero(image.status == Status.GOOD)
-    if scene.engine != "shells" or scene.ensemble is not None or min(sample, len(good)) < FEWEST:
+    if len(good) == 0:
         return None
     pixels = good[np.linspace(0, len(good) - 1, min(sample, len(good))).astype(np.int64)]
-    moved = _moved(scene, camera, pixels, image.status.shape[1])
+    row, column = np.divmod(pixels, image.status.shape[1])
+    origin, direction = image.camera.rays(np.column_stack((column, row)) + 0.5)
+    size = image.channels["displacement.norm"].ravel()[pixels].astype(np.float64)
+    return resolution_of_rays(scene, origin, direction, size)
+
+
+def resolution_of_rays(
+    scene: LoadedScene, origin: FloatArray, direction: FloatArray, displacement_mm: FloatArray
+) -> ShellResolution | None:
+    """Trace some rays again, with all shells and with every second one.
+
+    Parameters
+    ----------
+    scene : LoadedScene
+    origin, direction : (n, 3) arrays, mm and unit vectors, world
+        Of rays that hit the part.
+    displacement_mm : (n,) array, mm
+        Of their hits.
+
+    Returns
+    -------
+    ShellResolution or None
+        As `shell_resolution`.
+    """
+    if scene.engine != "shells" or scene.ensemble is not None or len(origin) < FEWEST:
+        return None
+    moved = _moved(scene, origin, direction)
     if moved is None:
         return None
     known = np.isfinite(moved)
     if known.sum() < FEWEST:
         return None
-    size = image.channels["displacement.norm"].ravel()[pixels[known]].astype(np.float64)
-    whole = np.quantile(size, SHARES)
+    whole = np.quantile(displacement_mm[known], SHARES)
     if not whole[0] > 0.0:
         return None
     change = np.quantile(moved[known], SHARES)
@@ -163,20 +184,14 @@ def warn_of_coarse_poses(
             )
 
 
-def _moved(
-    scene: LoadedScene, camera: Camera | None, pixels: IntArray, width: int
-) -> FloatArray | None:
-    """Distances (n,) of the hits of pixels' rays, mm."""
+def _moved(scene: LoadedScene, origin: FloatArray, direction: FloatArray) -> FloatArray | None:
+    """Distances (n,) of the hits of rays, mm."""
     with runtime.using(scene.variant):
         import mitsuba as mi
 
-        from iriftrace.plugins.aov_integrator import camera_of
         from iriftrace.plugins.kernels.tables import aligned
 
-        sensor = sensor_of_pose(scene, camera)
-        left, top = sensor.film().crop_offset()
-        x = mi.Float64(aligned(pixels % width + (left + 0.5)))
-        y = mi.Float64(aligned(pixels // width + (top + 0.5)))
-        origin, direction = camera_of(sensor).rays64(x, y)
-        moved = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, origin, direction)
+        places = mi.Point3d(*(mi.Float64(aligned(column)) for column in origin.T))
+        headings = mi.Vector3d(*(mi.Float64(aligned(column)) for column in direction.T))
+        moved = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, places, headings)
         return None if moved is None else np.array(moved)

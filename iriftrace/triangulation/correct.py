@@ -30,7 +30,7 @@ from iriftrace.triangulation.scan import (
     devices_of,
     triangulated,
 )
-from iriftrace.triangulation.two_points import lines_of_sight
+from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -148,6 +148,12 @@ def correct(
     InputError
         As `iriftrace.measure`, and if there are no points, some are not finite, or none
         lies on the part.
+
+    Warns
+    -----
+    IriftraceWarning
+        The shells are too few for the lines of sight; where the field lies beside the scene and no
+        engine was asked for, it serves instead.
     """
     measured = np.array(points, dtype=np.float64)
     if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
@@ -158,6 +164,7 @@ def correct(
         raise InputError("Some points of the cloud are not finite; leave them out.")
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
     _refuse_another_part(measured, loaded)
+    loaded = field_where_needed(loaded, (camera, second), measured)
     place = measured.copy()
     offsets = np.zeros((2, *measured.shape))
     lacking = np.full((len(measured), 2), np.nan)

@@ -30,7 +30,7 @@ from iriftrace.trace.render import trace_rays
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, spread
 from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
-from iriftrace.triangulation.two_points import lines_of_sight
+from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
 
 SCHEMA = "iriftrace.scan/1"
 
@@ -246,7 +246,8 @@ def measure(
     Warns
     -----
     IriftraceWarning
-        If half of the lines meet at less than 1 degree.
+        Half of the lines meet at less than 1 degree, or the shells are too few for the lines of
+        sight; where the field lies beside the scene and no engine was asked for, it serves instead.
     """
     return _scan(*devices_of(scene, camera, second, system, phase))
 
@@ -271,8 +272,8 @@ def devices_of(
         second = loaded.second
     if second is None:
         raise InputError(
-            f"{loaded.path} has no second device, so there is nothing to triangulate with; give it "
-            "a second sensor, or give measure(..., second=Camera(...))."
+            f"{loaded.path} has no second device, so there is nothing to triangulate with; write it "
+            "with one (iriftrace scene --second X,Y,Z), or give second=Camera(...) from Python."
         )
     if system is None:
         system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")
@@ -310,6 +311,10 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
     )
     seen = np.isin(hits.status, (Status.GOOD, Status.INDEX_MISMATCH))
+    if seen.any():
+        serving = field_where_needed(scene, (forward, solved), hits.refracted[seen])
+        if serving is not scene:
+            return _scan(serving, camera, second, system, phase)
     status = np.full(len(pixels), ScanStatus.NOT_SEEN, dtype=np.int64)
     normals = scene.part.surface.normals
     candidates = hits.ray[seen]

@@ -16,18 +16,61 @@ Points need not lie on the part: a ray goes on along its last straight way.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import frozen
 
+from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.image.aov_image import Status
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.render import trace_rays
+from iriftrace.trace.shell_convergence import (
+    SAMPLE,
+    resolution_of_rays,
+    warn_of_coarse_shells,
+)
 
 MISS_MM = 1e-6
 """A ray that passes a point by less has found it: a thousandth of what sensors resolve."""
 
 ROUNDS = 8
+
+
+def field_where_needed(
+    scene: LoadedScene, devices: Sequence[Camera], points: FloatArray
+) -> LoadedScene:
+    """The scene, or its field itself where its shells are too few for lines of sight to points.
+
+    As `iriftrace.render_scene` does it: a sample of the rays is traced without every second shell.
+
+    Parameters
+    ----------
+    scene : LoadedScene
+    devices : sequence of Camera
+    points : (n, 3) array, mm, world
+        On the part or near it.
+
+    Warns
+    -----
+    IriftraceWarning
+        The shells are too few, and whether the field serves instead.
+    """
+    sample = points[np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).astype(np.int64)]
+    for device in devices:
+        direction = unit_vectors(sample - device.origin)
+        origin = np.broadcast_to(device.origin, direction.shape)
+        hits = trace_rays(scene, origin, direction)
+        good = hits.status == Status.GOOD
+        size = np.linalg.norm(hits.displacement[good], axis=1)
+        found = resolution_of_rays(scene, origin[good], direction[good], size)
+        if found is not None and not found.suffices:
+            field = scene.through_field
+            warn_of_coarse_shells(found, field is not None)
+            return scene if field is None else field
+    return scene
 
 
 @frozen(eq=False)

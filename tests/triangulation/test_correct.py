@@ -15,7 +15,7 @@ import pyvista as pv
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.ply import read_ply
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
@@ -70,6 +70,27 @@ def test_down_a_plume_it_goes_on_until_points_stay(variant: str) -> None:
     found = correct(scan.points, field, *above, system="fringe")
     assert (found.status == CorrectionStatus.CORRECTED).mean() > 0.99
     assert np.quantile(np.linalg.norm(found.points - scan.true, axis=1), 0.99) < 1e-5
+
+
+def test_where_shells_are_too_few_the_field_serves(variant: str) -> None:
+    """Straight down the plume shells miss a fifth of the error; asked for, they are used."""
+    scene = load_scene(folder_of("cylinder") / "scene.xml", variant=variant)
+    above = [
+        one.at(look_at((x, 0.1, 240.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+        for one, x in zip(DEVICES, (-40.0, 40.0), strict=True)
+    ]
+    with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
+        scan = measure(scene, *above, system="fringe")
+    assert scan.assumptions["engine"] == "continuous"
+    with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
+        found = correct(scan.points, scene, *above, system="fringe")
+    assert found.assumptions["engine"] == "continuous"
+    insisted = load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine="shells")
+    with pytest.warns(IriftraceWarning, match="--engine continuous"):
+        coarse = measure(insisted, *above, system="fringe")
+    assert coarse.assumptions["engine"] == "shells"
+    sizes = [np.median(np.linalg.norm(one.error, axis=1)) for one in (scan, coarse)]
+    assert abs(sizes[1] / sizes[0] - 1.0) > 0.1
 
 
 def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: LoadedScene) -> None:
