@@ -12,28 +12,23 @@ from pathlib import Path
 
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.field.read import read_field
-from iriftrace.part.part import read_part, save_part
-from iriftrace.scene.write import (
-    PART_FILE,
-    SHELLS_FOLDER,
-    scene_xml,
-    shell_shapes,
-    write_scene,
-)
+from iriftrace.part.part import read_part
+from iriftrace.scene.write import PART_FILE, write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.scenes.components import COMPONENTS, write_component, write_tooth
+from iriftrace.scenes.components import (
+    COMPONENTS,
+    scene_camera,
+    write_beside,
+    write_component,
+    write_tooth,
+)
 from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.files import load_shells
 from iriftrace.shells.report import report_shells
 
 FIELD = "field.vtu"
 FIELD_ORIGIN = "OpenFOAM, coarse solution"
-SENSOR_MM = (6.7, 5.6)
-RESOLUTION = (2448, 2048)
 SCALE = 0.5
 FRINGE_SCENE = "fringe_cylinder"
 FRINGE_DEVICES_MM = ((-55.0, -275.0, 60.0), (55.0, -275.0, 60.0))
@@ -65,13 +60,7 @@ def write_bundled(folder: str | Path) -> list[Path]:
     }
     written = []
     for name, (part, stack, origin, report) in scenes.items():
-        camera = Camera(
-            focal_length_mm=10.0,
-            sensor_mm=SENSOR_MM,
-            resolution=RESOLUTION,
-            focus_mm=(50.0, 250.0),
-            matrix=look_at(origin, (0.0, 0.0, 0.0)),
-        )
+        camera = scene_camera(origin, (0.0, 0.0, 0.0), (50.0, 250.0))
         written.append(
             write_scene(
                 Path(folder) / name,
@@ -98,31 +87,11 @@ def write_fringe(folder: Path, cylinder: Path) -> Path:
     cylinder
         Folder of the cylinder's scene; its name is what the new scene refers to.
     """
-    target = folder / FRINGE_SCENE
-    target.mkdir(parents=True, exist_ok=True)
-    save_part(read_part(cylinder / PART_FILE), target / PART_FILE)
-    stack = load_shells(cylinder / SHELLS_FOLDER)
-    meshes = [Path(f"shell_{shell.layer:02d}.ply") for shell in stack.shells]
     camera, projector = (
-        Camera(
-            focal_length_mm=10.0,
-            sensor_mm=SENSOR_MM,
-            resolution=RESOLUTION,
-            focus_mm=(50.0, 450.0),
-            matrix=look_at(origin, (0.0, 0.0, 0.0)),
-        )
-        for origin in FRINGE_DEVICES_MM
+        scene_camera(origin, (0.0, 0.0, 0.0), (50.0, 450.0)) for origin in FRINGE_DEVICES_MM
     )
-    text = scene_xml(
-        camera,
-        SCALE,
-        "gradient",
-        shell_shapes(stack, meshes, f"../{cylinder.name}/{SHELLS_FOLDER}"),
-        f"Field: {FIELD_ORIGIN}",
-        second=projector,
-    )
-    (target / "scene.xml").write_text(text, encoding="utf-8")
-    return target / "scene.xml"
+    part = read_part(cylinder / PART_FILE)
+    return write_beside(folder / FRINGE_SCENE, cylinder, part, camera, SCALE, projector)
 
 
 def write_components(folder: str | Path, fields: Mapping[str, Path]) -> list[Path]:

@@ -68,7 +68,7 @@ class Component:
 
     def camera(self) -> Camera:
         """The scene's camera."""
-        return _camera(self.origin_mm, (0.0, 0.0, 0.0), self.focus_mm)
+        return scene_camera(self.origin_mm, (0.0, 0.0, 0.0), self.focus_mm)
 
 
 COMPONENTS = {
@@ -138,19 +138,40 @@ def write_tooth(folder: Path, gear: Path) -> Path:
     gear
         Folder of the gear's scene; its name is what the new scene refers to.
     """
-    target = folder / TOOTH_SCENE
-    target.mkdir(parents=True, exist_ok=True)
     part = bevel_gear(tooth=TOOTH_NUMBER)
-    save_part(part, target / PART_FILE)
-    stack = load_shells(gear / SHELLS_FOLDER)
-    meshes = [Path(f"shell_{shell.layer:02d}.ply") for shell in stack.shells]
     middle = tooth_centre(part)
-    camera = _camera(tuple(middle + _TOOTH_VIEW_MM), tuple(middle), (50.0, 250.0))
-    shapes = shell_shapes(stack, meshes, f"../{gear.name}/{SHELLS_FOLDER}")
+    camera = scene_camera(tuple(middle + _TOOTH_VIEW_MM), tuple(middle), (50.0, 250.0))
+    return write_beside(folder / TOOTH_SCENE, gear, part, camera, SCALE)
+
+
+def write_beside(
+    target: Path,
+    other: Path,
+    part: Part,
+    camera: Camera,
+    scale: float,
+    second: Camera | None = None,
+) -> Path:
+    """Write a scene beside another one, in whose shells its part lies; returns the XML file.
+
+    Parameters
+    ----------
+    target
+        Folder of the new scene.
+    other
+        Folder of the other scene; its name is what the new scene refers to.
+    part, camera, scale, second
+        As for `iriftrace.scene.write.write_scene`.
+    """
+    target.mkdir(parents=True, exist_ok=True)
+    save_part(part, target / PART_FILE)
+    stack = load_shells(other / SHELLS_FOLDER)
+    meshes = [Path(f"shell_{shell.layer:02d}.ply") for shell in stack.shells]
+    shapes = shell_shapes(stack, meshes, f"../{other.name}/{SHELLS_FOLDER}")
     origin = stack.source.origin if stack.source else ""
     xml = target / "scene.xml"
     with whole_file(xml) as temporary:
-        text = scene_xml(camera, SCALE, "gradient", shapes, f"Field: {origin}")
+        text = scene_xml(camera, scale, "gradient", shapes, f"Field: {origin}", second=second)
         temporary.write_text(text, encoding="utf-8")
     return xml
 
@@ -162,9 +183,10 @@ def tooth_centre(part: Part) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.asarray(np.round(middle, 1) + 0.0)
 
 
-def _camera(
+def scene_camera(
     origin: tuple[float, ...], target: tuple[float, ...], focus: tuple[float, float]
 ) -> Camera:
+    """The camera of the bundled scenes, of 5 million pixels, at a place; all in mm."""
     return Camera(
         focal_length_mm=10.0,
         sensor_mm=(6.7, 5.6),

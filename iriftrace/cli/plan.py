@@ -64,6 +64,7 @@ def plan(
     pairs: Annotated[bool, Parameter(group=PAIRS, negative=())] = False,
     system: Annotated[Literal["fringe", "stereo", "laser"] | None, Parameter(group=PAIRS)] = None,
     angle: Annotated[Interval | None, Parameter(group=PAIRS)] = None,
+    feature: Annotated[str | None, Parameter(group=PAIRS)] = None,
     save_poses: Annotated[Path | None, Parameter(group=POSES)] = None,
     convention: Annotated[
         Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None, Parameter(group=POSES)
@@ -105,6 +106,8 @@ def plan(
         What the second device is: a projector (fringe, by default), a camera (stereo) or a laser.
     angle
         Smallest and largest angle between two lines of sight in degrees, 15:45 by default.
+    feature
+        Say the error of this diameter too, "cylinder:lateral", and rank by whichever is larger.
     save_poses
         Write the poses of the printed ranking, best first, to this .csv, .json, .npy or .txt file.
     convention
@@ -117,7 +120,7 @@ def plan(
 
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
-    _refuse_without("--pairs", pairs, {"--system": system, "--angle": angle})
+    _refuse_without("--pairs", pairs, {"--system": system, "--angle": angle, "--feature": feature})
     limits = view_limits(views, max_displacement, max_incidence)
     if output is not None:
         check_output(output, ".json", "refined.json", make=False)
@@ -128,7 +131,7 @@ def plan(
         for name, given in (("--views", views), ("--refine", refine or None)):
             if given is not None:
                 raise InputError(f"{name} is about single poses; leave it out, or --pairs.")
-        _plan_pairs(dataset, ranking, system or "fringe", angle, confirm, top)
+        _plan_pairs(dataset, ranking, system or "fringe", angle, feature, confirm, top)
         return
     confirmation = None
     if confirm:
@@ -170,6 +173,7 @@ def _plan_pairs(
     criteria: Criteria,
     system: Literal["fringe", "stereo", "laser"],
     angles_deg: tuple[float, float] | None,
+    feature: str | None,
     confirm: bool,
     top: int,
 ) -> None:
@@ -182,13 +186,21 @@ def _plan_pairs(
             criteria,
             system=system,
             angles_deg=angles_deg or ANGLES_DEG,
+            feature=feature,
             confirm=confirm,
         )
-    name = {"mean": "mean", "median": "median", "p95": "p95"}[criteria.statistic]
     table = _table(
-        f"Best of {len(found.pairs)} pairs ({system}) for region {criteria.region}: error along "
-        "the normal",
-        ("poses", "score", f"{name} (um)", "median (um)", "both see", "angle", "measured (um)"),
+        f"Best of {len(found.pairs)} pairs ({system}) for {feature or criteria.region}: errors in "
+        "um, e along the normal",
+        (
+            "poses",
+            "score",
+            f"|e| {criteria.statistic}",
+            "diameter" if feature else "median e",
+            "both see",
+            "angle",
+            "measured",
+        ),
     )
     for row, (one, other) in enumerate(found.pairs[:top]):
         exact = f"{1e3 * found.exact_mm[row]:.3g}" if row < len(found.exact_mm) else ""
@@ -202,6 +214,10 @@ def _plan_pairs(
             exact,
         )
     out.print(table)
+    if len(found.exact_mm) > 0:
+        what = "the diameter" if feature else f"|e| {criteria.statistic}"
+        through = "the field itself" if found.exact_engine == "continuous" else "the shells"
+        say(f"Measured is {what} by the exact solver, through {through}.")
     matrices = dataset["matrix"].values
     for what, pose in zip(("Camera", "Second device"), found.pairs[0], strict=True):
         print_pose(f"{what}, pose {pose}", matrices[pose], float(dataset["distance"].values[pose]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import combinations, permutations
 from typing import TYPE_CHECKING
 
@@ -9,26 +10,32 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.rank import normalised, ranked_region
-from iriftrace.sweep.reload import load_swept_scene, swept_part
-from iriftrace.sweep.store import attribute
-from iriftrace.triangulation.first_order import first_order_error
-from iriftrace.triangulation.scan import System, measure
+from iriftrace.sweep.confirm import scene_with_field
+from iriftrace.sweep.reload import load_swept_scene, swept_camera, swept_part
+from iriftrace.sweep.store import WHOLE_PART
+from iriftrace.triangulation.features import chosen_points, surface_kind
+from iriftrace.triangulation.first_order import first_order_error, first_order_size
+from iriftrace.triangulation.scan import Scan, System, measure
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from iriftrace.scene.load import LoadedScene
 
 ANGLES_DEG = (15.0, 45.0)
 """Angles of triangulation that sensors have: less makes noise large, more hides much."""
 
 CONFIRMED = 3
 """Best pairs that are measured by the exact solver: those among which a user chooses."""
+
+LEAVE_OUT = "leave that out with --no-confirm."
 
 
 @frozen(eq=False)
@@ -45,14 +52,19 @@ class PairPlan:
     error_mm : (n,) array, mm
         The criteria's statistic of the size of the error along the part's normal, weighted by area.
     bias_mm : (n,) array, mm
-        Median of that error, with its sign.
+        Median of that error, with its sign; of a feature the error of its diameter instead.
     coverage : (n,) array
         Share of the area that both see at an angle in the range, 0..1.
     angle_deg : (n,) array, degree
         Median of the angle between the two lines of sight.
     exact_mm : (k,) array, mm
-        As `error_mm`, of all measured points of the best k pairs by :func:`iriftrace.measure`.
+        Of the best k pairs by :func:`iriftrace.measure`: as `error_mm` of all measured points, of
+        a feature the error of its diameter.
+    exact_engine : str
+        What bent the rays for it; empty where nothing was measured.
     system : str
+    feature : str
+        Whose diameter counts; empty where none does.
     """
 
     pairs: IntArray
@@ -62,13 +74,16 @@ class PairPlan:
     coverage: FloatArray
     angle_deg: FloatArray
     exact_mm: FloatArray
+    exact_engine: str
     system: System
+    feature: str
 
 
 @frozen(eq=False)
 class _View:
     """What one pose sees."""
 
+    scene: str
     camera: Camera
     seen: FaceSightings
     row: IntArray  # of each face in `seen`, -1 where it is not seen
@@ -80,6 +95,7 @@ def plan_pairs(
     *,
     system: System = "fringe",
     angles_deg: tuple[float, float] = ANGLES_DEG,
+    feature: str | None = None,
     confirm: bool = True,
 ) -> PairPlan:
     """Rank the pairs of a sweep's poses as places of two devices.
@@ -90,7 +106,7 @@ def plan_pairs(
     Parameters
     ----------
     dataset : xarray.Dataset
-        A sweep with one camera.
+        A sweep. Of several scenes those poses are paired that are of the same one.
     criteria : Criteria
         Weights (those of both resolutions count for the noise in depth), statistic, region,
         percentile, ``min_coverage``, and ``min_hits`` on the faces in common.
@@ -98,14 +114,20 @@ def plan_pairs(
         ``"fringe"``, ``"stereo"`` or ``"laser"``.
     angles_deg : (2,) tuple, degree
         Smallest and largest angle between two lines of sight at which a face counts as seen.
+    feature : str, optional
+        A region that is a cylinder or sphere, ``"cylinder:lateral"``. Its diameter's error is
+        stated, and pairs are ranked by that or by the points' error, whichever is larger: on a
+        short arc micrometres that vary along it change the diameter by many times as much, and
+        elsewhere large errors cancel in one state of the air and not in the next.
     confirm : bool
-        Measure the best three pairs by the exact solver; needs the scene's files.
+        Measure the best three pairs by the exact solver, through the field itself where it lies
+        beside the scene; needs the scene's files.
 
     Raises
     ------
     InputError
-        The angles are no range, the sweep has no faces, its part or scene has changed, or no pair
-        can be ranked.
+        The angles are no range, the feature is none of the part's, the sweep has no faces, its part
+        or scene has changed, or no pair can be ranked.
     SetupError
         Pairs are to be measured and no usable LLVM or CUDA is there.
     """
@@ -115,41 +137,55 @@ def plan_pairs(
             f"The angles {low:g}:{high:g} are no range of triangulation; give the smaller one "
             "first, such as 15:45."
         )
-    number = ranked_region(dataset, ["rays_good"], criteria.region)
+    ranked_region(dataset, ["rays_good"], criteria.region)
     try:
         part = swept_part(dataset)
     except InputError as error:
         raise InputError(f"Pairs cannot be ranked without the part's file: {error}.") from error
+    region = _feature_region(feature, criteria, part) if feature else criteria.region
     areas = np.array(part.face_areas)
-    if number > 0:
-        areas[np.asarray(dataset["face_region"].values) != number] = 0.0
+    areas[~_in_region(region, np.arange(len(areas)), part)] = 0.0
     views = _views(dataset, len(areas))
     limits = np.cos(np.radians((high, low)))
     both = combinations if system == "stereo" else permutations
     rows = []
     for i, j in both(range(len(views)), 2):
-        found = _pair(views[i], views[j], part, areas, limits, criteria, system)
+        if views[i].scene != views[j].scene:
+            continue
+        found = _pair(views[i], views[j], part, areas, limits, criteria, system, bool(feature))
         if found is not None:
             rows.append((i, j, *found))
     if not rows:
         raise InputError(
             f"No two poses of the sweep see {criteria.min_hits} rays' worth and "
-            f"{criteria.min_coverage:.3g} of {criteria.region} in common at {low:g} to {high:g} "
+            f"{criteria.min_coverage:.3g} of {region} in common at {low:g} to {high:g} "
             "degrees; sweep closer poses, or give another --angle."
         )
     table = np.array(rows)
     size, bias, coverage, angle = table[:, 2:].T
     weights = criteria.weights
     noise = 1.0 / np.sin(np.radians(angle))
+    # A diameter that is right because large errors cancel is wrong in other air.
+    worst = np.maximum(np.abs(bias), size) if feature else size
     score = (
-        weights["displacement"] * normalised(size, criteria.percentile)
+        weights["displacement"] * normalised(worst, criteria.percentile)
         + weights["coverage"] * (1.0 - normalised(coverage, criteria.percentile))
         + (weights["axial"] + weights["lateral"]) * normalised(noise, criteria.percentile)
     )
     order = np.argsort(score, kind="stable")
     pairs = table[order, :2].astype(np.int64)
-    confirmed = pairs[: CONFIRMED if confirm else 0]
-    exact = [_exact(dataset, pair, criteria, system, number) for pair in confirmed]
+    exact, engine = [], ""
+    scenes: dict[str, LoadedScene] = {}
+    for i, j in pairs[: CONFIRMED if confirm else 0]:
+        scene = scenes.get(views[i].scene) or _scene(dataset, i)
+        scenes[views[i].scene], engine = scene, scene.engine
+        try:
+            scan = measure(scene, views[i].camera, views[j].camera, system=system)
+            exact.append(_error(scan, part, region, criteria, feature))
+        except InputError as reason:
+            raise InputError(
+                f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
+            ) from reason
     return PairPlan(
         pairs=pairs,
         score=score[order],
@@ -158,23 +194,52 @@ def plan_pairs(
         coverage=coverage[order],
         angle_deg=angle[order],
         exact_mm=np.array(exact),
+        exact_engine=engine,
         system=system,
+        feature=feature or "",
     )
 
 
+def _feature_region(feature: str, criteria: Criteria, part: Part) -> str:
+    """Region of the part that the feature is."""
+    kind, region, chosen = chosen_points(feature, np.arange(len(part.faces)), part)
+    if kind not in ("cylinder", "sphere"):
+        raise InputError(
+            f"Pairs are ranked by the diameter of a cylinder or sphere, not of {feature!r}; give "
+            'such as "cylinder:lateral".'
+        )
+    if criteria.region not in (WHOLE_PART, region):
+        raise InputError(
+            f"The feature {feature!r} is not on the region {criteria.region!r}; leave that out."
+        )
+    is_a = surface_kind(part.vertices[np.unique(part.faces[chosen])])
+    if is_a != kind:
+        raise InputError(
+            f"{region or 'The whole part'} is {f'a {is_a}' if is_a else 'no simple surface'} and "
+            f"no {kind}; name a region that is one, such as cylinder:lateral."
+        )
+    return region or WHOLE_PART
+
+
+def _in_region(region: str, face: IntArray, part: Part) -> BoolArray:
+    return chosen_points("" if region == WHOLE_PART else f":{region}", face, part)[2]
+
+
 def _views(dataset: xr.Dataset, faces: int) -> list[_View]:
-    camera = Camera.from_dict(attribute(dataset, "camera"))
-    if camera.projection == "orthographic":
+    if swept_camera(dataset, 0).projection == "orthographic":
         raise InputError(
             "A camera with parallel rays has no place from which to triangulate; sweep with a "
             "focal length."
         )
+    count = dataset.sizes["pose"]
+    scenes = dataset["scene"].values.astype(str) if "scene" in dataset else np.full(count, "")
     views = []
     for pose, matrix in enumerate(dataset["matrix"].values):
         seen = sightings_of(dataset, pose)
         row = np.full(faces, -1, dtype=np.int64)
         row[seen.face] = np.arange(len(seen))
-        views.append(_View(camera.at(matrix), seen, row))
+        placed = swept_camera(dataset, pose).at(matrix)
+        views.append(_View(str(scenes[pose]), placed, seen, row))
     return views
 
 
@@ -186,8 +251,9 @@ def _pair(
     limits: FloatArray,
     criteria: Criteria,
     system: System,
+    of_diameter: bool,
 ) -> tuple[float, float, float, float] | None:
-    """Error and bias, mm, coverage and angle, degree; None where the pair cannot be ranked."""
+    """`error_mm`, `bias_mm`, `coverage` and `angle_deg`; None where a pair cannot be ranked."""
     face = one.seen.face[(other.row[one.seen.face] >= 0) & (areas[one.seen.face] > 0)]
     if len(face) == 0:
         return None
@@ -212,10 +278,14 @@ def _pair(
     along = np.einsum("ij,ij->i", error, part.face_normals[face])
     area = areas[face]
     angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, area))))
-    return statistic_of(along, criteria, area), _quantile(along, 0.5, area), coverage, angle
+    if of_diameter:
+        bias = first_order_size(points, part.face_normals[face], error, area)
+    else:
+        bias = _quantile(along, 0.5, area)
+    return _statistic(along, criteria, area), bias, coverage, angle
 
 
-def statistic_of(errors: FloatArray, criteria: Criteria, weights: FloatArray) -> float:
+def _statistic(errors: FloatArray, criteria: Criteria, weights: FloatArray) -> float:
     """The criteria's statistic of the size of some errors, with weights."""
     if criteria.statistic == "mean":
         return float(np.average(np.abs(errors), weights=weights))
@@ -226,22 +296,23 @@ def _quantile(values: FloatArray, share: float, weights: FloatArray) -> float:
     return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
 
 
-def _exact(
-    dataset: xr.Dataset, pair: IntArray, criteria: Criteria, system: System, region: int
-) -> float:
-    """The statistic of what a pair measures, mm; points in the region alone."""
+def _scene(dataset: xr.Dataset, pose: int) -> LoadedScene:
+    """The scene of a pose, with its field where that is there."""
+    with suppress(InputError):
+        return scene_with_field(dataset, pose).scene
     try:
-        swept = load_swept_scene(dataset, int(pair[0]))
+        return load_swept_scene(dataset, pose).scene
     except InputError as error:
         raise InputError(
-            f"The best pairs cannot be measured, because their scene is not there: {error}; leave "
-            "that out with --no-confirm."
+            f"The best pairs cannot be measured, because their scene is not there: {error}; "
+            f"{LEAVE_OUT}"
         ) from error
-    matrices = dataset["matrix"].values
-    camera, second = (swept.camera.at(matrices[pose]) for pose in pair)
-    scan = measure(swept.scene, camera, second, system=system)
-    chosen = np.ones(len(scan.face), dtype=bool)
-    if region > 0:
-        chosen = np.asarray(dataset["face_region"].values)[scan.face] == region
-    errors = scan.error_normal[chosen]
-    return statistic_of(errors, criteria, np.ones(len(errors)))
+
+
+def _error(scan: Scan, part: Part, region: str, criteria: Criteria, feature: str | None) -> float:
+    """What is ranked by, of a measurement, mm; points in the region alone."""
+    if feature:
+        size = scan.features(part, [feature])[0]["size_mm"]
+        return float(size["measured"] - size["cold"])
+    errors = scan.error_normal[_in_region(region, scan.face, part)]
+    return _statistic(errors, criteria, np.ones(len(errors)))

@@ -50,13 +50,20 @@ def field_tracer(dataset: xr.Dataset) -> TraceAgain:
         lens = float(known["focal_length"].values[pose]) if "focal_length" in known else np.nan
         key = str(scene_of_pose(known, pose).get("path")), lens
         if key not in scenes:
-            scenes[key] = _scene_with_field(known, pose)
+            scenes[key] = scene_with_field(known, pose)
         return _with_pose(known, pose, scenes[key])
 
     return trace
 
 
-def _scene_with_field(dataset: xr.Dataset, pose: int) -> SweptScene:
+def scene_with_field(dataset: xr.Dataset, pose: int) -> SweptScene:
+    """Load the scene of a pose to be traced through its field itself.
+
+    Raises
+    ------
+    InputError
+        Half a sentence, as `field_tracer`.
+    """
     bending = dataset.attrs.get("bending", IN_LAYERS)
     if bending != IN_LAYERS:
         raise InputError(f"the sweep bends rays {bending}")

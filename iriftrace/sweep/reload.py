@@ -88,8 +88,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int, engine: str | None = None) 
         If no usable LLVM or CUDA is there.
     """
     named, part = scene_of_pose(dataset, pose), attribute(dataset, "part")
-    camera = attribute(dataset, "camera")
-    if "path" not in named or "path" not in part or not camera:
+    if "path" not in named or "path" not in part or not attribute(dataset, "camera"):
         raise InputError("the sweep does not name its scene")
     check_unchanged(named["path"], named.get("sha256", ""))
     check_unchanged(part["path"], part.get("sha256", ""))
@@ -110,11 +109,17 @@ def load_swept_scene(dataset: xr.Dataset, pose: int, engine: str | None = None) 
             variant=variant,
             engine=engine or traced_with,
         )
+    include = json.loads(dataset.attrs.get("include", "[0]"))
+    return SweptScene(scene, swept_camera(dataset, pose), tuple(include))
+
+
+def swept_camera(dataset: xr.Dataset, pose: int) -> Camera:
+    """The camera of a pose, with its focal length where a sweep has several; not placed there."""
+    camera = attribute(dataset, "camera")
     if "focal_length" in dataset:
         focal = float(dataset["focal_length"].values[pose])
         camera = {**camera, "focal_length_mm": focal if math.isfinite(focal) else None}
-    include = json.loads(dataset.attrs.get("include", "[0]"))
-    return SweptScene(scene, Camera.from_dict(camera), tuple(include))
+    return Camera.from_dict(camera)
 
 
 def _variant(swept: str | None) -> str:

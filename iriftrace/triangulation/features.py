@@ -14,7 +14,7 @@ from attrs import frozen
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
 
@@ -140,14 +140,7 @@ def feature_table(
     """
     rows = []
     for choice in choices or found_features(part, face):
-        kind, _, region = choice.partition(":")
-        chosen = np.ones(len(face), dtype=bool)
-        if region:
-            if region not in part.region_names:
-                raise InputError(
-                    f"The part has no region {region!r}; use one of {', '.join(part.region_names)}."
-                )
-            chosen = part.region_of_face[face] == part.region_names.index(region)
+        kind, region, chosen = chosen_points(choice, face, part)
         fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
         rows.append(
             {
@@ -164,6 +157,32 @@ def feature_table(
             }
         )
     return rows
+
+
+def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, BoolArray]:
+    """Kind, region ("" for all of the part) and mask (n,) of the points of a feature.
+
+    Parameters
+    ----------
+    choice : str
+        As for `feature_table`.
+    face : (n,) array of int
+        Face of the part on which each point lies.
+    part : Part
+
+    Raises
+    ------
+    InputError
+        There is no such region.
+    """
+    kind, _, region = choice.partition(":")
+    if not region:
+        return kind, region, np.ones(len(face), dtype=bool)
+    if region not in part.region_names:
+        raise InputError(
+            f"The part has no region {region!r}; use one of {', '.join(part.region_names)}."
+        )
+    return kind, region, part.region_of_face[face] == part.region_names.index(region)
 
 
 def found_features(part: Part, face: IntArray) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.geometry.triangles import unit_vectors
@@ -50,3 +52,33 @@ def first_order_error(
     if system == "stereo" or phase == "both":
         return nearest_point(offset, a, second_offset, b)[0]
     return on_plane(offset, a, second_offset, phase_planes(second, b, phase))
+
+
+def first_order_size(
+    points: FloatArray, normals: FloatArray, error: FloatArray, weights: FloatArray
+) -> float:
+    """Error of the diameter of the cylinder or sphere that fits points best, to first order.
+
+    Small errors move, turn and widen the Gaussian best fit by what their least squares over these
+    seven motions say; motions that no normal tells of, as of a cylinder along its axis, are left
+    at 0.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) arrays, mm and unit vectors
+        On the surface, and outward there.
+    error : (n, 3) array, mm
+        Of the points.
+    weights : (n,) array
+        Share of each point in the sum of squares.
+
+    Returns
+    -------
+    float, mm
+    """
+    arm = points - np.average(points, axis=0, weights=weights)
+    motions = np.column_stack((np.ones(len(points)), normals, np.cross(arm, normals)))
+    along = np.einsum("ij,ij->i", error, normals)
+    root = np.sqrt(weights)
+    found, *_ = np.linalg.lstsq(motions * root[:, None], along * root, rcond=1e-6)
+    return 2.0 * float(found[0])

@@ -272,8 +272,8 @@ def devices_of(
         second = loaded.second
     if second is None:
         raise InputError(
-            f"{loaded.path} has no second device, so there is nothing to triangulate with; write it "
-            "with one (iriftrace scene --second X,Y,Z), or give second=Camera(...) from Python."
+            f"{loaded.path} has no second device, so there is nothing to triangulate with; write "
+            "it with one (iriftrace scene --second X,Y,Z), or give second=Camera(...) from Python."
         )
     if system is None:
         system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")

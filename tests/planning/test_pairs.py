@@ -60,9 +60,35 @@ def test_two_cameras_may_change_places(dataset: xr.Dataset) -> None:
     assert len(fringe.pairs) == 2 * len(stereo.pairs)
 
 
+def test_a_diameter_to_first_order_is_what_is_measured(dataset: xr.Dataset) -> None:
+    """From the side, where the cylinder is seen over a wide arc; and ranked by it."""
+    found = plan_pairs(dataset, BY_ERROR, feature="cylinder:lateral", angles_deg=(15.0, 80.0))
+    assert found.exact_engine == "continuous"
+    assert found.exact_mm == pytest.approx(found.bias_mm[:3], abs=2e-3)
+    worst = np.maximum(np.abs(found.bias_mm), found.error_mm)
+    assert (np.diff(worst) >= 0).sum() >= 0.9 * (len(worst) - 1)
+
+
+def test_poses_of_several_scenes_are_paired_scene_by_scene(dataset: xr.Dataset) -> None:
+    """A pose alone in its scene has no partner."""
+    alone = plan_pairs(dataset, BY_ERROR, confirm=False)
+    names = np.array(["one", "two", *["one"] * (dataset.sizes["pose"] - 2)], dtype=object)
+    mixed = plan_pairs(dataset.assign(scene=("pose", names)), BY_ERROR, confirm=False)
+    assert 0 < len(mixed.pairs) < len(alone.pairs)
+    assert (mixed.pairs != 1).all()
+
+
 @pytest.mark.parametrize(
     ("chosen", "said"),
     [
+        ({"feature": "cylinder:head -x"}, "is a plane and no cylinder"),
+        ({"feature": "cylinder"}, "no simple surface"),
+        ({"feature": "plane:head -x"}, "diameter of a cylinder or sphere"),
+        ({"feature": "cylinder:nowhere"}, "no region 'nowhere'"),
+        (
+            {"feature": "cylinder:lateral", "criteria": Criteria(region="head -x")},
+            "not on the region",
+        ),
         ({"angles_deg": (45.0, 15.0)}, "no range of triangulation"),
         ({"angles_deg": (0.1, 0.2)}, "No two poses of the sweep"),
         ({"criteria": Criteria(region="nowhere")}, "no region 'nowhere'"),
@@ -84,6 +110,7 @@ def test_a_sweep_without_offsets_is_refused(dataset: xr.Dataset) -> None:
     [
         (["--system=stereo"], "--system is given without --pairs"),
         (["--angle=15:45"], "--angle is given without --pairs"),
+        (["--feature=cylinder:lateral"], "--feature is given without --pairs"),
         (["--pairs", "--views=3"], "--views is about single poses"),
         (["--pairs", "--refine"], "--refine is about single poses"),
     ],

@@ -11,7 +11,8 @@ from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.render import trace_rays
-from iriftrace.triangulation.first_order import first_order_error
+from iriftrace.triangulation.features import fit_feature
+from iriftrace.triangulation.first_order import first_order_error, first_order_size
 from iriftrace.triangulation.scan import measure
 
 J_MM = 2.5e-3
@@ -70,3 +71,23 @@ def test_the_exact_solver_differs_in_the_second_order_alone() -> None:
     assert known.mean() > 0.98
     assert np.median(left) < 0.01 * np.median(size)
     assert np.quantile(left, 0.95) < 0.05 * np.median(size)
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "sphere"])
+def test_a_diameter_to_first_order_is_that_of_the_fit(kind: str) -> None:
+    """On an arc, where small errors along it change the diameter by more than themselves."""
+    rng = np.random.default_rng(3)
+    angle, height = rng.uniform(-0.8, 0.8, 500), rng.uniform(-1.0, 1.0, 500)
+    normal = np.stack((np.cos(angle), np.sin(angle), 0 * angle), axis=1)
+    if kind == "sphere":
+        normal = np.stack((np.cos(angle), np.sin(angle), height), axis=1)
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+    points = np.array((3.0, -2.0, 1.0)) + 13.5 * normal
+    if kind == "cylinder":
+        points[:, 2] += 20.0 * height
+    error = 1e-5 * (normal * np.cos(3 * angle)[:, None] + rng.normal(size=points.shape))
+    fitted = fit_feature(points + error, kind).size_mm
+    assert fitted is not None
+    found = first_order_size(points, normal, error, np.ones(500))
+    assert found == pytest.approx(fitted - 27.0, rel=1e-3)
+    assert abs(found) > 1e-5
