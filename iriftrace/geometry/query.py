@@ -11,7 +11,7 @@ from attrs import field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.geometry.triangles import area_vectors, polydata, unit_vectors
+from iriftrace.geometry.triangles import area_vectors, polydata, unit_vectors, used_vertices
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 _ON_SURFACE_MM = 1e-9
 """Closer than this, the direction to the nearest point is rounding; the face's normal holds."""
 
-_FIRST_LOOK = 64
-"""Every so many vertices give the bound with which the smallest gap is searched for."""
+GAP_SAMPLE = 10_000
+"""Vertices of each surface between which the smallest gap is looked for."""
 
 _CHUNK = 1_000_000
 """Points whose triangles above are counted at once."""
@@ -60,9 +60,9 @@ class Surface:
         return unit_vectors(area_vectors(self.vertices, self.faces))
 
     @cached_property
-    def _corners(self) -> FloatArray:
-        """(c, 3) places of the triangles' corners, mm, each once."""
-        corners: FloatArray = np.unique(self.vertices[np.unique(self.faces)], axis=0)
+    def corners(self) -> FloatArray:
+        """(c, 3) vertices that the triangles use, mm."""
+        corners: FloatArray = self.vertices[used_vertices(len(self.vertices), self.faces)[0]]
         return corners
 
     @cached_property
@@ -131,14 +131,15 @@ class Surface:
     def gap(self, other: Surface) -> float:
         """Smallest distance between two surfaces, mm.
 
-        The smallest distance from a vertex of either to the triangles of the other. Two edges may
-        pass each other still closer; on finely meshed surfaces that differs by a small part of a
-        triangle's size.
+        The smallest distance from a vertex of either, of every so many where there are more than
+        `GAP_SAMPLE`, to the triangles of the other. Two edges may pass each other still closer; on
+        finely meshed surfaces that differs by a small part of a triangle's size.
         """
-        pairs = (self, other._corners), (other, self._corners)
-        least = min(float(one.distance(points[::_FIRST_LOOK]).min()) for one, points in pairs)
+        pairs = (self, other.corners), (other, self.corners)
+        least = math.inf
         for one, points in pairs:
-            least = one._distance_below(points, least)
+            chosen = points[:: max(1, len(points) // GAP_SAMPLE)]
+            least = one._distance_below(chosen, least)
         return least
 
     def _distance_below(self, points: FloatArray, limit: float) -> float:
@@ -150,6 +151,7 @@ class Surface:
         corners, point = vtkGenericCell(), [0.0] * 3
         square: Any = mutable(0.0)
         cell, piece = mutable(0), mutable(0)
+        limit = min(limit, float(self.distance(points[:1])[0]))
         for place in points.tolist():
             if find(place, limit, point, corners, cell, piece, square):
                 limit = math.sqrt(square)

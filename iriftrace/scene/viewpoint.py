@@ -125,7 +125,7 @@ def _nearest_with(holds: Callable[[float], bool], nearest_mm: float) -> float:
 
 def _holds(camera: Camera, part: Part) -> bool:
     """True if all of the part lies well inside the picture."""
-    return bool(_in_picture(camera, part.vertices[np.unique(part.faces)], FILLED).all())
+    return bool(_in_picture(camera, part.surface.corners, FILLED).all())
 
 
 def _in_picture(camera: Camera, points: FloatArray, filled: float = 1.0) -> BoolArray:
@@ -139,7 +139,7 @@ def _in_picture(camera: Camera, points: FloatArray, filled: float = 1.0) -> Bool
 
 def farthest_mm(part: Part, camera: Camera) -> float:
     """Distance of the part's farthest point from the camera, mm."""
-    corners = part.vertices[np.unique(part.faces)]
+    corners = part.surface.corners
     return float(np.linalg.norm(corners - camera.origin, axis=1).max())
 
 

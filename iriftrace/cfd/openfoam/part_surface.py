@@ -79,7 +79,7 @@ def check_mirrors(part: Part, mirrors: str) -> None:
 def _deviation(part: Part, name: str) -> float:
     """Largest distance of mirrored points of the surface from it, in sizes of the part."""
     axis = "xy".index(name)
-    points = np.concatenate((part.vertices[np.unique(part.faces)], part.face_centres))
+    points = np.concatenate((part.surface.corners, part.face_centres))
     if len(points) > _SAMPLES:
         points = points[np.random.default_rng(0).choice(len(points), _SAMPLES, replace=False)]
     size = float(np.ptp(part.bounds, axis=0).max())
