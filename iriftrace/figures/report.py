@@ -173,12 +173,14 @@ def _rests_on(
     """What decides how much the answer is worth, a sentence each."""
     origins = _distinct(one.get("origin") or "not stated" for one in _fields(dataset))
     mark = next(filter(None, map(synthetic_mark, origins)), "Field")
-    time = attribute(dataset, "assumptions").get("field_time", "not stated")
+    assumed = attribute(dataset, "assumptions")
+    time = assumed.get("field_time", "not stated")
     return tuple(
         filter(
             None,
             (
                 f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
+                assumed.get("field_fit", ""),
                 warned_text(summary),
                 other_statistics_text(summary),
                 "" if confirmation is None else confirmation.text,

@@ -21,8 +21,9 @@ from iriftrace.geometry.triangles import area_vectors, unit_vectors
 from iriftrace.part.files import load_mesh_file, write_mesh_file
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 
-# Parts outside these sizes are rarely real; a metre read as a millimetre is common.
-_PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
+PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
+"""Parts outside these sizes are rarely real; a metre read as a millimetre is common."""
+
 # As files name them, without the s of the plural.
 _SHORT_UNITS = {
     **{"meter": "m", "millimeter": "mm", "centimeter": "cm"},
@@ -361,13 +362,38 @@ def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: 
         )
         return
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    smallest, largest = _PLAUSIBLE_SIZE_MM
-    if size < smallest or size > largest:  # not for NaN, which is refused later
+    if _is_unlikely(size):
         warnings.warn(
             f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
             "measured part; check length_unit (--length-unit).",
             IriftraceWarning,
             stacklevel=3,
+        )
+
+
+def _is_unlikely(size_mm: float) -> bool:
+    smallest, largest = PLAUSIBLE_SIZE_MM
+    return size_mm < smallest or size_mm > largest  # not for NaN, which is refused later
+
+
+def refuse_unlikely_size(part: Part) -> None:
+    """Refuse to make air around a part that was read in the wrong unit.
+
+    Where there is a field already, its size tells (`iriftrace.field.part_fit`); air that is made
+    for the part would be of the wrong size too, and nothing would show it.
+
+    Raises
+    ------
+    InputError
+        The part is smaller or larger than `PLAUSIBLE_SIZE_MM`.
+    """
+    size = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
+    if _is_unlikely(size):
+        smallest, largest = PLAUSIBLE_SIZE_MM
+        raise InputError(
+            f"{part.path} is {size:.3g} mm across when read as {part.length_unit}, and air is made "
+            f"for parts of {smallest:g} mm to {largest / 1000:g} m; give the file's unit with "
+            "length_unit (--length-unit m, for example)."
         )
 
 

@@ -30,6 +30,9 @@ _ROUNDING = 1e-9
 _LITTLE = 0.01
 
 
+# Faces hit over area that pixels cover: below this, faces are missed and not cut by silhouettes.
+_MISSED = 0.5
+
 _DIMENSIONS = {"pose", "region"}
 
 
@@ -153,6 +156,8 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
                 "normalisation stretches so that it decides as much as the others; give it the "
                 "weight 0 if so little does not matter."
             )
+    if "coverage" in needed:
+        messages += _of_fine_faces(dataset, criteria.region, found.metrics["coverage"], ranked)
     for message in messages:
         warnings.warn(message, IriftraceWarning, stacklevel=2)
     return Plan(
@@ -167,6 +172,23 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
         criteria=criteria,
         warnings=tuple(messages),
     )
+
+
+def _of_fine_faces(
+    dataset: xr.Dataset, region: str, coverage: FloatArray, ranked: BoolArray
+) -> list[str]:
+    """A sentence where rays are too few to hit every face that a pose sees."""
+    if "coverage_area" not in dataset:
+        return []
+    area = np.asarray(dataset["coverage_area"].sel(region=region).values, dtype=np.float64)
+    hit, seen = (float(np.median(values[ranked])) for values in (coverage, area))
+    if not hit < _MISSED * seen:
+        return []
+    return [
+        f"The part's faces are finer than the rays: faces of {100 * hit:.3g} % of the area are hit "
+        f"where pixels cover {100 * seen:.3g} % (medians), so coverage and what several views see "
+        "say little; sweep with more pixels (-D scale), or with a part of fewer faces."
+    ]
 
 
 def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:

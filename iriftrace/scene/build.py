@@ -156,6 +156,7 @@ def build_scene(
     if volume is not None:
         fit = fit_part_to_field(volume, part, wall_temperature_k=wall_temperature_k)
         _warn(fit.warnings)
+        notes = {**(notes or {}), **_note_of(fit)}
     if second is not None:
         refuse_one_place(camera, second)
         refuse_camera_inside(second.origin, part, shells, volume, "second device")
@@ -225,15 +226,17 @@ def build_ensemble(
 
     def checked() -> Iterator[MemberAir]:
         for member in members:
+            of_fit: dict[str, str] = {}
             with named(member.label):
                 if member.field is not None:
                     fit = fit_part_to_field(
                         member.field, part, wall_temperature_k=wall_temperature_k
                     )
                     told.update(dict.fromkeys(fit.warnings))
+                    of_fit = _note_of(fit)
                 shells, report = _shells_for(camera, part, member.shells, member.field, trim_mm)
             reports.append(report)
-            yield evolve(member, shells=shells, report=report)
+            yield evolve(member, shells=shells, report=report, notes=of_fit)
 
     _, listed = write_ensemble_scene(
         xml.parent,
@@ -282,6 +285,11 @@ def _shells_for(
     if trim_mm is not None:
         shells = trim_to_frustum(shells, camera, trim_mm)
     return shells, report_shells(shells, volume, part)
+
+
+def _note_of(fit: Fit) -> dict[str, str]:
+    """What does not fit, as a note that every result states."""
+    return {"fit": " ".join(fit.warnings)} if fit.warnings else {}
 
 
 def _warn(messages: Iterable[str]) -> None:

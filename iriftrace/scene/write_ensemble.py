@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from attrs import asdict, frozen
+from attrs import Factory, asdict, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
@@ -46,6 +46,8 @@ class MemberAir:
         For the continuous engine.
     report : sequence of ShellReport or None
         Added to the shells' table; `iriftrace.build_ensemble` makes it.
+    notes : mapping of str
+        Stated in every result, besides the scene's.
     """
 
     label: str
@@ -53,6 +55,7 @@ class MemberAir:
     shells: ShellStack
     field: IndexField | None = None
     report: Sequence[ShellReport] | None = None
+    notes: Mapping[str, str] = Factory(dict)
 
 
 def write_ensemble_scene(
@@ -158,7 +161,7 @@ def _write_member(
         member.field,
         part=part,
         report=member.report,
-        notes={**(notes or {}), "member": f"{number}: {member.label}"},
+        notes={**(notes or {}), **member.notes, "member": f"{number}: {member.label}"},
         paraview=paraview,
     )
     included = scene / FOLDER / str(number) / INCLUDED

@@ -70,6 +70,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
             "field_time": notes.get("time") or _time(sources),
             "field_symmetry": notes.get("symmetry", "not stated"),
+            **({"field_fit": notes["fit"]} if "fit" in notes else {}),
             "open_boundary": "air beyond the data is not modelled",
             "camera": camera.lens,
             "wavelength": "not stated" if wavelength is None else f"{wavelength:g} nm",

@@ -262,6 +262,14 @@ def test_impossible_air_is_refused(options: dict[str, float], message: str) -> N
         synthetic_air(PARTS["gear"], **options)
 
 
+def test_a_part_in_another_unit_is_refused() -> None:
+    """Air of the wrong size around a part of the wrong size would show nothing of it."""
+    part = PARTS["cylinder"]
+    metres = part_of_mesh(part.vertices / 1000.0, part.faces, name="metres.stl")
+    with pytest.raises(InputError, match=r"metres\.stl is 0\.03.*--length-unit m"):
+        synthetic_air(metres)
+
+
 def test_open_parts_and_endless_meshes_are_refused() -> None:
     part = PARTS["gear"]
     with pytest.warns(IriftraceWarning, match="not closed"):

@@ -76,6 +76,14 @@ def test_five_poses_are_scored_as_by_hand() -> None:
     assert plan.limits["displacement"] == pytest.approx((1, 11))
 
 
+def test_faces_finer_than_the_rays_are_said() -> None:
+    """Coverage counts the faces that are hit: a fraction of those that are seen."""
+    table = changed(five(), "coverage_area", np.array(FIVE["coverage"]) * 2.1)
+    with pytest.warns(IriftraceWarning, match="faces of 30 % of the area.* cover 63 %"):
+        rank_poses(table)
+    rank_poses(changed(five(), "coverage_area", np.array(FIVE["coverage"]) * 1.9))
+
+
 def test_discarding_drops_what_lies_above_the_percentile() -> None:
     """B's axial resolution and D's three metrics lie above it; the others' scores stay."""
     plan = rank_poses(five(), Criteria(outside="discard"))

@@ -99,6 +99,19 @@ def test_objects_show_themselves_in_one_line(folder: Path, tmp_path: Path) -> No
         assert "array" not in text
 
 
+@pytest.mark.usefixtures("variant")
+@pytest.mark.filterwarnings("ignore:Hits of this view")
+def test_what_does_not_fit_is_stated_in_every_result(folder: Path, tmp_path: Path) -> None:
+    field = iriftrace.read_field(folder / "air.vtu")
+    shift = np.eye(4)
+    shift[0, 3] = 0.5
+    part = iriftrace.read_part(folder / "block.stl", transform=shift)
+    with pytest.warns(IriftraceWarning, match="does not fill the cavity") as caught:
+        built = iriftrace.build_scene(field, part, CAMERA, tmp_path / "scene.xml", layers=3)
+    stated = iriftrace.render_scene(iriftrace.load_scene(built)).metrics.assumptions["field_fit"]
+    assert stated in [str(warning.message) for warning in caught]
+
+
 def test_messages_say_what_to_give_in_python(folder: Path, tmp_path: Path) -> None:
     with pytest.warns(IriftraceWarning, match=r"temperature_k=293\.[12]\) \(--ambient"):
         field = iriftrace.read_field(folder / "air.vtu", air=iriftrace.Air(temperature_k=350.0))

@@ -14,7 +14,7 @@ from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-from iriftrace.part.part import Part
+from iriftrace.part.part import Part, refuse_unlikely_size
 
 _END, _AVERAGING_SHARE = 2.0, 0.25
 # The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
@@ -221,6 +221,7 @@ def natural_case(
     InputError
         It cannot be simulated.
     """
+    refuse_unlikely_size(part)
     wall.check(part, ambient_k)
     extents = np.ptp(part.bounds, axis=0)
     times = natural_times(

@@ -15,7 +15,7 @@ from iriftrace.cfd.check.nusselt import reference_temperature
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.query import Surface
-from iriftrace.part.part import Part
+from iriftrace.part.part import Part, refuse_unlikely_size
 
 DECAY = 0.6
 """Exponent with which the excess temperature on the axis of a laminar line plume falls."""
@@ -354,7 +354,13 @@ def synthetic_air(
         By default `laminar_boundary_layer_mm`.
     plume : float
         Strength of the plume, 0 to 1; 0 for none.
+
+    Raises
+    ------
+    InputError
+        The part's unit is wrong (`iriftrace.part.part.refuse_unlikely_size`), or a value is.
     """
+    refuse_unlikely_size(part)
     layer = boundary_layer_mm
     if layer is None:
         layer = laminar_boundary_layer_mm(part, wall_k, ambient_k)
