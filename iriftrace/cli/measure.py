@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from iriftrace.cli.console import say, working
-from iriftrace.cli.options import check_input, check_output
+from iriftrace.cli.options import Share, check_input, check_output
 from iriftrace.cli.trace_options import TraceOptions
 
 if TYPE_CHECKING:
@@ -141,12 +141,14 @@ def correct(
     system: System = None,
     phase: Phase = None,
     feature: Features = None,
+    field_uncertainty: Share = 0.0,
     trace: TraceOptions = TraceOptions(),
 ) -> None:
     """Take the air's share out of a measured cloud.
 
     Correct each scan by itself, before it is merged with others. The scene has the two devices
-    where they stood. What was added to each point is written beside it.
+    where they stood. What was added to each point is written beside it. Of an ensemble of fields
+    the mean correction is taken, and its scatter is an uncertainty.
 
     Example: ``iriftrace correct scan.vtp scene/scene.xml -o corrected.vtp --feature cylinder``
 
@@ -163,6 +165,9 @@ def correct(
         Unit of the cloud.
     cloud_to_part
         Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
+    field_uncertainty
+        Standard uncertainty of the field, as a share of the air's contrast in refractive index,
+        "5 %"; the corrections' is the same share of them.
     trace
         How it is traced.
     """
@@ -181,7 +186,9 @@ def correct(
     with working("Loading the scene"):
         loaded = trace.load(scene)
     with working("Correcting"):
-        found = take_out(points, loaded, system=system, phase=phase)
+        found = take_out(
+            points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
+        )
     features = found.features(loaded.part, feature or ())
     files = found.save(output, features)
     values = found.as_dict()
@@ -193,6 +200,18 @@ def correct(
         f"and {counts['several_images']:,} with several images."
     )
     _say_features(features, "corrected", "measured", "as measured through hot air")
+    if found.u_normal is None:
+        say(
+            "No uncertainty is stated, because that of the field is not known: give "
+            '--field-uncertainty "5 %", or a scene of several states of the air (iriftrace scene '
+            "--member)."
+        )
+    else:
+        say(
+            "Standard uncertainty of the correction along the normal: "
+            f"{_um(values['u_normal_mm']['median'])} (median). U (k = 2) is that of the air's "
+            "share; the sensor's own comes on top."
+        )
     say("Files: " + ", ".join(map(str, files)))
 
 
@@ -210,10 +229,13 @@ def _say_features(features: list[dict[str, Any]], true: str, hot: str, how: str)
         if size[hot] is None:
             say(f"{row['kind'].capitalize()}{where}: {form}.")
             continue
-        share = size[true] - size[hot]
+        expanded, scatter = row.get("size_uncertainty_mm"), row.get("size_scatter_mm")
+        more = f", U = {_um(expanded)} (k = 2)" if expanded is not None else ""
+        if scatter is not None:
+            more = f", with a standard deviation of {_um(scatter)} from field to field"
         say(
             f"{row['kind'].capitalize()}{where}: diameter {size[hot]:.4f} mm {how}, "
-            f"{size[true]:.4f} mm {true}: {_um(share)} is air; {form}."
+            f"{size[true]:.4f} mm {true}: {_um(size[true] - size[hot])} is air{more}; {form}."
         )
 
 

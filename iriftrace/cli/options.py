@@ -135,6 +135,7 @@ LightOf = Annotated[
 ]
 Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "Pa")]
 Duration = Annotated[float, _quantity("TIME", "second", "s")]
+Share = Annotated[float, _quantity("SHARE", "dimensionless", "")]
 Angle = Annotated[float, _quantity("ANGLE", "degree", "deg")]
 Expansion = Annotated[float, _quantity("EXPANSION", "1/kelvin", "/K")]
 Temperature = Annotated[

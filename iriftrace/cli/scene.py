@@ -170,41 +170,43 @@ def scene(
         else chosen_members([field, *(member or [])], field_options.time)
     )
     if len(states) > 1:
-        if two_devices:
-            raise InputError(
-                "An ensemble of fields is not measured with two devices; choose one of them with "
-                "--time, or leave out --second."
-            )
 
         def cut(one: Member) -> tuple[ShellStack, IndexField]:
             volume = field_options.read(one.path, air.air(), measured, one.index)
             return shell_options.build(volume), volume
 
-        _ensemble(states, measured, output, camera_options, cut, settings)
+        _ensemble(states, measured, output, camera_options, second_options, cut, settings)
         return
     # Without --time whoever reads the file says which of several states it is.
     number = states[0].index if states and field_options.time is not None else None
     stack, volume = _stack(field, measured, air, field_options, shell_options, number)
     camera = camera_options.camera(measured, volume, stack, scale)
     if two_devices:
-        from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
-
-        settings["second"] = second_options.device(
-            camera_options, camera, measured, volume, stack, scale
-        )
-        settings["second_id"] = DEVICE_OF_SYSTEM[second_options.system or "fringe"]
+        settings |= _second(camera_options, second_options, camera, measured, volume, stack, scale)
     with working("Comparing part and field, measuring the shells"):
         built = build_scene(volume, measured, camera, output, shells=stack, **settings)
     print_shells(out, built.shells, built.report, _unit_of(stack))
     if built.fit is not None:
         print_fit(out, built.fit)
-    _print_scene(output, camera, measured, scale)
-    if two_devices:
-        x, y, z = settings["second"].origin
-        say(
-            f"Second device ({settings['second_id']}) at ({x:.1f}, {y:.1f}, {z:.1f}) mm; what both "
-            f"measure:  {command_line('measure', output, '-o', output.with_name('scan.vtp'))}"
-        )
+    _print_scene(output, camera, measured, settings)
+
+
+def _second(
+    camera_options: CameraOptions,
+    second_options: SecondOptions,
+    camera: Camera,
+    part: Part,
+    field: IndexField | None,
+    stack: ShellStack,
+    scale: float,
+) -> dict[str, Any]:
+    """The second device and its id, as `iriftrace.build_scene` takes them."""
+    from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+
+    return {
+        "second": second_options.device(camera_options, camera, part, field, stack, scale),
+        "second_id": DEVICE_OF_SYSTEM[second_options.system or "fringe"],
+    }
 
 
 def _stack(
@@ -252,6 +254,7 @@ def _ensemble(
     part: Part,
     output: Path,
     camera_options: CameraOptions,
+    second_options: SecondOptions,
     cut: Callable[[Member], tuple[ShellStack, IndexField]],
     settings: dict[str, Any],
 ) -> None:
@@ -270,7 +273,10 @@ def _ensemble(
 
     fields = members()
     first = next(fields)
-    camera = camera_options.camera(part, first.field, first.shells, settings["scale"])
+    air = first.field, first.shells, settings["scale"]
+    camera = camera_options.camera(part, *air)
+    if second_options.given():
+        settings |= _second(camera_options, second_options, camera, part, *air)
     built = build_ensemble(chain((first,), fields), part, camera, output, **settings)
     table = Table(title=f"Ensemble of {len(built.members)} fields")
     table.add_column("member", justify="right")
@@ -291,18 +297,26 @@ def _ensemble(
         if origin:
             say(f"Field: {origin}.")
     what = f"Scene of an ensemble of {len(built.members)} fields"
-    _print_scene(output, camera, part, settings["scale"], what)
+    _print_scene(output, camera, part, settings, what)
 
 
-def _print_scene(path: Path, camera: Camera, part: Part, scale: float, what: str = "Scene") -> None:
-    """Say where the camera of a written scene stands, what it sees, and how to render it."""
+def _print_scene(
+    path: Path, camera: Camera, part: Part, settings: dict[str, Any], what: str = "Scene"
+) -> None:
+    """Say where the devices of a written scene stand, what is seen, and how to go on."""
     from iriftrace.cli.output import print_camera, print_view
     from iriftrace.scene.viewpoint import part_view
 
-    print_camera(out, camera, scale)
+    print_camera(out, camera, settings["scale"])
     print_view(
         out,
         part_view(part, camera),
         "move it back with --origin, give --focus, or leave out both for a camera that sees all",
     )
     say(f"{what} written; now run:  {command_line('render', path)}")
+    if "second" in settings:
+        x, y, z = settings["second"].origin
+        say(
+            f"Second device ({settings['second_id']}) at ({x:.1f}, {y:.1f}, {z:.1f}) mm; what both "
+            f"measure:  {command_line('measure', path, '-o', path.with_name('scan.vtp'))}"
+        )

@@ -157,15 +157,7 @@ def build_scene(
         fit = fit_part_to_field(volume, part, wall_temperature_k=wall_temperature_k)
         _warn(fit.warnings)
         notes = {**(notes or {}), **_note_of(fit)}
-    if second is not None:
-        refuse_one_place(camera, second)
-        refuse_camera_inside(second.origin, part, shells, volume, "second device")
-        if trim_mm is not None:
-            raise InputError(
-                "Trimmed shells serve one camera only, and there is a second device; leave out "
-                "trim."
-            )
-    shells, report = _shells_for(camera, part, shells, volume, trim_mm)
+    shells, report = _shells_for(camera, second, part, shells, volume, trim_mm)
     write_scene(
         xml.parent,
         part,
@@ -196,6 +188,8 @@ def build_ensemble(
     normals: str = "gradient",
     inside_hit: str = "refract",
     notes: Mapping[str, str] | None = None,
+    second: Camera | None = None,
+    second_id: str = "projector",
 ) -> BuiltEnsemble:
     """Make the scene of several fields of one part: bias and scatter of what they do.
 
@@ -203,7 +197,8 @@ def build_ensemble(
     ----------
     members : iterable of MemberAir
         At least two, each with its field; one is in memory at a time.
-    part, camera, path, wall_temperature_k, trim_mm, scale, normals, inside_hit, notes
+    part, camera, path, wall_temperature_k, trim_mm, scale, normals, inside_hit, notes, second,
+    second_id
         See :func:`build_scene`.
 
     Returns
@@ -234,7 +229,9 @@ def build_ensemble(
                     )
                     told.update(dict.fromkeys(fit.warnings))
                     of_fit = _note_of(fit)
-                shells, report = _shells_for(camera, part, member.shells, member.field, trim_mm)
+                shells, report = _shells_for(
+                    camera, second, part, member.shells, member.field, trim_mm
+                )
             reports.append(report)
             yield evolve(member, shells=shells, report=report, notes=of_fit)
 
@@ -248,6 +245,8 @@ def build_ensemble(
         normals=normals,
         inside_hit=inside_hit,
         notes=notes,
+        second=second,
+        second_id=second_id,
     )
     _warn(told)
     return BuiltEnsemble(xml, listed, tuple(reports))
@@ -278,9 +277,22 @@ def _place(path: str | Path, part: Part) -> Path:
 
 
 def _shells_for(
-    camera: Camera, part: Part, shells: ShellStack, volume: IndexField | None, trim_mm: float | None
+    camera: Camera,
+    second: Camera | None,
+    part: Part,
+    shells: ShellStack,
+    volume: IndexField | None,
+    trim_mm: float | None,
 ) -> tuple[ShellStack, tuple[ShellReport, ...]]:
-    """Shells for a camera that stands neither in the part nor in hot air, and facts about them."""
+    """Shells for devices that stand neither in the part nor in hot air, and facts about them."""
+    if second is not None:
+        refuse_one_place(camera, second)
+        refuse_camera_inside(second.origin, part, shells, volume, "second device")
+        if trim_mm is not None:
+            raise InputError(
+                "Trimmed shells serve one camera only, and there is a second device; leave out "
+                "trim."
+            )
     refuse_camera_inside(camera.origin, part, shells, volume)
     if trim_mm is not None:
         shells = trim_to_frustum(shells, camera, trim_mm)

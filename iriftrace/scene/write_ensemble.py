@@ -70,6 +70,8 @@ def write_ensemble_scene(
     inside_hit: str = "refract",
     notes: Mapping[str, str] | None = None,
     paraview: bool = True,
+    second: Camera | None = None,
+    second_id: str = "projector",
 ) -> tuple[Path, tuple[FieldMember, ...]]:
     """Write a scene that is rendered once for every member.
 
@@ -78,7 +80,7 @@ def write_ensemble_scene(
 
     Parameters
     ----------
-    folder, part, camera, name, scale, normals, inside_hit, notes, paraview
+    folder, part, camera, name, scale, normals, inside_hit, notes, paraview, second, second_id
         See `iriftrace.scene.write.write_scene`.
     members : iterable of MemberAir
         At least two; one is in memory at a time.
@@ -95,7 +97,9 @@ def write_ensemble_scene(
         There are fewer than two members, one has no source, or the folder cannot be written or
         holds files of somebody else where the members are to go.
     """
-    require_pinhole(camera)
+    for device in (camera, second):
+        if device is not None:
+            require_pinhole(device)
     scene = Path(folder) / name
     _refuse_files_of_others(scene.parent / FOLDER)
     with written_together(scene.parent) as building:
@@ -121,6 +125,8 @@ def write_ensemble_scene(
             ". ".join((remark, *origins)),
             {MEMBER: "1"},
             inside_hit=inside_hit,
+            second=second,
+            second_id=second_id,
         )
         (building / name).write_text(text, encoding="utf-8")
         # Members of an earlier, larger ensemble would be taken for this one's.

@@ -114,6 +114,12 @@ def spread(values: FloatArray) -> dict[str, float]:
     }
 
 
+def scatter_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
+    """Standard deviation (n,), mm, of (k, n, 3) errors over k members, along (n, 3) normals."""
+    scatter: FloatArray = np.einsum("kij,ij->ki", errors, normal).std(axis=0, ddof=1)
+    return scatter
+
+
 def by_axis(name: str, vectors: FloatArray) -> dict[str, FloatArray]:
     """Columns ``name_x``, ``name_y`` and ``name_z`` of (n, 3) vectors."""
     return {f"{name}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}

@@ -8,6 +8,7 @@ point. A round shrinks what is left as one of `lines_of_sight` does.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,14 @@ from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
-from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, spread
-from iriftrace.triangulation.features import feature_table
+from iriftrace.triangulation.cloud import (
+    PointStatus,
+    by_axis,
+    save_cloud,
+    scatter_along,
+    spread,
+)
+from iriftrace.triangulation.features import feature_table, member_sizes
 from iriftrace.triangulation.scan import (
     Phase,
     System,
@@ -45,6 +52,10 @@ SETTLED_MM = 1e-5
 
 ROUNDS = 20
 """Straight down a plume a round leaves a third; from a millimetre twelve leave a nanometre."""
+
+
+COVERAGE_FACTOR = 2
+"""Of expanded uncertainties (GUM: some 95 % of a normal distribution)."""
 
 
 class CorrectionStatus(PointStatus):
@@ -69,16 +80,41 @@ class Correction:
         `CorrectionStatus`; points with another one than 0 stay as they were measured.
     face : (n,) array of int
         Of the part; -1 where the camera's line meets none.
+    normal : (n, 3) array
+        The part's outward unit normal there.
     system : str
     assumptions : dict
+    field_uncertainty : float
+        Relative standard uncertainty of the air's contrast, n - n of the ambient air; 0 if it is
+        not stated.
+    errors : (k, n, 3) array or None, mm
+        The air's share by each member of an ensemble, whose mean `error` is; None for one field.
     """
 
     measured: FloatArray
     error: FloatArray
     status: NDArray[np.int64]
     face: IntArray
+    normal: FloatArray
     system: str
     assumptions: dict[str, str]
+    field_uncertainty: float = 0.0
+    errors: FloatArray | None = None
+
+    @property
+    def u_normal(self) -> FloatArray | None:
+        """(n,) array, mm: standard uncertainty of what was taken out, along the normal.
+
+        The members' standard deviation, and the field's uncertainty times the correction, to which
+        it is proportional, in quadrature. NaN of points that stay as they are; None where neither
+        is known.
+        """
+        if self.errors is None and not self.field_uncertainty:
+            return None
+        found: FloatArray = self.field_uncertainty * np.einsum("ij,ij->i", self.error, self.normal)
+        if self.errors is not None:
+            found = np.hypot(found, scatter_along(self.errors, self.normal))
+        return np.where(self.status == CorrectionStatus.CORRECTED, np.abs(found), np.nan)
 
     @property
     def points(self) -> FloatArray:
@@ -86,19 +122,36 @@ class Correction:
         return self.measured - self.error
 
     def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
-        """Features of the corrected points, measured and corrected; see `feature_table`."""
+        """Features of the corrected points, measured and corrected; see `feature_table`.
+
+        With ``size_uncertainty_mm``: the expanded uncertainty U = 2 u (k = 2) of the share of the
+        size that was air; None where it is not known.
+        """
         good = self.status == CorrectionStatus.CORRECTED
-        clouds = {"measured": self.measured[good], "corrected": self.points[good]}
-        return feature_table(clouds, self.face[good], part, choices)
+        measured, face = self.measured[good], self.face[good]
+        clouds = {"measured": measured, "corrected": self.points[good]}
+        rows = feature_table(clouds, face, part, choices)
+        scatter: list[float | None] = [None] * len(rows)
+        if self.errors is not None:
+            scatter = member_sizes(list(measured - self.errors[:, good]), face, part, rows)
+        for row, by_member in zip(rows, scatter, strict=True):
+            size, expanded = row["size_mm"], None
+            if size["measured"] is not None and self.u_normal is not None:
+                by_field = self.field_uncertainty * (size["measured"] - size["corrected"])
+                expanded = COVERAGE_FACTOR * math.hypot(by_field, by_member or 0.0)
+            row["size_uncertainty_mm"] = expanded
+        return rows
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.correction/1``."""
-        corrected = self.status == CorrectionStatus.CORRECTED
+        corrected, u = self.status == CorrectionStatus.CORRECTED, self.u_normal
         return {
             "schema": SCHEMA,
             "system": self.system,
             "points": {"measured": len(self.measured), **CorrectionStatus.counts(self.status)},
             "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
+            **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
+            "field_uncertainty": self.field_uncertainty or None,
             "assumptions": self.assumptions,
         }
 
@@ -118,6 +171,7 @@ class Correction:
         """
         columns: dict[str, NDArray[Any]] = {
             **by_axis("correction", -self.error),
+            **({} if self.u_normal is None else {"u_normal": self.u_normal}),
             "status": self.status.astype(np.int32),
         }
         values = self.as_dict() | {"features": list(features)}
@@ -132,8 +186,11 @@ def correct(
     *,
     system: System | None = None,
     phase: Phase | None = None,
+    field_uncertainty: float = 0.0,
 ) -> Correction:
     """Take the air's share out of measured points.
+
+    Of an ensemble of fields the mean of its members' shares, with their scatter as uncertainty.
 
     Parameters
     ----------
@@ -142,12 +199,15 @@ def correct(
     scene : LoadedScene or path
     camera, second, system, phase
         As for `iriftrace.measure`. A laser's sheet is taken to pass through each point.
+    field_uncertainty : float
+        Relative standard uncertainty of the air's contrast, n - n of the ambient air, which that of
+        the correction is proportional to: 0.05 for 5 %.
 
     Raises
     ------
     InputError
-        As `iriftrace.measure`, and if there are no points, some are not finite, or none
-        lies on the part.
+        As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
+        part, or the uncertainty is no share.
 
     Warns
     -----
@@ -162,9 +222,52 @@ def correct(
         )
     if not np.isfinite(measured).all():
         raise InputError("Some points of the cloud are not finite; leave them out.")
+    if not 0.0 <= field_uncertainty < 1.0:
+        raise InputError(
+            f"The field's uncertainty is {field_uncertainty:g}, but it is a share of the air's "
+            "contrast; give one from 0 to 1, such as 0.05 (5 %)."
+        )
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
     _refuse_another_part(measured, loaded)
-    loaded = field_where_needed(loaded, (camera, second), measured)
+    members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
+    found = [_air_share(measured, one, camera, second, system, phase) for one in members]
+    status = np.max([one.status for one in found], axis=0)
+    errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, [e.error for e in found], 0.0)
+    first = found[0]
+    together = {} if len(found) == 1 else {"ensemble": f"means over {len(found)} fields"}
+    return Correction(
+        measured=measured,
+        error=errors.mean(axis=0),
+        status=status,
+        face=first.face,
+        normal=loaded.part.surface.normals[first.face],
+        system=system,
+        assumptions={"engine": first.engine, "bending": first.bending, **together},
+        field_uncertainty=field_uncertainty,
+        errors=None if len(found) == 1 else errors,
+    )
+
+
+@frozen(eq=False)
+class _AirShare:
+    """The air's share of points, as in `Correction`, in one field."""
+
+    error: FloatArray
+    status: NDArray[np.int64]
+    face: IntArray
+    engine: str
+    bending: str
+
+
+def _air_share(
+    measured: FloatArray,
+    scene: LoadedScene,
+    camera: Camera,
+    second: Camera,
+    system: System,
+    phase: Phase,
+) -> _AirShare:
+    loaded = field_where_needed(scene, (camera, second), measured)
     place = measured.copy()
     offsets = np.zeros((2, *measured.shape))
     lacking = np.full((len(measured), 2), np.nan)
@@ -192,7 +295,6 @@ def correct(
         place[rows] += step
         moved = np.maximum(moved, np.linalg.norm(step, axis=1))
         found[rows] = moved <= SETTLED_MM
-    error = measured - place
     with np.errstate(invalid="ignore"):
         # NaN where a ray misses the part.
         far = ~(lacking >= -REACH_MM).all(axis=1)
@@ -202,9 +304,7 @@ def correct(
         [CorrectionStatus.SEVERAL_IMAGES, CorrectionStatus.FAR_FROM_PART, CorrectionStatus.HIDDEN],
         CorrectionStatus.CORRECTED,
     )
-    error[status != CorrectionStatus.CORRECTED] = 0.0
-    assumptions = {"engine": loaded.engine, "bending": loaded.bending}
-    return Correction(measured, error, status, face, system, assumptions)
+    return _AirShare(measured - place, status, face, loaded.engine, loaded.bending)
 
 
 def _refuse_another_part(points: FloatArray, scene: LoadedScene) -> None:

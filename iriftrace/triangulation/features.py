@@ -159,6 +159,34 @@ def feature_table(
     return rows
 
 
+def member_sizes(
+    clouds: Sequence[FloatArray], face: IntArray, part: Part, rows: Sequence[Mapping[str, Any]]
+) -> list[float | None]:
+    """Standard deviation of each feature's size over the members of an ensemble, mm.
+
+    Parameters
+    ----------
+    clouds : sequence of (n, 3) arrays, mm
+        The same points by each member.
+    face, part
+        As for `feature_table`.
+    rows
+        Of `feature_table`.
+
+    Returns
+    -------
+    list of float or None
+        None for a feature without a size.
+    """
+    found: list[float | None] = []
+    for row in rows:
+        kind, _, chosen = chosen_points(f"{row['kind']}:{row['region'] or ''}", face, part)
+        sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in clouds]
+        known = [size for size in sizes if size is not None]
+        found.append(float(np.std(known, ddof=1)) if known else None)
+    return found
+
+
 def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, BoolArray]:
     """Kind, region ("" for all of the part) and mask (n,) of the points of a feature.
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
@@ -27,8 +27,14 @@ from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.render import trace_rays
-from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, spread
-from iriftrace.triangulation.features import feature_table
+from iriftrace.triangulation.cloud import (
+    PointStatus,
+    by_axis,
+    save_cloud,
+    scatter_along,
+    spread,
+)
+from iriftrace.triangulation.features import feature_table, member_sizes
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
 
@@ -94,6 +100,9 @@ class Scan:
     camera, second : Camera
     assumptions : dict
         How the rays were traced.
+    errors : (k, n, 3) array or None, mm
+        X' - X in the air of each member of an ensemble, whose means over the k members all else
+        is; None for one field.
     """
 
     points: FloatArray
@@ -109,6 +118,7 @@ class Scan:
     camera: Camera
     second: Camera
     assumptions: dict[str, str]
+    errors: FloatArray | None = None
 
     @property
     def error(self) -> FloatArray:
@@ -120,6 +130,11 @@ class Scan:
         """(n,) array, mm: the error along the outward normal, as a map against the CAD shows it."""
         along: FloatArray = np.einsum("ij,ij->i", self.error, self.normal)
         return along
+
+    @property
+    def scatter_normal(self) -> FloatArray | None:
+        """(n,) array, mm: standard deviation over an ensemble's members along the normal."""
+        return None if self.errors is None else scatter_along(self.errors, self.normal)
 
     def best_fit(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What a rigid alignment of the cloud to the part takes for pose, and what it leaves.
@@ -150,6 +165,7 @@ class Scan:
             "points": {"pixels": int(self.status.size), **ScanStatus.counts(self.status)},
             "error_normal_mm": spread(self.error_normal),
             "error_mm": spread(np.linalg.norm(self.error, axis=1)),
+            **_spread_of("scatter_normal_mm", self.scatter_normal),
             "gap_mm": spread(self.gap),
             "angle_deg": spread(np.degrees(self.angle)),
             "best_fit": {
@@ -162,9 +178,16 @@ class Scan:
         }
 
     def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
-        """Features of the points, cold and measured; see `feature_table`."""
+        """Features of the points, cold and measured; see `feature_table`.
+
+        Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members.
+        """
         clouds = {"cold": self.true, "measured": self.points}
-        return feature_table(clouds, self.face, part, choices)
+        rows = feature_table(clouds, self.face, part, choices)
+        if self.errors is None:
+            return rows
+        sizes = member_sizes(list(self.true + self.errors), self.face, part, rows)
+        return [row | {"size_scatter_mm": size} for row, size in zip(rows, sizes, strict=True)]
 
     def save(
         self,
@@ -195,6 +218,7 @@ class Scan:
             **by_axis("true", self.true),
             **by_axis("error", self.error),
             "error_normal": self.error_normal,
+            **({} if self.scatter_normal is None else {"scatter_normal": self.scatter_normal}),
             "gap": self.gap,
             "angle": self.angle,
             "pixel_u": self.pixel[:, 0],
@@ -214,6 +238,8 @@ def measure(
     phase: Phase | None = None,
 ) -> Scan:
     """Simulate a measurement with two devices in hot air.
+
+    Of an ensemble of fields the means over its members, with their scatter.
 
     The camera's pixels (the rays of the sheet, of a laser) are traced along their bent rays to the
     part. The other device's line of sight to each point is found by `lines_of_sight`. The measured
@@ -240,8 +266,8 @@ def measure(
     Raises
     ------
     InputError
-        If there is no second device, both stand at one place, they see nothing in common, or the
-        scene is an ensemble.
+        If there is no second device, both stand at one place, or they see nothing in common (of an
+        ensemble: in the air of every member).
 
     Warns
     -----
@@ -249,7 +275,48 @@ def measure(
         Half of the lines meet at less than 1 degree, or the shells are too few for the lines of
         sight; where the field lies beside the scene and no engine was asked for, it serves instead.
     """
-    return _scan(*devices_of(scene, camera, second, system, phase))
+    loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
+    if loaded.ensemble is None:
+        return _scan(loaded, camera, second, system, phase)
+    members = loaded.ensemble.scenes()
+    return _together([_scan(member, camera, second, system, phase) for member in members])
+
+
+def _together(scans: Sequence[Scan]) -> Scan:
+    """Means of the points that are measured in the air of every member of an ensemble."""
+    status = np.max([scan.status for scan in scans], axis=0)
+    kept = (status == ScanStatus.MEASURED).ravel()
+    if not kept.any():
+        raise InputError(
+            "No point is measured in the air of every member of the ensemble; point both devices "
+            "at the same side, or measure one member (-D member=1)."
+        )
+    # Row by row of the picture, as the points of each scan are.
+    rows = [np.cumsum(scan.status == ScanStatus.MEASURED)[kept] - 1 for scan in scans]
+
+    def each(name: str) -> FloatArray:
+        pairs = zip(scans, rows, strict=True)
+        return np.array([getattr(scan, name)[chosen] for scan, chosen in pairs])
+
+    true, errors = each("true").mean(axis=0), each("error")
+    first = scans[0]
+    return evolve(
+        first,
+        points=true + errors.mean(axis=0),
+        true=true,
+        normal=first.normal[rows[0]],
+        gap=each("gap").mean(axis=0),
+        angle=each("angle").mean(axis=0),
+        pixel=first.pixel[rows[0]],
+        face=first.face[rows[0]],
+        status=status,
+        assumptions=first.assumptions | {"ensemble": f"means over {len(scans)} fields"},
+        errors=errors,
+    )
+
+
+def _spread_of(name: str, values: FloatArray | None) -> dict[str, dict[str, float]]:
+    return {} if values is None else {name: spread(values)}
 
 
 def devices_of(

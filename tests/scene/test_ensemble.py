@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 import pyvista as pv
 import xarray as xr
-from attrs import evolve
 from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.air.refractivity import Air
@@ -22,7 +21,6 @@ from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.index_field import FieldSource
 from iriftrace.image.aov_image import (
     CHANNELS,
     MEMBERS_CHANNEL,
@@ -39,11 +37,11 @@ from iriftrace.scene.ensemble import read_members
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.scenes.analytic import slab, slab_heights
-from iriftrace.shells.stack import ShellStack
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.pose_image import EnsembleStatistics
 from iriftrace.trace.render import render_scene, trace_rays
 from validation.inputs import hot_block
+from validation.inputs.shell_fields import scaled
 from validation.oracles.aov_by_hand import make_image, plate
 
 SHARES = np.array((-0.09, -0.07, -0.04, -0.01, 0.0, 0.02, 0.03, 0.05, 0.08, 0.11))
@@ -166,21 +164,6 @@ def test_metrics_tell_bias_from_scatter() -> None:
 
 
 # Scenes ----------------------------------------------------------------------------------------
-
-
-def scaled(stack: ShellStack, share: float) -> ShellStack:
-    """The same surfaces in air whose index differs from ambient by (1 + share) times as much."""
-    ambient = stack.air.ambient_refractivity
-
-    def more(value: float) -> float:
-        return ambient + (1.0 + share) * (value - ambient)
-
-    shells = [
-        evolve(s, refractivity=more(s.refractivity), ext=more(s.ext), int_=more(s.int_))
-        for s in stack.shells
-    ]
-    source = FieldSource(f"share {share}", "0" * 64, "n", "index", "mm", "synthetic: slab")
-    return evolve(stack, shells=shells, source=source)
 
 
 SLANTED = Camera(

@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pyvista as pv
+from attrs import evolve
 
 from iriftrace.air.refractivity import Air
 from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.shells.stack import ShellStack
 
 AIR = Air()
 AMBIENT = AIR.ambient_refractivity
@@ -81,3 +83,18 @@ def is_wound_consistently(faces: np.ndarray) -> bool:
     low, high = edges[counts == 2].astype(np.int64).T
     wrong = np.isin(np.concatenate((low + 1_000_000_000 * high, high + 1_000_000_000 * low)), twice)
     return not wrong.any()
+
+
+def scaled(stack: ShellStack, share: float) -> ShellStack:
+    """The same surfaces in air whose index differs from ambient by (1 + share) times as much."""
+    ambient = stack.air.ambient_refractivity
+
+    def more(value: float) -> float:
+        return ambient + (1.0 + share) * (value - ambient)
+
+    shells = [
+        evolve(s, refractivity=more(s.refractivity), ext=more(s.ext), int_=more(s.int_))
+        for s in stack.shells
+    ]
+    source = FieldSource(f"share {share}", "0" * 64, "n", "index", "mm", "synthetic: slab")
+    return evolve(stack, shells=shells, source=source)

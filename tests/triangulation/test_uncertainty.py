@@ -1,0 +1,143 @@
+"""What several fields, or a stated uncertainty of one, say of a measurement and its correction.
+
+Against each member by itself, NumPy's standard deviations, and proportionality to the contrast.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.pose import look_at
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
+from iriftrace.scenes import folder_of
+from iriftrace.scenes.analytic import slab
+from iriftrace.triangulation.correct import CorrectionStatus, correct
+from iriftrace.triangulation.scan import ScanStatus, measure
+from validation.inputs import hot_block
+from validation.inputs.shell_fields import scaled
+
+SHARES = np.array((-0.1, 0.0, 0.15))
+"""How much more the index differs from ambient in each member than in the undisturbed."""
+
+CAMERA, PROJECTOR = (
+    Camera(
+        focal_length_mm=20.0,
+        sensor_mm=(6.0, 5.0),
+        resolution=(30, 25),
+        matrix=look_at((x, 1.0, 150.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    )
+    for x in (-60.0, 40.0)
+)
+
+Printed = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def three(variant: str, tmp_path_factory: pytest.TempPathFactory) -> LoadedScene:
+    """A plate under hot layers in three states, seen by a camera and a projector."""
+    part, stack = slab(5)
+    airs = (MemberAir(f"share {share}", None, scaled(stack, share)) for share in SHARES)
+    xml, _ = write_ensemble_scene(
+        tmp_path_factory.mktemp("three"), part, airs, CAMERA, paraview=False, second=PROJECTOR
+    )
+    return load_scene(xml, variant=variant)
+
+
+def member(scene: LoadedScene, number: int) -> LoadedScene:
+    return load_scene(scene.path, {"member": number}, variant=scene.variant)
+
+
+def test_a_measurement_is_the_mean_of_the_members(three: LoadedScene) -> None:
+    scan = measure(three)
+    alone = [measure(member(three, number)) for number in (1, 2, 3)]
+    everywhere = np.all([one.status == ScanStatus.MEASURED for one in alone], axis=0)
+    assert (scan.status[everywhere] == ScanStatus.MEASURED).all()
+    assert len(scan.points) == everywhere.sum() > 300
+    assert scan.errors is not None
+    errors = np.array([one.error[everywhere[one.status == 0]] for one in alone])
+    np.testing.assert_allclose(scan.errors, errors, atol=1e-12)
+    np.testing.assert_allclose(scan.error, errors.mean(axis=0), atol=1e-12)
+    # To first order the error is proportional to the contrast.
+    ratio = scan.scatter_normal / np.abs(scan.error_normal)
+    np.testing.assert_allclose(ratio, SHARES.std(ddof=1) / (1.0 + SHARES.mean()), rtol=2e-3)
+
+
+def test_a_correction_is_the_mean_of_the_members(three: LoadedScene) -> None:
+    """Points as they are in the second member's air, corrected by each."""
+    cloud = measure(member(three, 2)).points
+    found = correct(cloud, three, field_uncertainty=0.05)
+    alone = [correct(cloud, member(three, number)) for number in (1, 2, 3)]
+    good = found.status == CorrectionStatus.CORRECTED
+    assert good.mean() > 0.9
+    assert found.errors is not None
+    for errors, one in zip(found.errors, alone, strict=True):
+        np.testing.assert_allclose(errors[good], one.error[good], atol=1e-12)
+    np.testing.assert_allclose(found.error, found.errors.mean(axis=0), atol=1e-15)
+    along = np.einsum("kij,ij->ki", found.errors, found.normal)
+    expected = np.hypot(along.std(axis=0, ddof=1), 0.05 * along.mean(axis=0))
+    assert found.u_normal is not None
+    np.testing.assert_allclose(found.u_normal[good], expected[good], rtol=1e-9)
+    assert np.isnan(found.u_normal[~good]).all()
+    assert "3 fields" in found.assumptions["ensemble"]
+
+
+def test_nothing_is_known_of_one_field_alone(three: LoadedScene) -> None:
+    one = member(three, 2)
+    assert measure(one).scatter_normal is None
+    assert correct(measure(one).points, one).u_normal is None
+    with pytest.raises(InputError, match="is 5, but it is a share"):
+        correct(measure(one).points, one, field_uncertainty=5.0)
+
+
+def test_a_diameter_has_the_uncertainty_of_its_correction(
+    variant: str, tmp_path: Path, capsys: Printed
+) -> None:
+    """5 % of the field are 5 % of what was taken out; U is twice that."""
+    xml = folder_of("fringe_cylinder") / "scene.xml"
+    scan, corrected = tmp_path / "scan.vtp", tmp_path / "corrected.vtp"
+    assert main(["measure", str(xml), "-o", str(scan), "-D", "scale=0.1", "--no-figures"]) == 0
+    words = ["correct", str(scan), str(xml), "-o", str(corrected)]
+    assert main(words) == 0
+    assert "No uncertainty is stated" in capsys.readouterr().out
+    assert "u_normal" not in pv.read(corrected).point_data
+    assert main([*words, "--field-uncertainty=5 %"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    row = next(
+        row
+        for row in json.loads(corrected.with_suffix(".json").read_text())["features"]
+        if row["kind"] == "cylinder"
+    )
+    air = row["size_mm"]["corrected"] - row["size_mm"]["measured"]
+    assert row["size_uncertainty_mm"] == pytest.approx(2 * 0.05 * abs(air), rel=1e-9)
+    assert f"U = {1e3 * row['size_uncertainty_mm']:.3g} um (k = 2)" in said
+    assert pv.read(corrected).point_data["u_normal"].max() > 0
+    assert main([*words, "--field-uncertainty=150 %"]) == 2
+
+
+@pytest.mark.usefixtures("variant")
+def test_several_fields_become_a_scene_with_two_devices(tmp_path: Path, capsys: Printed) -> None:
+    field, part = hot_block.save(tmp_path)
+    cooler = pv.read(field)
+    cooler.point_data["T"] = 293.15 + 0.8 * (cooler.point_data["T"] - 293.15)
+    cooler.save(tmp_path / "cooler.vtu")
+    xml, cloud = tmp_path / "scene" / "scene.xml", tmp_path / "scan.vtp"
+    words = ["scene", str(field), str(part), "-o", str(xml), "--layers=3", *hot_block.CAMERA]
+    words.append(f"--member={tmp_path / 'cooler.vtu'}")
+    assert main([*words, "--second=1,0,0"]) == 2
+    assert main([*words, "--second=75,-20,70"]) == 0
+    assert "what both measure" in " ".join(capsys.readouterr().out.split())
+    assert main(["measure", str(xml), "-o", str(cloud)]) == 0
+    numbers = json.loads(cloud.with_suffix(".json").read_text())
+    assert numbers["scatter_normal_mm"]["median"] > 0
+    assert "scatter_normal" in pv.read(cloud).point_data
+    assert main(["correct", str(cloud), str(xml), "-o", str(tmp_path / "c.vtp")]) == 0
+    assert "Standard uncertainty of the correction" in capsys.readouterr().out
