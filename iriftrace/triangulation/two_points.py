@@ -58,6 +58,8 @@ def field_where_needed(
     IriftraceWarning
         The shells are too few, and whether the field serves instead.
     """
+    if scene.engine != "shells":
+        return scene
     sample = points[np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).astype(np.int64)]
     for device in devices:
         direction = unit_vectors(sample - device.origin)

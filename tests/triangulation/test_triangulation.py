@@ -14,79 +14,53 @@ import pytest
 import pyvista as pv
 from attrs import evolve
 
-from iriftrace.camera.camera import Camera
-from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.scene.load import LoadedScene
-from iriftrace.scenes.analytic import concentric_cylinders, slab
+from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.scan import Scan, ScanStatus, measure
-from validation.inputs.parts import cylinder_fine_at
 from validation.inputs.scene_rays import loaded
+from validation.line import beyond
 from validation.oracles.closed_forms import (
-    RADIUS_MM,
     RoundAir,
     cylinder_pair_error_um,
     slab_pair_error_um,
 )
+from validation.sections.two_devices import (
+    AIRS,
+    BOUNDS,
+    SECTION,
+    above,
+    aside,
+    cylinder_scene,
+    plate_scene,
+)
 
-SHELLS = (13, 100)
-BOUND = {13: 0.01, 100: 0.001}
-FAR_MM = 20_000.0
-
-
-def device(
-    origin: tuple[float, float, float], target: tuple[float, float, float], width: int = 5
-) -> Camera:
-    """A camera or projector that sees 1 mm around its target."""
-    distance = float(np.linalg.norm(np.subtract(origin, target)))
-    return Camera(
-        focal_length_mm=distance,
-        sensor_mm=(1.0, 1.0),
-        resolution=(width, width),
-        matrix=look_at(origin, target, up=(1.0, 0.2, 0.3)),
-    )
+Scenes = tuple[str, LoadedScene]
+"""What bends the rays (`AIRS`), and the scene."""
 
 
-def above(angle_deg: float, distance: float = 300.0) -> Camera:
-    """A device over the plate, at an angle to its normal in the x-z plane."""
-    angle = np.radians(angle_deg)
-    return device((distance * np.sin(angle), 0.4, distance * np.cos(angle)), (0.0, 0.4, 0.0))
-
-
-def aside(angle_deg: float) -> Camera:
-    """A device far from the cylinder, at an angle to the normal at (0, -R, 0)."""
-    angle = np.radians(angle_deg)
-    y, z = -FAR_MM * np.cos(angle) - RADIUS_MM, FAR_MM * np.sin(angle)
-    return device((0.1, y, z), (0.1, -RADIUS_MM, 0.0), width=1)
-
-
-@pytest.fixture(scope="module", params=SHELLS)
+@pytest.fixture(scope="module", params=AIRS)
 def plates(
     request: pytest.FixtureRequest, variant: str, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[int, LoadedScene]:
-    part, shells = slab(request.param, air=RoundAir(), size_mm=400.0)
-    return request.param, loaded(tmp_path_factory.mktemp("slab"), part, shells)
+) -> Scenes:
+    return request.param, plate_scene(tmp_path_factory.mktemp("slab"), request.param)
 
 
-@pytest.fixture(scope="module", params=SHELLS)
+@pytest.fixture(scope="module", params=AIRS)
 def cylinders(
     request: pytest.FixtureRequest, variant: str, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[int, LoadedScene]:
-    _, shells = concentric_cylinders(
-        request.param, air=RoundAir(), sections=4000, part_sections=12, length_mm=60.0
-    )
-    part = cylinder_fine_at(180.0 + 0.005, RADIUS_MM, 60.0)
-    return request.param, loaded(tmp_path_factory.mktemp("cylinder"), part, shells)
+) -> Scenes:
+    return request.param, cylinder_scene(tmp_path_factory.mktemp("cylinder"), request.param)
 
 
 @pytest.mark.parametrize("angles", [(-15, 15), (-30, 30), (0, 30), (20, 50), (30, 60)])
 @pytest.mark.parametrize("system", ["stereo", "fringe"])
 def test_a_plate_under_hot_layers_is_measured_too_deep(
-    plates: tuple[int, LoadedScene], angles: tuple[float, float], system: str
+    plates: Scenes, angles: tuple[float, float], system: str
 ) -> None:
     """Depth and lateral error of every point by quadrature of Snell's law."""
-    layers, scene = plates
+    air, scene = plates
     camera, second = (above(angle) for angle in angles)
     # The projector's columns must run across the plane of both devices.
     scan = measure(scene, camera, second, system=system, phase="both")
@@ -96,8 +70,8 @@ def test_a_plate_under_hot_layers_is_measured_too_deep(
         for eye in (camera, second)
     ]
     depth, lateral = np.transpose([slab_pair_error_um(*pair) for pair in zip(*slopes, strict=True)])
-    np.testing.assert_allclose(-1e3 * scan.error_normal, depth, rtol=BOUND[layers])
-    bound = BOUND[layers] * depth.max()
+    np.testing.assert_allclose(-1e3 * scan.error_normal, depth, rtol=BOUNDS[air] / 100)
+    bound = BOUNDS[air] / 100 * depth.max()
     np.testing.assert_allclose(1e3 * scan.error[:, 0], lateral, rtol=0, atol=bound)
     # Rays beside the plane of both devices pass each other.
     assert 1e3 * np.abs(scan.gap).max() < 1e-3 * depth.max()
@@ -105,16 +79,16 @@ def test_a_plate_under_hot_layers_is_measured_too_deep(
 
 @pytest.mark.parametrize("angles", [(-30, 30), (-60, 60), (30, 60)])
 def test_a_hot_cylinder_is_measured_too_small(
-    cylinders: tuple[int, LoadedScene], angles: tuple[float, float]
+    cylinders: Scenes, angles: tuple[float, float]
 ) -> None:
     """Normal and tangential error by Bouguer's law, devices far away."""
-    layers, scene = cylinders
+    air, scene = cylinders
     scan = measure(scene, *(aside(angle) for angle in angles), system="stereo")
     normal, tangential = cylinder_pair_error_um(*np.radians(angles))
-    assert 1e3 * scan.error_normal[0] == pytest.approx(normal, rel=BOUND[layers])
+    assert 1e3 * scan.error_normal[0] == pytest.approx(normal, rel=BOUNDS[air] / 100)
     around = np.cross(scan.normal[0], (1.0, 0.0, 0.0))
     found = 1e3 * scan.error[0] @ around
-    assert found == pytest.approx(tangential, abs=BOUND[layers] * abs(normal))
+    assert found == pytest.approx(tangential, abs=BOUNDS[air] / 100 * abs(normal))
 
 
 @pytest.mark.parametrize(
@@ -136,7 +110,13 @@ def test_closed_forms_agree_with_quadrature_in_forty_digits(
     assert form(*angles) == pytest.approx(expected, abs=2e-5)
 
 
-def test_devices_may_be_exchanged(cylinders: tuple[int, LoadedScene]) -> None:
+@pytest.mark.usefixtures("variant")
+def test_the_accuracy_page_holds(tmp_path: Path) -> None:
+    """Also what a correction leaves of the error."""
+    assert beyond(SECTION.compute(tmp_path)) == []
+
+
+def test_devices_may_be_exchanged(cylinders: Scenes) -> None:
     """Both see the same points, so that the errors at the pictures' centres are the same."""
     _, scene = cylinders
     devices = aside(-40), aside(20)
@@ -145,7 +125,7 @@ def test_devices_may_be_exchanged(cylinders: tuple[int, LoadedScene]) -> None:
     np.testing.assert_allclose(one.error, other.error, rtol=0, atol=1e-6)
 
 
-def test_a_laser_sheet_errs_as_its_fringe_would(plates: tuple[int, LoadedScene]) -> None:
+def test_a_laser_sheet_errs_as_its_fringe_would(plates: Scenes) -> None:
     """A sheet is one column of a projector, traced the other way round."""
     _, scene = plates
     camera = above(-20)
@@ -192,7 +172,7 @@ def test_a_step_puts_what_lies_behind_it_into_shadow(
         measure(scene, camera, hidden, system="stereo")
 
 
-def test_best_fit_takes_out_a_rigid_motion(plates: tuple[int, LoadedScene]) -> None:
+def test_best_fit_takes_out_a_rigid_motion(plates: Scenes) -> None:
     """A plate that is measured too deep everywhere alike is a plate elsewhere."""
     _, scene = plates
     scan = measure(scene, above(-15), above(15), system="stereo")
@@ -230,7 +210,7 @@ def test_lines_in_space_meet_where_they_should() -> None:
     ],
 )
 def test_wrong_devices_are_one_sentence(
-    plates: tuple[int, LoadedScene], change: dict[str, object], said: str
+    plates: Scenes, change: dict[str, object], said: str
 ) -> None:
     _, scene = plates
     chosen = {"second": above(20), "system": "stereo", **change}
@@ -238,13 +218,13 @@ def test_wrong_devices_are_one_sentence(
         measure(scene, above(-20), **chosen)
 
 
-def test_a_small_angle_is_warned_of(plates: tuple[int, LoadedScene]) -> None:
+def test_a_small_angle_is_warned_of(plates: Scenes) -> None:
     _, scene = plates
     with pytest.warns(IriftraceWarning, match="farther apart"):
         measure(scene, above(0.0), above(0.5), system="stereo")
 
 
-def test_a_saved_scan_is_what_was_measured(plates: tuple[int, LoadedScene], tmp_path: Path) -> None:
+def test_a_saved_scan_is_what_was_measured(plates: Scenes, tmp_path: Path) -> None:
     _, scene = plates
     scan: Scan = measure(scene, above(-20), above(20), system="stereo")
     cloud, numbers = scan.save(tmp_path / "scan.vtp")

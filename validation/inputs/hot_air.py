@@ -14,9 +14,15 @@ import pyvista as pv
 import trimesh
 from numpy.typing import NDArray
 
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.path_data import cells_of
+from iriftrace.part.part import Part
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
+from iriftrace.shells.stack import ShellStack
+from validation.inputs.scene_rays import ANY_CAMERA
 from validation.inputs.shell_fields import field_of
 from validation.inputs.small_scenes import part
 from validation.inputs.smooth_medium import Ends, SmoothMedium, follow
@@ -108,6 +114,26 @@ def on_cells(grid: pv.UnstructuredGrid, values: Any, recovered: bool) -> Tetrahe
     return TetrahedralAir(cells_of(field_of(grid, values)), recovered)
 
 
+def slab_medium() -> SmoothMedium:
+    """The air above the plate, by its formula."""
+    return SmoothMedium(slab_air, STEP_MM, kink=to_the_slabs_top)
+
+
+def cylinder_medium() -> SmoothMedium:
+    """The air around the cylinder, by its formula."""
+    return SmoothMedium(cylinder_air, STEP_MM, kink=to_the_cylinders_edge)
+
+
+def formula_scene(
+    folder: Path, part: Part, shells: ShellStack, field: IndexField, medium: SmoothMedium
+) -> LoadedScene:
+    """A scene for the continuous engine, whose field a formula then takes the place of."""
+    xml = write_scene(folder, part, shells, ANY_CAMERA, paraview=False, field=field)
+    scene = load_scene(xml, engine="continuous")
+    scene.integrator._air = medium
+    return scene
+
+
 def cylinder_ends(folder: Path, medium: Any = None) -> tuple[Ends, FloatArray]:
     """Ends and straight hits of the rays of ``CYLINDER_UM``; by default through the formula."""
     solid = trimesh.creation.cylinder(CYLINDER_RADIUS_MM, 60.0, sections=40_000)
@@ -116,7 +142,7 @@ def cylinder_ends(folder: Path, medium: Any = None) -> tuple[Ends, FloatArray]:
     count = len(heights)
     origins = np.column_stack((np.full(count, 0.123), np.full(count, -70.0), heights))
     if medium is None:
-        medium = SmoothMedium(cylinder_air, STEP_MM, kink=to_the_cylinders_edge)
+        medium = cylinder_medium()
     return follow(part(folder, solid), medium, origins, np.tile((0.0, 1.0, 0.0), (count, 1)))
 
 
@@ -128,5 +154,5 @@ def slab_ends(folder: Path, medium: Any = None) -> tuple[Ends, FloatArray]:
     directions = np.column_stack((np.sin(angles), 0 * angles, -np.cos(angles)))
     origins = np.array((1.0, 0.3, 0.0)) - directions * (21 / np.cos(angles))[:, None]
     if medium is None:
-        medium = SmoothMedium(slab_air, STEP_MM, kink=to_the_slabs_top)
+        medium = slab_medium()
     return follow(part(folder, plate), medium, origins, directions)

@@ -20,8 +20,9 @@ Field = Callable[[Any], tuple[Any, Any]]
 class SmoothMedium:
     """A medium without bounds, passed in steps of one length.
 
-    Where the gradient has a jump, `kink` gives the distance to it along rays: a step ends just
-    before it, and another of a few billionths of a millimetre leads across.
+    Where hot air begins, and the gradient has a jump, `kink` gives the distance to it along rays:
+    one step through the ambient air ends just before it, and another of a few billionths of a
+    millimetre leads across.
     """
 
     def __init__(
@@ -79,8 +80,7 @@ class SmoothPiece:
         length = dr.opaque(mi.Float64, self.medium.step)
         if self.medium.kink is not None:
             to_kink = self.medium.kink(point, direction)
-            ahead = (to_kink > 0) & (to_kink < length)
-            length = dr.select(ahead, dr.maximum(to_kink - 1e-9, 3e-9), length)
+            length = dr.select(to_kink > 0, dr.maximum(to_kink - 1e-9, 3e-9), length)
         return Passage(length, mi.UInt32(0), never, never, never)
 
 

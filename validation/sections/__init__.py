@@ -12,6 +12,7 @@ from validation.sections import (
     noise_floor,
     readers,
     trouble,
+    two_devices,
     two_engines,
 )
 
@@ -20,6 +21,7 @@ SECTIONS = tuple(
     for module in (
         exact_shells,
         exact_continuous,
+        two_devices,
         known_air,
         column,
         noise_floor,
