@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.cover import ViewLimits, ViewSet
+    from iriftrace.planning.pairs import PairPlan
     from iriftrace.planning.refine import Refinement
     from iriftrace.planning.summary import RankingTable, SweepSummary
 
@@ -93,11 +94,12 @@ def plan(
     max_incidence
         A pose does not see a face that its rays hit at a larger angle, in degrees.
     refine
-        Search around the best pose, with position, distance and roll free; needs the scene's files.
+        Search around the best pose or pair, with position, distance and roll free; needs the
+        scene's files.
     evaluations
-        Most poses that the search renders, 80 by default.
+        Most poses that the search renders, or pairs that it measures, 80 by default.
     output
-        Write the refined pose to this .json file.
+        Write the refined pose or pair to this .json file.
     pairs
         Rank pairs of poses for two devices, such as a camera and a projector, by the error of what
         they would measure, the area that both see, and the angle between them; the best three are
@@ -128,10 +130,12 @@ def plan(
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
     if pairs:
-        for name, given in (("--views", views), ("--refine", refine or None)):
+        for name, given in (("--views", views), ("--save-poses", save_poses)):
             if given is not None:
                 raise InputError(f"{name} is about single poses; leave it out, or --pairs.")
-        _plan_pairs(dataset, ranking, system or "fringe", angle, feature, confirm, top)
+        pair_plan = _plan_pairs(dataset, ranking, system or "fringe", angle, feature, confirm, top)
+        if refine:
+            _refine_pair(dataset, pair_plan, evaluations or EVALUATIONS, output)
         return
     confirmation = None
     if confirm:
@@ -176,7 +180,7 @@ def _plan_pairs(
     feature: str | None,
     confirm: bool,
     top: int,
-) -> None:
+) -> PairPlan:
     """Rank pairs of poses and print them."""
     from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
 
@@ -221,6 +225,42 @@ def _plan_pairs(
     matrices = dataset["matrix"].values
     for what, pose in zip(("Camera", "Second device"), found.pairs[0], strict=True):
         print_pose(f"{what}, pose {pose}", matrices[pose], float(dataset["distance"].values[pose]))
+    return found
+
+
+def _refine_pair(
+    dataset: xr.Dataset, plan: PairPlan, evaluations: int, output: Path | None
+) -> None:
+    """Search around the best pair and print what was gained."""
+    from iriftrace.planning.refine_pair import refine_pair, write_refined_pair
+
+    with _search_progress(evaluations) as progress:
+        found = refine_pair(dataset, plan, evaluations=evaluations, progress=progress)
+    one, other = plan.pairs[0].tolist()
+    end = "ended by itself" if found.converged else "ended with the evaluations"
+    say(
+        f"The search around poses {one} and {other} ({found.evaluations} pairs measured, {end}): "
+        f"score {found.best.score:.4f} instead of {found.start.score:.4f}."
+    )
+    table = _table("What they measure", ("", "swept pair", "refined pair"))
+    values = (found.start, found.best)
+    statistic = f"|e| {plan.criteria.statistic} (um)"
+    bias = "diameter (um)" if plan.feature else "median e (um)"
+    table.add_row(statistic, *(f"{1e3 * value.error_mm:.3g}" for value in values))
+    table.add_row(bias, *(f"{1e3 * value.bias_mm:.3g}" for value in values))
+    table.add_row("both see", *(f"{100 * value.coverage:.1f} %" for value in values))
+    table.add_row("angle", *(f"{value.angle_deg:.1f} deg" for value in values))
+    out.print(table)
+    for what, matrix, distance in zip(
+        ("Refined camera", "Refined second device"),
+        found.best.matrices,
+        found.best.distances_mm,
+        strict=True,
+    ):
+        print_pose(what, matrix, float(distance))
+    if output is not None:
+        write_refined_pair(output, found, plan, dataset)
+        say(f"Refined pair in {output}")
 
 
 def view_limits(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from itertools import combinations, permutations
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import STANDARD, Criteria
-from iriftrace.planning.rank import normalised, ranked_region
+from iriftrace.planning.rank import limits_of, ranked_region, share_of_range
 from iriftrace.sweep.confirm import scene_with_field
 from iriftrace.sweep.reload import load_swept_scene, swept_camera, swept_part
 from iriftrace.sweep.store import WHOLE_PART
@@ -65,6 +66,11 @@ class PairPlan:
     system : str
     feature : str
         Whose diameter counts; empty where none does.
+    criteria : Criteria
+    angles_deg : (2,) tuple, degree
+        Range that counts as seen.
+    limits : dict of (2,) tuples
+        Of the three quantities of the score: minimum, and percentile over the pairs.
     """
 
     pairs: IntArray
@@ -77,6 +83,9 @@ class PairPlan:
     exact_engine: str
     system: System
     feature: str
+    criteria: Criteria
+    angles_deg: tuple[float, float]
+    limits: dict[str, tuple[float, float]]
 
 
 @frozen(eq=False)
@@ -142,17 +151,17 @@ def plan_pairs(
         part = swept_part(dataset)
     except InputError as error:
         raise InputError(f"Pairs cannot be ranked without the part's file: {error}.") from error
-    region = _feature_region(feature, criteria, part) if feature else criteria.region
+    region = feature_region(feature, criteria, part) if feature else criteria.region
     areas = np.array(part.face_areas)
-    areas[~_in_region(region, np.arange(len(areas)), part)] = 0.0
+    areas[~in_region(region, np.arange(len(areas)), part)] = 0.0
     views = _views(dataset, len(areas))
-    limits = np.cos(np.radians((high, low)))
+    cosines = np.cos(np.radians((high, low)))
     both = combinations if system == "stereo" else permutations
     rows = []
     for i, j in both(range(len(views)), 2):
         if views[i].scene != views[j].scene:
             continue
-        found = _pair(views[i], views[j], part, areas, limits, criteria, system, bool(feature))
+        found = _pair(views[i], views[j], part, areas, cosines, criteria, system, bool(feature))
         if found is not None:
             rows.append((i, j, *found))
     if not rows:
@@ -163,25 +172,19 @@ def plan_pairs(
         )
     table = np.array(rows)
     size, bias, coverage, angle = table[:, 2:].T
-    weights = criteria.weights
-    noise = 1.0 / np.sin(np.radians(angle))
-    # A diameter that is right because large errors cancel is wrong in other air.
-    worst = np.maximum(np.abs(bias), size) if feature else size
-    score = (
-        weights["displacement"] * normalised(worst, criteria.percentile)
-        + weights["coverage"] * (1.0 - normalised(coverage, criteria.percentile))
-        + (weights["axial"] + weights["lateral"]) * normalised(noise, criteria.percentile)
-    )
+    counted = quantities(size, bias, coverage, angle, bool(feature))
+    limits = {name: limits_of(values, criteria.percentile) for name, values in counted.items()}
+    score = score_of_pairs(counted, limits, criteria, clipped=True)
     order = np.argsort(score, kind="stable")
     pairs = table[order, :2].astype(np.int64)
     exact, engine = [], ""
     scenes: dict[str, LoadedScene] = {}
     for i, j in pairs[: CONFIRMED if confirm else 0]:
-        scene = scenes.get(views[i].scene) or _scene(dataset, i)
+        scene = scenes.get(views[i].scene) or scene_of_pairs(dataset, i)
         scenes[views[i].scene], engine = scene, scene.engine
         try:
             scan = measure(scene, views[i].camera, views[j].camera, system=system)
-            exact.append(_error(scan, part, region, criteria, feature))
+            exact.append(_exact(scan, part, region, criteria, feature))
         except InputError as reason:
             raise InputError(
                 f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
@@ -197,10 +200,63 @@ def plan_pairs(
         exact_engine=engine,
         system=system,
         feature=feature or "",
+        criteria=criteria,
+        angles_deg=angles_deg,
+        limits=limits,
     )
 
 
-def _feature_region(feature: str, criteria: Criteria, part: Part) -> str:
+def quantities(
+    size: FloatArray, bias: FloatArray, coverage: FloatArray, angle_deg: FloatArray, feature: bool
+) -> dict[str, FloatArray]:
+    """What pairs are ranked by, the smaller the better: error, mm, unseen share, noise.
+
+    Parameters
+    ----------
+    size, bias, coverage, angle_deg : (n,) arrays
+        As `PairPlan.error_mm`, `bias_mm`, `coverage` and `angle_deg`.
+    feature : bool
+        The bias is that of a feature's diameter.
+    """
+    return {
+        # A diameter that is right because large errors cancel is wrong in other air.
+        "error": np.maximum(np.abs(bias), size) if feature else size,
+        "unseen": 1.0 - coverage,
+        "noise": 1.0 / np.sin(np.radians(angle_deg)),
+    }
+
+
+def score_of_pairs(
+    values: Mapping[str, FloatArray],
+    limits: Mapping[str, tuple[float, float]],
+    criteria: Criteria,
+    *,
+    clipped: bool,
+) -> FloatArray:
+    """Scores (n,) of pairs by their `quantities`, as `PairPlan.score`.
+
+    Parameters
+    ----------
+    values, limits
+        By name.
+    criteria : Criteria
+    clipped : bool
+        Nothing counts less than at its minimum or more than at its percentile.
+    """
+    weights = criteria.weights
+    factors = {
+        "error": weights["displacement"],
+        "unseen": weights["coverage"],
+        "noise": weights["axial"] + weights["lateral"],
+    }
+    total = np.zeros(len(values["error"]))
+    for name, factor in factors.items():
+        share = share_of_range(values[name], *limits[name])
+        total += factor * (np.clip(share, 0.0, 1.0) if clipped else share)
+    return total
+
+
+def feature_region(feature: str, criteria: Criteria, part: Part) -> str:
     """Region of the part that the feature is."""
     kind, region, chosen = chosen_points(feature, np.arange(len(part.faces)), part)
     if kind not in ("cylinder", "sphere"):
@@ -221,7 +277,8 @@ def _feature_region(feature: str, criteria: Criteria, part: Part) -> str:
     return region or WHOLE_PART
 
 
-def _in_region(region: str, face: IntArray, part: Part) -> BoolArray:
+def in_region(region: str, face: IntArray, part: Part) -> BoolArray:
+    """Mask (n,) of faces in a region; all of them where that is the whole part."""
     return chosen_points("" if region == WHOLE_PART else f":{region}", face, part)[2]
 
 
@@ -248,7 +305,7 @@ def _pair(
     other: _View,
     part: Part,
     areas: FloatArray,
-    limits: FloatArray,
+    cosines: FloatArray,
     criteria: Criteria,
     system: System,
     of_diameter: bool,
@@ -260,7 +317,7 @@ def _pair(
     points = part.face_centres[face]
     a, b = unit_vectors(points - one.camera.origin), unit_vectors(points - other.camera.origin)
     cosine = np.einsum("ij,ij->i", a, b)
-    within = (cosine >= limits[0]) & (cosine <= limits[1])
+    within = (cosine >= cosines[0]) & (cosine <= cosines[1])
     face, points, cosine = face[within], points[within], cosine[within]
     first, second = one.row[face], other.row[face]
     hits = min(one.seen.rays[first].sum(), other.seen.rays[second].sum())
@@ -296,7 +353,7 @@ def _quantile(values: FloatArray, share: float, weights: FloatArray) -> float:
     return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
 
 
-def _scene(dataset: xr.Dataset, pose: int) -> LoadedScene:
+def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
     """The scene of a pose, with its field where that is there."""
     with suppress(InputError):
         return scene_with_field(dataset, pose).scene
@@ -309,10 +366,20 @@ def _scene(dataset: xr.Dataset, pose: int) -> LoadedScene:
         ) from error
 
 
-def _error(scan: Scan, part: Part, region: str, criteria: Criteria, feature: str | None) -> float:
+def _exact(scan: Scan, part: Part, region: str, criteria: Criteria, feature: str | None) -> float:
     """What is ranked by, of a measurement, mm; points in the region alone."""
     if feature:
-        size = scan.features(part, [feature])[0]["size_mm"]
-        return float(size["measured"] - size["cold"])
-    errors = scan.error_normal[_in_region(region, scan.face, part)]
+        return size_error(scan, part, feature)
+    return statistic_along(scan, in_region(region, scan.face, part), criteria)
+
+
+def size_error(scan: Scan, part: Part, feature: str) -> float:
+    """Error of a feature's diameter, mm."""
+    size = scan.features(part, [feature])[0]["size_mm"]
+    return float(size["measured"] - size["cold"])
+
+
+def statistic_along(scan: Scan, chosen: BoolArray, criteria: Criteria) -> float:
+    """The criteria's statistic of the size of chosen points' errors along the normal, mm."""
+    errors = scan.error_normal[chosen]
     return _statistic(errors, criteria, np.ones(len(errors)))

@@ -111,7 +111,7 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     needed = criteria.needed
     found = _candidates(dataset, criteria, needed)
     limits = {
-        name: _limits(values[found.eligible], criteria.percentile)
+        name: limits_of(values[found.eligible], criteria.percentile)
         for name, values in found.metrics.items()
     }
     unranked = dict(found.reasons)
@@ -371,7 +371,8 @@ def _failures(dataset: xr.Dataset) -> list[str]:
     return [text if isinstance(text, str) else "" for text in texts]
 
 
-def _limits(values: FloatArray, percentile: float) -> tuple[float, float]:
+def limits_of(values: FloatArray, percentile: float) -> tuple[float, float]:
+    """Minimum and percentile of the known values."""
     known = values[np.isfinite(values)]
     if len(known) == 0:
         return math.nan, math.nan
@@ -386,9 +387,10 @@ def _normalise(values: FloatArray, lower: float, upper: float) -> FloatArray:
     return np.where(np.isfinite(values), np.where(values > lower, 1.0, 0.0), np.nan)
 
 
-def normalised(values: FloatArray, percentile: float) -> FloatArray:
-    """Values (n,) from 0 at their minimum to 1 at a percentile and above; 0 if all are alike."""
-    return 0 * values if _is_constant(values) else _normalise(values, *_limits(values, percentile))
+def share_of_range(values: FloatArray, low: float, high: float) -> FloatArray:
+    """Values (n,) as shares of a range, 0 at its lower end; 0 throughout if there is no range."""
+    share: FloatArray = 0.0 * values if high <= low else (values - low) / (high - low)
+    return share
 
 
 def _cost(name: str, normalised: FloatArray, constant: Collection[str]) -> FloatArray:

@@ -159,7 +159,7 @@ def refine_pose(
         The scene gives the best pose another score than the sweep had.
     """
     check_evaluations(evaluations)
-    around = _around(dataset, plan.best)
+    around = around_pose(dataset, plan.best)
     trials: list[_Trial] = []
     # What counts for a pose that cannot be scored: more than any score.
     nothing = 1.0 + sum(plan.criteria.weights.values())
@@ -186,17 +186,7 @@ def refine_pose(
             IriftraceWarning,
             stacklevel=2,
         )
-    found = minimize(
-        evaluate,
-        np.zeros(4),
-        method="COBYQA",
-        bounds=[(-1.0, 1.0)] * 4,
-        options={
-            "maxfev": evaluations - 1,
-            "initial_tr_radius": _FIRST_STEP,
-            "final_tr_radius": _LAST_STEP,
-        },
-    )
+    converged = search(evaluate, 4, evaluations - 1)
     best = min(trials, key=lambda trial: trial.score)
     if start_score - best.score < _LEAST_GAIN:
         best = trials[0]
@@ -211,12 +201,31 @@ def refine_pose(
         turn_deg=float(np.degrees(np.linalg.norm(around.turn(best.place)))),
         roll_deg=_ROLL_DEG * float(best.place[3]),
         evaluations=len(trials),
-        converged=bool(found.success),
+        converged=converged,
     )
 
 
+def search(evaluate: Callable[[FloatArray], float], count: int, evaluations: int) -> bool:
+    """Search for the place, `count` numbers in -1..1 from 0 on, where a value is the smallest.
+
+    By SciPy's COBYQA, see `refine_pose`. True where it ended before the evaluations did.
+    """
+    found = minimize(
+        evaluate,
+        np.zeros(count),
+        method="COBYQA",
+        bounds=[(-1.0, 1.0)] * count,
+        options={
+            "maxfev": evaluations,
+            "initial_tr_radius": _FIRST_STEP,
+            "final_tr_radius": _LAST_STEP,
+        },
+    )
+    return bool(found.success)
+
+
 @frozen(eq=False)
-class _Around:
+class Around:
     """Poses around a pose, by four numbers in -1..1: turns about two axes, distance, roll."""
 
     start: FloatArray
@@ -247,14 +256,15 @@ class _Around:
         return pose
 
 
-def _around(dataset: xr.Dataset, pose: int) -> _Around:
+def around_pose(dataset: xr.Dataset, pose: int) -> Around:
+    """Poses around one of a sweep, as far as the next direction of it."""
     matrices = np.asarray(dataset["matrix"].values, dtype=np.float64)
     cosines = np.delete(matrices[:, :3, 2], pose, axis=0) @ matrices[pose, :3, 2]
     angles = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
     # Other cameras of the same direction say nothing of how far the next direction is.
     others = angles[angles > _REACH_DEG[0]]
     reach = float(others.min()) if len(others) else _REACH_DEG[1]
-    return _Around(
+    return Around(
         matrices[pose],
         float(dataset["distance"].values[pose]),
         float(np.clip(reach, *_REACH_DEG)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,12 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.pairs import plan_pairs
+from iriftrace.planning.refine_pair import refine_pair
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
+from iriftrace.sweep.reload import swept_camera
 from iriftrace.sweep.store import read_sweep
+from iriftrace.triangulation.scan import measure
 
 BY_ERROR = Criteria(
     displacement=1.0, coverage=0.0, axial=0.0, lateral=0.0, statistic="median", min_coverage=0.15
@@ -112,7 +117,7 @@ def test_a_sweep_without_offsets_is_refused(dataset: xr.Dataset) -> None:
         (["--angle=15:45"], "--angle is given without --pairs"),
         (["--feature=cylinder:lateral"], "--feature is given without --pairs"),
         (["--pairs", "--views=3"], "--views is about single poses"),
-        (["--pairs", "--refine"], "--refine is about single poses"),
+        (["--pairs", "--save-poses=p.csv"], "--save-poses is about single poses"),
     ],
 )
 def test_options_that_belong_together(
@@ -120,6 +125,31 @@ def test_options_that_belong_together(
 ) -> None:
     assert main(["plan", str(swept), *options]) == 2
     assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_search_never_returns_anything_worse(
+    dataset: xr.Dataset, swept: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What it says of a pair is what `measure` says of devices that stand there."""
+    seen: list[float] = []
+    plan = plan_pairs(dataset, BY_ERROR, feature="cylinder:lateral", confirm=False)
+    found = refine_pair(dataset, plan, evaluations=12, progress=lambda _, score: seen.append(score))
+    assert found.evaluations == len(seen) == 12
+    assert (np.diff(seen) <= 0).all()
+    assert found.best.score == min(seen) <= found.start.score
+    scene = load_scene(folder_of("cylinder") / "scene.xml", engine="continuous")
+    camera = swept_camera(dataset, 0)
+    scan = measure(scene, *(camera.at(matrix) for matrix in found.best.matrices), system="fringe")
+    size = scan.features(scene.part, ["cylinder:lateral"])[0]["size_mm"]
+    assert found.best.bias_mm == pytest.approx(size["measured"] - size["cold"], rel=1e-6)
+    capsys.readouterr()
+    file = tmp_path / "pair.json"
+    words = ["--pairs", "--no-confirm", "--refine", "--evaluations=10", "-o", str(file)]
+    assert main(["plan", str(swept), *words]) == 0
+    assert "Refined second device" in capsys.readouterr().out
+    written = json.loads(file.read_text())
+    assert written["score"] <= written["start"]["score"]
+    assert np.array(written["second"]["matrix"]).shape == (4, 4)
 
 
 def test_the_best_pair_is_printed(swept: Path, capsys: pytest.CaptureFixture[str]) -> None:
