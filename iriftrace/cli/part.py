@@ -13,10 +13,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
+import numpy as np
 from cyclopts import App, Parameter
 
 from iriftrace.cli.console import command_line, say, working
-from iriftrace.cli.options import Length, Whole, check_output
+from iriftrace.cli.field_options import PartOptions
+from iriftrace.cli.options import Length, Whole, check_input, check_output
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 part = App(
     name="part",
     help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone, "
-    "sphere, ball bar, plate.",
+    "sphere, ball bar, plate; or one with fewer triangles.",
     help_format="rst",
 )
 
@@ -74,8 +76,45 @@ SHAPES = {
 """Function, summary and example by the command's name."""
 
 # By name, and made by `__getattr__`, so that a shape is imported when its command is called.
-for _name in SHAPES:
+for _name in (*SHAPES, "decimate"):
     part.command(f"iriftrace.cli.part:{_name}", name=_name)
+
+
+def decimate(
+    mesh: Path,
+    *,
+    output: Output,
+    faces: Whole,
+    part_options: PartOptions = PartOptions(),
+) -> None:
+    """Write a part with fewer triangles, and say how far its surface has moved.
+
+    Fields, scenes and sweeps of parts with hundreds of thousands of triangles take long, and more
+    triangles than pixels tell nothing.
+
+    Example: ``iriftrace part decimate scan.stl -o part.ply --faces 50000``
+
+    Parameters
+    ----------
+    mesh
+        The part's mesh (.ply .stl .obj .glb ...).
+    faces
+        Triangles to keep, about.
+    """
+    from iriftrace.part.decimate import decimate_part
+
+    check_input(mesh)
+    _check_name(output)
+    before = part_options.read(mesh)
+    with working("Thinning out the triangles"):
+        found = decimate_part(before, faces)
+    _save(found.part, output)
+    largest, p95 = np.max(found.deviation_mm), np.percentile(found.deviation_mm, 95)
+    say(
+        f"{len(before.faces):,} triangles before; the surfaces are {1e3 * largest:.3g} um apart at "
+        f"most, 95 % of them at most {1e3 * p95:.3g} um. Both rays of a displacement end on the "
+        "same surface, so that it changes by far less."
+    )
 
 
 def __getattr__(name: str) -> Callable[..., None]:
@@ -113,13 +152,26 @@ def __getattr__(name: str) -> Callable[..., None]:
 
 def _write(path: Path, name: str, make: Callable[[], Part]) -> None:
     """Make a part, write it and say what it is; an output that cannot be written is refused."""
+    _check_name(path)
+    with working(f"Making the {name}"):
+        made = make()
+    _save(made, path)
+    command = command_line("field", "synthetic", path, "-o", path.with_name("field.vtu"))
+    say(f"Part written; now run:  {command}")
+
+
+def _check_name(path: Path) -> None:
+    """Refuse before the work a name under which no part can be written."""
     from iriftrace.part.files import check_part_name
-    from iriftrace.part.part import save_part
 
     check_part_name(path)
     check_output(path, path.suffix.lower(), "part.ply", make=False)
-    with working(f"Making the {name}"):
-        made = make()
+
+
+def _save(made: Part, path: Path) -> None:
+    """Write a part and say what it is."""
+    from iriftrace.part.part import save_part
+
     save_part(made, path)
     extent = " x ".join(f"{high - low:.5g}" for low, high in made.bounds.T)
     say(f"{path}: {extent} mm, {made.volume:.6g} mm^3, {len(made.faces):,} triangles")
@@ -129,5 +181,3 @@ def _write(path: Path, name: str, make: Callable[[], Part]) -> None:
         "" if path.suffix.lower() == ".ply" else "; an STL has no room for them, a .ply keeps them"
     )
     say(f"Regions: {regions}{kept}.")
-    command = command_line("field", "synthetic", path, "-o", path.with_name("field.vtu"))
-    say(f"Part written; now run:  {command}")

@@ -187,7 +187,8 @@ def _of_fine_faces(
     return [
         f"The part's faces are finer than the rays: faces of {100 * hit:.3g} % of the area are hit "
         f"where pixels cover {100 * seen:.3g} % (medians), so coverage and what several views see "
-        "say little; sweep with more pixels (-D scale), or with a part of fewer faces."
+        "say little; sweep with more pixels (-D scale), or with a part of fewer faces (iriftrace "
+        "part decimate)."
     ]
 
 

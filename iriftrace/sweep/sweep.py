@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from importlib.metadata import version
@@ -16,7 +17,7 @@ from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.metrics import FEWEST_RAYS
-from iriftrace.image.sightings import NOTHING_SEEN, FaceSightings, face_maps
+from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.sweep.journal import Journal, Progress, Work
 from iriftrace.sweep.measures import metric_variables
@@ -212,7 +213,8 @@ def _request(
         for source, one in zip(sources, series, strict=True)
     ]
     wanted = [options.nearest, list(options.include), options.exr]
-    return fingerprint(version("iriftrace"), content, wanted)
+    # A journal's rows have these columns.
+    return fingerprint(version("iriftrace"), content, wanted, list(COLUMNS))
 
 
 def _tasks(
@@ -249,6 +251,8 @@ def _sightings(journal: Journal, total: int) -> Iterator[FaceSightings]:
     """Faces that each pose sees, one pose at a time."""
     for number in range(total):
         rows = journal.rows(number)
+        if rows is not None and rows.dtype != ROW:
+            raise sqlite3.DatabaseError(f"piece {number}: its rows are not those of sightings")
         yield NOTHING_SEEN if rows is None else FaceSightings.from_rows(rows)
 
 

@@ -1,0 +1,50 @@
+"""Parts with fewer triangles: how far they moved is known of spheres, and regions stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError
+from iriftrace.part.decimate import decimate_part
+from iriftrace.part.part import part_of_mesh, read_part
+from iriftrace.part.shapes.cylinder import cylinder
+
+
+def test_the_stated_deviation_is_that_of_the_surfaces() -> None:
+    """Of a fine sphere: the radius less that of the centres and corners of the coarse one."""
+    fine = trimesh.creation.icosphere(subdivisions=5, radius=20.0)
+    part = part_of_mesh(fine.vertices, fine.faces, name="sphere")
+    found = decimate_part(part, 2000)
+    assert len(found.part.faces) == pytest.approx(2000, rel=0.01)
+    assert found.part.closed
+    centres = np.linalg.norm(found.part.face_centres, axis=1)
+    assert found.deviation_mm.max() == pytest.approx(20.0 - centres.min(), rel=0.15)
+    assert found.part.volume == pytest.approx(part.volume, rel=0.01)
+
+
+def test_regions_keep_their_names_and_areas() -> None:
+    part = cylinder()
+    found = decimate_part(part, 800).part
+    assert found.region_names == part.region_names
+    np.testing.assert_allclose(found.region_areas, part.region_areas, rtol=0.02)
+
+
+def test_more_triangles_than_there_are_is_refused() -> None:
+    with pytest.raises(InputError, match="give a number from 4 to one below"):
+        decimate_part(cylinder(), 10**6)
+
+
+def test_the_command_says_how_far_the_surface_moved(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fine, coarse = tmp_path / "fine.stl", tmp_path / "coarse.ply"
+    trimesh.creation.icosphere(subdivisions=4, radius=20.0).export(fine)
+    assert main(["part", "decimate", str(fine), "-o", str(coarse), "--faces=600"]) == 0
+    assert "um apart at most" in " ".join(capsys.readouterr().out.split())
+    assert len(read_part(coarse).faces) == pytest.approx(600, rel=0.01)
+    assert main(["part", "decimate", str(fine), "-o", str(tmp_path / "c.obj"), "--faces=600"]) == 2
