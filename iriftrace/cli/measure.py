@@ -115,9 +115,9 @@ def write_scan(
         f"{points['several_images']:,} with several images."
     )
     say(
-        f"Error along the normal: median {_um(error['median'])}, 95th percentile "
-        f"{_um(error['p95'])}, rms {_um(error['rms'])}; after a rigid best fit rms "
-        f"{_um(fit['error_normal_mm']['rms'])}."
+        f"Error along the normal: median {_um(error['median'])}, rms {_um(error['rms'])}, after a "
+        f"rigid best fit rms {_um(fit['error_normal_mm']['rms'])}; size of the whole error: 95th "
+        f"percentile {_um(values['error_mm']['p95'])}."
     )
     if scan.system == "stereo":
         say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")

@@ -8,13 +8,14 @@ its calibration, and finds X'. The error is X' - X.
 from __future__ import annotations
 
 import math
+import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import Factory, evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
@@ -103,6 +104,8 @@ class Scan:
     errors : (k, n, 3) array or None, mm
         X' - X in the air of each member of an ensemble, whose means over the k members all else
         is; None for one field.
+    time_s : dict of float, s
+        ``load`` and ``build`` of the scene, and ``measure``.
     """
 
     points: FloatArray
@@ -119,6 +122,7 @@ class Scan:
     second: Camera
     assumptions: dict[str, str]
     errors: FloatArray | None = None
+    time_s: dict[str, float] = Factory(dict)
 
     @property
     def error(self) -> FloatArray:
@@ -175,6 +179,7 @@ class Scan:
             },
             "devices": {"camera": self.camera.as_dict(), "second": self.second.as_dict()},
             "assumptions": self.assumptions,
+            "time_s": self.time_s,
         }
 
     def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
@@ -276,10 +281,15 @@ def measure(
         sight; where the field lies beside the scene and no engine was asked for, it serves instead.
     """
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
+    started = time.perf_counter()
     if loaded.ensemble is None:
-        return _scan(loaded, camera, second, system, phase)
-    members = loaded.ensemble.scenes()
-    return _together([_scan(member, camera, second, system, phase) for member in members])
+        found = _scan(loaded, camera, second, system, phase)
+    else:
+        members = loaded.ensemble.scenes()
+        found = _together([_scan(member, camera, second, system, phase) for member in members])
+    measure_s = time.perf_counter() - started
+    time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
+    return evolve(found, time_s=time_s)
 
 
 def _together(scans: Sequence[Scan]) -> Scan:
