@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 from rich.console import Console
 from rich.table import Table
 
@@ -45,6 +47,17 @@ def main() -> None:
         f"{pose_in_sweep_over_traces(scene, REPEATS):.2f}",
         "1.5",
     )
+    if find_spec("embreex") is None:
+        table.add_row("a loop with trimesh and Embree: pip install -e '.[peers]'", "", "")
+    else:
+        from bench.peers import peer_over_trace
+
+        ratio, rays = peer_over_trace(load_scene(xml, {"bending": "shells"}), REPEATS)
+        table.add_row(
+            f"{rays:,} rays by a loop with trimesh, Embree and NumPy / the trace at the shells",
+            f"{ratio:.2f}",
+            "",
+        )
     fine = load_scene(xml, {"scale": FINE_SCALE})
     ratio, scan = measure_over_trace(fine, REPEATS)
     table.add_row(

@@ -1,4 +1,4 @@
-"""Order of a picture's pixels in which neighbouring rays are traced together."""
+"""Order of a picture's pixels, or of points in it, that lets neighbouring rays run together."""
 
 from __future__ import annotations
 
@@ -7,8 +7,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from iriftrace.core.arrays import FloatArray, IntArray
+
 TILE = 4
 """Side of a tile, px. A packet of the ray query holds 16 rays (8 without AVX-512)."""
+
+_WIDEST = 1 << 20
+"""Pixels: more than any picture has."""
 
 
 @lru_cache(maxsize=4)
@@ -41,3 +46,11 @@ def pixels_in_tiles(width: int, height: int) -> NDArray[np.uint32]:
     order = np.concatenate((ordered(bands), ordered(pixels[None, above:])))
     order.flags.writeable = False
     return order
+
+
+def places_in_tiles(places: FloatArray) -> IntArray:
+    """Order of places (n, 2), px, tile by tile; what lies beyond the picture comes somewhere."""
+    pixels = np.nan_to_num(places).clip(0, _WIDEST).astype(np.int64)
+    column, row = (pixels // TILE).T
+    inner = pixels % TILE
+    return np.argsort((row * _WIDEST + column) * TILE**2 + inner[:, 1] * TILE + inner[:, 0])

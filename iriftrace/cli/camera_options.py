@@ -198,10 +198,9 @@ class CameraOptions:
         self, camera: Camera, part: Part, field: IndexField | None, stack: ShellStack
     ) -> Camera:
         """The camera where origin, target and up have it, or where it sees all of the part."""
-        from attrs import evolve
 
         from iriftrace.camera.pose import look_at
-        from iriftrace.scene.viewpoint import default_viewpoint, farthest_mm
+        from iriftrace.scene.viewpoint import default_viewpoint
 
         if not any(self.up):
             raise InputError('--up is "0,0,0", which is no direction; give one, "0,0,1".')
@@ -209,10 +208,17 @@ class CameraOptions:
             target = part.centre if self.target is None else self.target
             return camera.at(look_at(self.origin, target, self.up))
         camera = camera.at(default_viewpoint(part, field, stack, camera, self.target, self.up))
-        if self.focus is None:
-            near, far = camera.focus_mm
-            camera = evolve(camera, focus_mm=(near, max(far, math.ceil(farthest_mm(part, camera)))))
-        return camera
+        return camera if self.focus is not None else _sharp_to_the_end(camera, camera, part)
+
+
+def _sharp_to_the_end(device: Camera, camera: Camera, part: Part) -> Camera:
+    """A device with a camera's focus interval, but as far as the part's farthest point at least."""
+    from attrs import evolve
+
+    from iriftrace.scene.viewpoint import farthest_mm
+
+    near, far = camera.focus_mm
+    return evolve(device, focus_mm=(near, max(far, math.ceil(farthest_mm(part, device)))))
 
 
 @Parameter(name="*", group=SECOND)
@@ -261,7 +267,6 @@ class SecondOptions:
         scale: float,
     ) -> Camera:
         """The second device, at its whole resolution."""
-        from attrs import evolve
 
         from iriftrace.camera.pose import look_at
 
@@ -271,7 +276,8 @@ class SecondOptions:
                     "--second-pixel-size belongs to --second-calibration; give that too."
                 )
             target = part.centre if first.target is None else first.target
-            return camera.at(look_at(self.second, target, first.up))
+            device = camera.at(look_at(self.second, target, first.up))
+            return device if first.focus is not None else _sharp_to_the_end(device, camera, part)
         if self.second_pixel_size is None:
             raise InputError(
                 f"{self.second_calibration} knows lengths in pixels only; give the width of a "
@@ -292,7 +298,7 @@ class SecondOptions:
                 "stands; give --second too."
             )
         device = options.camera(part, field, stack, scale)
-        return evolve(device, focus_mm=camera.focus_mm) if first.focus is None else device
+        return device if first.focus is not None else _sharp_to_the_end(device, camera, part)
 
 
 @Parameter(name="*", group=ORBIT)

@@ -47,6 +47,17 @@ def test_the_printed_command_measures(words: list[str], capsys: Printed) -> None
 
 
 @pytest.mark.usefixtures("variant")
+def test_the_second_device_is_sharp_to_the_parts_end(words: list[str]) -> None:
+    """As the default camera is; a focus that is given holds for both."""
+    assert main([*words, "--second=150,-140,240"]) == 0
+    scene = load_scene(words[4])
+    assert 250.0 < scene.second.focus_mm[1] < 340.0
+    Path(words[4]).unlink()
+    assert main([*words, "--second=150,-140,240", "--focus=50:260"]) == 0
+    assert load_scene(words[4]).second.focus_mm == (50.0, 260.0)
+
+
+@pytest.mark.usefixtures("variant")
 def test_a_calibration_gives_the_projector_its_lens_and_place(
     words: list[str], tmp_path: Path
 ) -> None:

@@ -93,6 +93,17 @@ def test_where_shells_are_too_few_the_field_serves(variant: str) -> None:
     assert abs(sizes[1] / sizes[0] - 1.0) > 0.1
 
 
+def test_the_order_of_the_points_does_not_matter(scan: Scan, scene: LoadedScene) -> None:
+    """Within what the order of rays changes at edges: nothing but rounding."""
+    order = np.random.default_rng(2).permutation(len(scan.points))
+    one = correct(scan.points, scene, *DEVICES, system=scan.system)
+    other = correct(scan.points[order], scene, *DEVICES, system=scan.system)
+    np.testing.assert_array_equal(other.measured, scan.points[order])
+    np.testing.assert_array_equal(other.status, one.status[order])
+    np.testing.assert_array_equal(other.face, one.face[order])
+    np.testing.assert_allclose(other.error, one.error[order], rtol=0, atol=1e-9)
+
+
 def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: LoadedScene) -> None:
     """The part is 0.2 mm thicker than its model; a layer some millimetres thick changes by 10 %."""
     thicker = scan.points + 0.2 * scan.normal
