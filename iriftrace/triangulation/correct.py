@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
@@ -54,6 +54,9 @@ SETTLED_MM = 1e-5
 ROUNDS = 20
 """Straight down a plume a round leaves a third; from a millimetre twelve leave a nanometre."""
 
+
+PIECE = 1_000_000
+"""Points that are corrected at a time: 0.6 GB of rays."""
 
 COVERAGE_FACTOR = 2
 """Of expanded uncertainties (GUM: some 95 % of a normal distribution)."""
@@ -233,10 +236,14 @@ def correct(
     members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.
     order = places_in_tiles(camera.project(measured))
-    found = [
-        _air_share(measured[order], one, camera, second, system, phase).sorted_back(order)
-        for one in members
-    ]
+    found = []
+    for one in members:
+        serving = field_where_needed(one, (camera, second), measured)
+        pieces = [
+            _air_share(measured[rows], serving, camera, second, system, phase)
+            for rows in np.array_split(order, math.ceil(len(order) / PIECE))
+        ]
+        found.append(_joined(pieces, order))
     status = np.max([one.status for one in found], axis=0)
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, [e.error for e in found], 0.0)
     first = found[0]
@@ -264,23 +271,29 @@ class _AirShare:
     engine: str
     bending: str
 
-    def sorted_back(self, order: IntArray) -> _AirShare:
-        """The same of points of which these were `order`."""
-        place = np.empty(len(order), dtype=np.int64)
-        place[order] = np.arange(len(order))
-        columns = {name: getattr(self, name)[place] for name in ("error", "status", "face")}
-        return evolve(self, **columns)
+
+def _joined(pieces: Sequence[_AirShare], order: IntArray) -> _AirShare:
+    """The shares of all points, of which the pieces one after the other are `order`."""
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    first = pieces[0]
+    return _AirShare(
+        np.concatenate([piece.error for piece in pieces])[place],
+        np.concatenate([piece.status for piece in pieces])[place],
+        np.concatenate([piece.face for piece in pieces])[place],
+        first.engine,
+        first.bending,
+    )
 
 
 def _air_share(
     measured: FloatArray,
-    scene: LoadedScene,
+    loaded: LoadedScene,
     camera: Camera,
     second: Camera,
     system: System,
     phase: Phase,
 ) -> _AirShare:
-    loaded = field_where_needed(scene, (camera, second), measured)
     place = measured.copy()
     offsets = np.zeros((2, *measured.shape))
     lacking = np.full((len(measured), 2), np.nan)
