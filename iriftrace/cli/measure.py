@@ -121,6 +121,7 @@ def write_scan(
     )
     if scan.system == "stereo":
         say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")
+    _say_field(scan.provenance)
     say("Files: " + ", ".join(map(str, files)))
     _say_features(features, "cold", "measured", "as measured through hot air")
     for row in errors:
@@ -212,7 +213,16 @@ def correct(
             f"{_um(values['u_normal_mm']['median'])} (median). U (k = 2) is that of the air's "
             "share; the sensor's own comes on top."
         )
+    _say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))
+
+
+def _say_field(provenance: dict[str, Any]) -> None:
+    """On which field the numbers rest, and what does not fit."""
+    assumed = provenance["assumptions"]
+    say(f"Field: {assumed['field_origin']}; {assumed['field_source']}.")
+    if "field_fit" in assumed:
+        say(assumed["field_fit"])
 
 
 def _check_cloud(path: Path, example: str) -> None:

@@ -4,6 +4,8 @@ from .cover import ViewLimits as ViewLimits
 from .cover import ViewSet as ViewSet
 from .cover import choose_views as choose_views
 from .criteria import Criteria as Criteria
+from .pairs import PairPlan as PairPlan
+from .pairs import plan_pairs as plan_pairs
 from .pose_plan import PosePlan as PosePlan
 from .pose_plan import plan as plan
 from .rank import Plan as Plan
@@ -11,5 +13,7 @@ from .rank import pareto_front as pareto_front
 from .rank import rank_poses as rank_poses
 from .refine import Refinement as Refinement
 from .refine import refine_pose as refine_pose
+from .refine_pair import PairRefinement as PairRefinement
+from .refine_pair import refine_pair as refine_pair
 from .summary import SweepSummary as SweepSummary
 from .summary import summarise as summarise

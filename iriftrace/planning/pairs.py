@@ -181,9 +181,10 @@ def plan_pairs(
     scenes: dict[str, LoadedScene] = {}
     for i, j in pairs[: CONFIRMED if confirm else 0]:
         scene = scenes.get(views[i].scene) or scene_of_pairs(dataset, i)
-        scenes[views[i].scene], engine = scene, scene.engine
+        scenes[views[i].scene] = scene
         try:
             scan = measure(scene, views[i].camera, views[j].camera, system=system)
+            engine = scan.provenance["engine"]
             exact.append(_exact(scan, part, region, criteria, feature))
         except InputError as reason:
             raise InputError(

@@ -36,6 +36,7 @@ from iriftrace.triangulation.scan import (
     Phase,
     System,
     devices_of,
+    provenance_of_two,
     triangulated,
 )
 from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
@@ -87,7 +88,8 @@ class Correction:
     normal : (n, 3) array
         The part's outward unit normal there.
     system : str
-    assumptions : dict
+    provenance : dict
+        As in `iriftrace.Scan`.
     field_uncertainty : float
         Relative standard uncertainty of the air's contrast, n - n of the ambient air; 0 if it is
         not stated.
@@ -101,7 +103,7 @@ class Correction:
     face: IntArray
     normal: FloatArray
     system: str
-    assumptions: dict[str, str]
+    provenance: dict[str, Any]
     field_uncertainty: float = 0.0
     errors: FloatArray | None = None
 
@@ -151,12 +153,12 @@ class Correction:
         corrected, u = self.status == CorrectionStatus.CORRECTED, self.u_normal
         return {
             "schema": SCHEMA,
+            **self.provenance,
             "system": self.system,
             "points": {"measured": len(self.measured), **CorrectionStatus.counts(self.status)},
             "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
             **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
             "field_uncertainty": self.field_uncertainty or None,
-            "assumptions": self.assumptions,
         }
 
     def save(self, path: str | Path, features: Sequence[dict[str, Any]] = ()) -> tuple[Path, Path]:
@@ -247,7 +249,6 @@ def correct(
     status = np.max([one.status for one in found], axis=0)
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, [e.error for e in found], 0.0)
     first = found[0]
-    together = {} if len(found) == 1 else {"ensemble": f"means over {len(found)} fields"}
     return Correction(
         measured=measured,
         error=errors.mean(axis=0),
@@ -255,7 +256,7 @@ def correct(
         face=first.face,
         normal=loaded.part.surface.normals[first.face],
         system=system,
-        assumptions={"engine": first.engine, "bending": first.bending, **together},
+        provenance=provenance_of_two(loaded if loaded.ensemble else first.scene, camera),
         field_uncertainty=field_uncertainty,
         errors=None if len(found) == 1 else errors,
     )
@@ -268,8 +269,7 @@ class _AirShare:
     error: FloatArray
     status: NDArray[np.int64]
     face: IntArray
-    engine: str
-    bending: str
+    scene: LoadedScene
 
 
 def _joined(pieces: Sequence[_AirShare], order: IntArray) -> _AirShare:
@@ -281,8 +281,7 @@ def _joined(pieces: Sequence[_AirShare], order: IntArray) -> _AirShare:
         np.concatenate([piece.error for piece in pieces])[place],
         np.concatenate([piece.status for piece in pieces])[place],
         np.concatenate([piece.face for piece in pieces])[place],
-        first.engine,
-        first.bending,
+        first.scene,
     )
 
 
@@ -330,7 +329,7 @@ def _air_share(
         [CorrectionStatus.SEVERAL_IMAGES, CorrectionStatus.FAR_FROM_PART, CorrectionStatus.HIDDEN],
         CorrectionStatus.CORRECTED,
     )
-    return _AirShare(measured - place, status, face, loaded.engine, loaded.bending)
+    return _AirShare(measured - place, status, face, loaded)
 
 
 def _refuse_another_part(points: FloatArray, scene: LoadedScene) -> None:

@@ -27,6 +27,7 @@ from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.viewpoint import refuse_one_place
+from iriftrace.trace.provenance import provenance
 from iriftrace.trace.render import trace_rays
 from iriftrace.triangulation.cloud import (
     PointStatus,
@@ -99,8 +100,9 @@ class Scan:
     phase : str
         Direction of the fringes' phase: ``"columns"``, ``"rows"`` or ``"both"``.
     camera, second : Camera
-    assumptions : dict
-        How the rays were traced.
+    provenance : dict
+        Version, scene, field and part, and the assumptions in force; see
+        :func:`iriftrace.trace.provenance.provenance`.
     errors : (k, n, 3) array or None, mm
         X' - X in the air of each member of an ensemble, whose means over the k members all else
         is; None for one field.
@@ -120,7 +122,7 @@ class Scan:
     phase: str
     camera: Camera
     second: Camera
-    assumptions: dict[str, str]
+    provenance: dict[str, Any]
     errors: FloatArray | None = None
     time_s: dict[str, float] = Factory(dict)
 
@@ -164,6 +166,7 @@ class Scan:
         translation, rotation, left = self.best_fit()
         return {
             "schema": SCHEMA,
+            **self.provenance,
             "system": self.system,
             "phase": self.phase,
             "points": {"pixels": int(self.status.size), **ScanStatus.counts(self.status)},
@@ -178,7 +181,6 @@ class Scan:
                 "error_normal_mm": spread(left),
             },
             "devices": {"camera": self.camera.as_dict(), "second": self.second.as_dict()},
-            "assumptions": self.assumptions,
             "time_s": self.time_s,
         }
 
@@ -286,7 +288,8 @@ def measure(
         found = _scan(loaded, camera, second, system, phase)
     else:
         members = loaded.ensemble.scenes()
-        found = _together([_scan(member, camera, second, system, phase) for member in members])
+        scans = [_scan(member, camera, second, system, phase) for member in members]
+        found = evolve(_together(scans), provenance=provenance_of_two(loaded, camera))
     measure_s = time.perf_counter() - started
     time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
     return evolve(found, time_s=time_s)
@@ -320,7 +323,6 @@ def _together(scans: Sequence[Scan]) -> Scan:
         pixel=first.pixel[rows[0]],
         face=first.face[rows[0]],
         status=status,
-        assumptions=first.assumptions | {"ensemble": f"means over {len(scans)} fields"},
         errors=errors,
     )
 
@@ -444,13 +446,15 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         phase=phase,
         camera=camera,
         second=second,
-        assumptions={
-            "engine": scene.engine,
-            "bending": scene.bending,
-            "index_rule": scene.index_rule,
-            "exposure": "one instant: both devices see the same air",
-        },
+        provenance=provenance_of_two(scene, camera),
     )
+
+
+def provenance_of_two(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
+    """Provenance of what two devices measure of a scene, as plain JSON values."""
+    found = provenance(scene, camera)
+    found["assumptions"]["exposure"] = "one instant: both devices see the same air"
+    return found
 
 
 def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:

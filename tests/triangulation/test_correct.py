@@ -82,14 +82,14 @@ def test_where_shells_are_too_few_the_field_serves(variant: str) -> None:
     ]
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         scan = measure(scene, *above, system="fringe")
-    assert scan.assumptions["engine"] == "continuous"
+    assert scan.provenance["engine"] == "continuous"
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         found = correct(scan.points, scene, *above, system="fringe")
-    assert found.assumptions["engine"] == "continuous"
+    assert found.provenance["engine"] == "continuous"
     insisted = load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine="shells")
     with pytest.warns(IriftraceWarning, match="--engine continuous"):
         coarse = measure(insisted, *above, system="fringe")
-    assert coarse.assumptions["engine"] == "shells"
+    assert coarse.provenance["engine"] == "shells"
     sizes = [np.median(np.linalg.norm(one.error, axis=1)) for one in (scan, coarse)]
     assert abs(sizes[1] / sizes[0] - 1.0) > 0.1
 

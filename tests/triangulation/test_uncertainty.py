@@ -87,7 +87,7 @@ def test_a_correction_is_the_mean_of_the_members(three: LoadedScene) -> None:
     assert found.u_normal is not None
     np.testing.assert_allclose(found.u_normal[good], expected[good], rtol=1e-9)
     assert np.isnan(found.u_normal[~good]).all()
-    assert "3 fields" in found.assumptions["ensemble"]
+    assert "3 fields" in found.provenance["assumptions"]["ensemble"]
 
 
 def test_nothing_is_known_of_one_field_alone(three: LoadedScene) -> None:
@@ -107,7 +107,12 @@ def test_a_diameter_has_the_uncertainty_of_its_correction(
     assert main(["measure", str(xml), "-o", str(scan), "-D", "scale=0.1", "--no-figures"]) == 0
     words = ["correct", str(scan), str(xml), "-o", str(corrected)]
     assert main(words) == 0
-    assert "No uncertainty is stated" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "No uncertainty is stated" in said
+    for file in (scan, corrected):
+        numbers = json.loads(file.with_suffix(".json").read_text())
+        assert numbers["field"]["sha256"]
+        assert f"Field: {numbers['assumptions']['field_origin']}; " in said
     assert "u_normal" not in pv.read(corrected).point_data
     assert main([*words, "--field-uncertainty=5 %"]) == 0
     said = " ".join(capsys.readouterr().out.split())
