@@ -383,4 +383,6 @@ def size_error(scan: Scan, part: Part, feature: str) -> float:
 def statistic_along(scan: Scan, chosen: BoolArray, criteria: Criteria) -> float:
     """The criteria's statistic of the size of chosen points' errors along the normal, mm."""
     errors = scan.error_normal[chosen]
+    if len(errors) == 0:
+        raise InputError(f"they measure no point of {criteria.region}.")
     return _statistic(errors, criteria, np.ones(len(errors)))

@@ -213,7 +213,7 @@ def correct(
     ------
     InputError
         As `iriftrace.measure`, and if there are no points, some are not finite, none lies on the
-        part, or the uncertainty is no share.
+        part or can be corrected, or the uncertainty is no share.
 
     Warns
     -----
@@ -247,6 +247,14 @@ def correct(
         ]
         found.append(_joined(pieces, order))
     status = np.max([one.status for one in found], axis=0)
+    if not (status == CorrectionStatus.CORRECTED).any():
+        counts = CorrectionStatus.counts(status)
+        raise InputError(
+            f"None of the {len(status):,} points can be corrected: {counts['far_from_part']:,} are "
+            f"far from the part, {counts['hidden']:,} hidden from a device and "
+            f"{counts['several_images']:,} have several images; check the frame of the cloud "
+            "(--cloud-to-part) and where the scene has the devices."
+        )
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, [e.error for e in found], 0.0)
     first = found[0]
     return Correction(

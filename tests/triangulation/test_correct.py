@@ -108,6 +108,14 @@ def test_order_and_number_of_the_points_do_not_matter(
     np.testing.assert_allclose(other.error, one.error[order], rtol=0, atol=1e-9)
 
 
+def test_a_cloud_of_the_other_side_is_refused(scene: LoadedScene) -> None:
+    """The devices look from -y."""
+    part = scene.part
+    behind = part.face_centres[part.face_normals[:, 1] > 0.7]
+    with pytest.raises(InputError, match=f"None of the {len(behind)} points .* hidden"):
+        correct(behind, scene, *DEVICES, system="stereo")
+
+
 def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: LoadedScene) -> None:
     """The part is 0.2 mm thicker than its model; a layer some millimetres thick changes by 10 %."""
     thicker = scan.points + 0.2 * scan.normal
