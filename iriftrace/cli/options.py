@@ -75,6 +75,17 @@ def _quantity(metavar: str, unit: str, symbol: str) -> Parameter:
     )
 
 
+def _share(text: str, option: str) -> float:
+    from iriftrace.core.units import parse_quantity
+
+    try:
+        return parse_quantity(text, "dimensionless")
+    except InputError as error:
+        raise InputError(
+            f'{option} is "{text}", but it is a share; write "5 %" or 0.05.'
+        ) from error
+
+
 def _whole(text: str, _option: str) -> int:
     """A whole number; the default conversion would cut 2.5 to 2."""
     try:
@@ -135,7 +146,7 @@ LightOf = Annotated[
 ]
 Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "Pa")]
 Duration = Annotated[float, _quantity("TIME", "second", "s")]
-Share = Annotated[float, _quantity("SHARE", "dimensionless", "")]
+Share = Annotated[float, _parameter("SHARE", _share, lambda share: f"{100 * share:g} %")]
 Angle = Annotated[float, _quantity("ANGLE", "degree", "deg")]
 Expansion = Annotated[float, _quantity("EXPANSION", "1/kelvin", "/K")]
 Temperature = Annotated[

@@ -126,6 +126,8 @@ def test_a_diameter_has_the_uncertainty_of_its_correction(
     assert f"U = {1e3 * row['size_uncertainty_mm']:.3g} um (k = 2)" in said
     assert pv.read(corrected).point_data["u_normal"].max() > 0
     assert main([*words, "--field-uncertainty=150 %"]) == 2
+    assert main([*words, "--field-uncertainty=much"]) == 2
+    assert 'write "5 %" or 0.05' in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.usefixtures("variant")
