@@ -175,7 +175,7 @@ def demo(
     with scene_copied(scene, folder) as (xml, shells):
         rendering, loaded = _render(xml, exr, trace, (0,), True)
     part = loaded.part
-    pictures = _scene_picture(rendering, part, shells, output / f"{scene}_scene.png")
+    pictures = _scene_picture(loaded, shells, output / f"{scene}_scene.png")
     print_summary(out, rendering.metrics)
     _print_view(rendering, part)
     _list_files(exr, True, *pictures)
@@ -231,10 +231,8 @@ def _scatter_picture(exr: Path) -> Path:
     return exr.with_name(f"{exr.stem}_scatter.png")
 
 
-def _scene_picture(
-    rendering: Rendering, part: Part, shells_folder: Path, picture: Path
-) -> list[Path]:
-    """Draw part, shells and camera, where this machine can draw."""
+def _scene_picture(scene: LoadedScene, shells_folder: Path, picture: Path) -> list[Path]:
+    """Draw part, shells and devices, where this machine can draw."""
     from iriftrace.runtime.doctor import drawing_trouble
 
     with working("Drawing the scene"):
@@ -250,8 +248,9 @@ def _scene_picture(
         from iriftrace.figures.style import write_figure
         from iriftrace.shells.files import load_shells
 
-        shells = load_shells(shells_folder)
-        write_figure(scene_figure(part, shells, rendering.image.camera), picture)
+        shells, name = load_shells(shells_folder), scene.second_id.replace("_", " ")
+        figure = scene_figure(scene.part, shells, scene.camera, scene.second, name)
+        write_figure(figure, picture)
     return [picture]
 
 

@@ -37,12 +37,19 @@ _PICTURE_PX = (1390, 1080)
 _MOST_SHELLS = 20
 _CAMERA_COLOUR = "#3a3f47"
 _SIGHT_COLOUR = "#0f6b8f"
+_SECOND_COLOUR = "#a8541b"
 _COLOUR_MAP = "plasma"
 # What is seen through all shells together.
 _TRANSMITTANCE = 0.2
 
 
-def scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
+def scene_figure(
+    part: Part,
+    shells: ShellStack,
+    camera: Camera,
+    second: Camera | None = None,
+    second_name: str = "projector",
+) -> Figure:
     """Draw part, shells and camera in space, 1600 x 1200 pixels.
 
     The half of the shells that faces the viewer is cut away along the vertical plane through the
@@ -54,6 +61,10 @@ def scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
     ----------
     part, shells, camera
         The scene, mm, world.
+    second : Camera, optional
+        The device with which points are triangulated; of its view the edges are drawn.
+    second_name : str
+        What it is.
 
     Raises
     ------
@@ -63,14 +74,20 @@ def scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
     norm = temperature_norm(shells)
     towards, side = view_direction(camera.forward, -camera.matrix[:3, 1])
     sight = sight_lines(camera, part)
-    body = camera_body(camera, 0.09 * float(np.linalg.norm(np.ptp(part.bounds, axis=0))))
+    size = 0.09 * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
+    body = camera_body(camera, size)
+    edges, bodies = [], [body]
+    if second is not None:
+        edges = [points for name, points in sight_lines(second, part) if not name]
+        bodies.append(camera_body(second, size))
     box = box_around(
         np.concatenate(
             (
                 part.bounds,
                 *(shell.vertices.astype(np.float64) for shell in shells.shells),
                 *(points for _, points in sight),
-                body.points.astype(np.float64),
+                *edges,
+                *(one.points.astype(np.float64) for one in bodies),
             )
         )
     )
@@ -79,20 +96,26 @@ def scene_figure(part: Part, shells: ShellStack, camera: Camera) -> Figure:
 
     def draw(plotter: pv.Plotter) -> None:
         add_part(plotter, part)
-        plotter.add_mesh(body, color=_CAMERA_COLOUR, ambient=0.3)
-        for _, points in sight:
+        for one in bodies:
+            plotter.add_mesh(one, color=_CAMERA_COLOUR, ambient=0.3)
+        drawn_lines = [(points, _SIGHT_COLOUR) for _, points in sight]
+        for points, colour in (*drawn_lines, *((points, _SECOND_COLOUR) for points in edges)):
             lines = pv.lines_from_points(points)
-            plotter.add_mesh(lines, color=_SIGHT_COLOUR, line_width=3, lighting=False)
+            plotter.add_mesh(lines, color=colour, line_width=3, lighting=False)
         colours = colormaps[_COLOUR_MAP](norm(celsius_of(shells)))
         opacity = 1.0 - _TRANSMITTANCE ** (1.0 / len(drawn))
         for number in drawn:
             shell = shells.shells[number]
             _add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
 
-    figure = titled_figure(*_titles(shells, len(drawn), camera))
+    devices = "camera" if second is None else f"camera and {second_name}"
+    figure = titled_figure(*_titles(shells, len(drawn), camera, devices))
     axes = add_picture(figure, rendered(view, box, draw), view, box)
     for text, points, place in _names(camera, view, sight, body.points):
         _name(axes, view.pixels(points), text, place)
+    for one in bodies[1:]:
+        name = second_name.capitalize()
+        _name(axes, view.pixels(one.points), name, "above", _SECOND_COLOUR)
     bar = figure.colorbar(
         ScalarMappable(norm, _COLOUR_MAP),
         cax=figure.add_axes((0.885, 0.22, 0.022, 0.56)),
@@ -234,7 +257,9 @@ def _names(
     return [(name, points, sides.get(name.split()[0], "right")) for name, points in named]
 
 
-def _name(axes: Axes, positions: FloatArray, text: str, place: str) -> None:
+def _name(
+    axes: Axes, positions: FloatArray, text: str, place: str, colour: str = _SIGHT_COLOUR
+) -> None:
     """Write a name above, below or right of the positions (px)."""
     column, row = positions.T
     at, offset, across, upright = {
@@ -250,12 +275,12 @@ def _name(axes: Axes, positions: FloatArray, text: str, place: str) -> None:
         fontsize=9,
         ha=across,
         va=upright,
-        color=_SIGHT_COLOUR,
+        color=colour,
         path_effects=[withStroke(linewidth=2.5, foreground="white")],
     )
 
 
-def _titles(shells: ShellStack, drawn: int, camera: Camera) -> tuple[str, str]:
+def _titles(shells: ShellStack, drawn: int, camera: Camera, devices: str) -> tuple[str, str]:
     count = len(shells.shells)
     noun = "shell" if count == 1 else "shells"
     place = ", ".join(f"{value:.4g}" for value in camera.origin).replace("-", "\N{MINUS SIGN}")
@@ -267,6 +292,6 @@ def _titles(shells: ShellStack, drawn: int, camera: Camera) -> tuple[str, str]:
         f"camera at ({place}) mm",
     ]
     return (
-        f"Hot part, {count} {noun} of hot air (cut open) and camera",
+        f"Hot part, {count} {noun} of hot air (cut open), {devices}",
         "  ·  ".join(part for part in parts if part),
     )

@@ -420,6 +420,15 @@ def test_scene_picture_has_its_size_and_all_that_is_asked_for(cube: Part, tmp_pa
     assert orange_share(picture) > 0.01
 
 
+def test_the_second_device_is_drawn_with_its_name(cube: Part) -> None:
+    camera = a_camera()
+    beside = camera.at(look_at((80.0, -100.0, 60.0), (0.0, 0.0, 0.0)))
+    figure = scene_figure(cube, spheres(2), camera, beside, "projector")
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert {"Camera", "Projector"} <= set(texts)
+    assert any("camera and projector" in text.get_text() for text in figure.texts)
+
+
 def test_far_focus_behind_the_scene_is_left_out(cube: Part) -> None:
     """An unlimited focus has no outline, and a very far one would make the part tiny."""
     for far in (5000.0, np.inf):
