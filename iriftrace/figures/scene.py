@@ -108,7 +108,7 @@ def scene_figure(
             shell = shells.shells[number]
             _add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
 
-    devices = "camera" if second is None else f"camera and {second_name}"
+    devices = " and camera" if second is None else f", camera and {second_name}"
     figure = titled_figure(*_titles(shells, len(drawn), camera, devices))
     axes = add_picture(figure, rendered(view, box, draw), view, box)
     for text, points, place in _names(camera, view, sight, body.points):
@@ -292,6 +292,6 @@ def _titles(shells: ShellStack, drawn: int, camera: Camera, devices: str) -> tup
         f"camera at ({place}) mm",
     ]
     return (
-        f"Hot part, {count} {noun} of hot air (cut open), {devices}",
+        f"Hot part, {count} {noun} of hot air (cut open){devices}",
         "  ·  ".join(part for part in parts if part),
     )
