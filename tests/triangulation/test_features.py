@@ -162,3 +162,11 @@ def test_regions_of_a_cylinder_are_found_by_themselves(part: Part) -> None:
     (row,) = feature_table({"cold": points}, lateral, part, ())
     assert (row["kind"], row["region"]) == ("cylinder", "lateral")
     assert row["size_mm"]["cold"] == pytest.approx(27.0, abs=0.01)
+
+
+def test_a_published_circle() -> None:
+    """Six points and their best circle by Gander, Golub and Strebel, BIT 34 (1994) 558."""
+    places = np.array([(1, 7), (2, 6), (5, 8), (7, 7), (9, 5), (3, 7)], dtype=float)
+    found = fit_feature(np.column_stack((places, np.zeros(6))), "circle")
+    np.testing.assert_allclose(found.position, (4.7398, 2.9835, 0.0), atol=5e-5)
+    assert found.size_mm == pytest.approx(2 * 4.7142, abs=1e-4)
