@@ -198,7 +198,6 @@ class CameraOptions:
         self, camera: Camera, part: Part, field: IndexField | None, stack: ShellStack
     ) -> Camera:
         """The camera where origin, target and up have it, or where it sees all of the part."""
-
         from iriftrace.camera.pose import look_at
         from iriftrace.scene.viewpoint import default_viewpoint
 
@@ -208,10 +207,10 @@ class CameraOptions:
             target = part.centre if self.target is None else self.target
             return camera.at(look_at(self.origin, target, self.up))
         camera = camera.at(default_viewpoint(part, field, stack, camera, self.target, self.up))
-        return camera if self.focus is not None else _sharp_to_the_end(camera, camera, part)
+        return camera if self.focus is not None else _with_all_in_focus(camera, camera, part)
 
 
-def _sharp_to_the_end(device: Camera, camera: Camera, part: Part) -> Camera:
+def _with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
     """A device with a camera's focus interval, but as far as the part's farthest point at least."""
     from attrs import evolve
 
@@ -267,7 +266,6 @@ class SecondOptions:
         scale: float,
     ) -> Camera:
         """The second device, at its whole resolution."""
-
         from iriftrace.camera.pose import look_at
 
         if self.second_calibration is None:
@@ -277,7 +275,7 @@ class SecondOptions:
                 )
             target = part.centre if first.target is None else first.target
             device = camera.at(look_at(self.second, target, first.up))
-            return device if first.focus is not None else _sharp_to_the_end(device, camera, part)
+            return device if first.focus is not None else _with_all_in_focus(device, camera, part)
         if self.second_pixel_size is None:
             raise InputError(
                 f"{self.second_calibration} knows lengths in pixels only; give the width of a "
@@ -298,7 +296,7 @@ class SecondOptions:
                 "stands; give --second too."
             )
         device = options.camera(part, field, stack, scale)
-        return device if first.focus is not None else _sharp_to_the_end(device, camera, part)
+        return device if first.focus is not None else _with_all_in_focus(device, camera, part)
 
 
 @Parameter(name="*", group=ORBIT)

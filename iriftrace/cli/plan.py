@@ -133,9 +133,12 @@ def plan(
         for name, given in (("--views", views), ("--save-poses", save_poses)):
             if given is not None:
                 raise InputError(f"{name} is about single poses; leave it out, or --pairs.")
+        count = EVALUATIONS if evaluations is None else evaluations
+        if refine:
+            check_evaluations(count)
         pair_plan = _plan_pairs(dataset, ranking, system or "fringe", angle, feature, confirm, top)
         if refine:
-            _refine_pair(dataset, pair_plan, evaluations or EVALUATIONS, output)
+            _refine_pair(dataset, pair_plan, count, output)
         return
     confirmation = None
     if confirm:

@@ -193,6 +193,8 @@ def _advice(part: FloatArray, target: FloatArray) -> str:
             continue
         shift = target.mean(axis=0) - box.mean(axis=0)
         off = float(np.abs(shift).max())
+        # Rounding of the boxes is no shift.
+        shift = np.where(np.abs(shift) < 1e-6 * _diagonal(target), 0.0, shift)
         translate = "translate " + " ".join(f"{component:.4g}" for component in shift)
         steps = ", ".join(filter(None, (turn, translate if off > limit else "")))
         options = [_SCALES[scale], f'--part-transform "{steps}"' if steps else ""]

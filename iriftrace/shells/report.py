@@ -82,8 +82,8 @@ def report_shells(
 ) -> tuple[ShellReport, ...]:
     """Report on every shell of a stack.
 
-    Distances are the smallest from a vertex of either surface to the triangles of the other. A
-    triangle counts as inside the part when its centre is.
+    Distances are those of `iriftrace.geometry.query.Surface.gap`, which looks from every so many
+    vertices of a large surface. A triangle counts as inside the part when its centre is.
 
     Parameters
     ----------

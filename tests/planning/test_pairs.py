@@ -118,6 +118,7 @@ def test_a_sweep_without_offsets_is_refused(dataset: xr.Dataset) -> None:
         (["--feature=cylinder:lateral"], "--feature is given without --pairs"),
         (["--pairs", "--views=3"], "--views is about single poses"),
         (["--pairs", "--save-poses=p.csv"], "--save-poses is about single poses"),
+        (["--pairs", "--refine", "--evaluations=0"], "0 evaluations are too few"),
     ],
 )
 def test_options_that_belong_together(
