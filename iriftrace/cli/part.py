@@ -109,11 +109,11 @@ def decimate(
     with working("Thinning out the triangles"):
         found = decimate_part(before, faces)
     _save(found.part, output)
-    largest, p95 = np.max(found.deviation_mm), np.percentile(found.deviation_mm, 95)
+    apart_um = 1e3 * found.deviation_mm
     say(
-        f"{len(before.faces):,} triangles before; the surfaces are {1e3 * largest:.3g} um apart at "
-        f"most, 95 % of them at most {1e3 * p95:.3g} um. Both rays of a displacement end on the "
-        "same surface, so that it changes by far less."
+        f"{len(before.faces):,} triangles before. The surfaces are up to {apart_um.max():.3g} um "
+        f"apart, at 95 % of the places up to {np.percentile(apart_um, 95):.3g} um "
+        f"({len(apart_um):,} corners and centres of triangles)."
     )
 
 

@@ -31,7 +31,7 @@ from iriftrace.triangulation.cloud import (
     scatter_along,
     spread,
 )
-from iriftrace.triangulation.features import feature_table, member_sizes
+from iriftrace.triangulation.features import feature_table, size_scatter
 from iriftrace.triangulation.scan import (
     Phase,
     System,
@@ -139,7 +139,7 @@ class Correction:
         rows = feature_table(clouds, face, part, choices)
         scatter: list[float | None] = [None] * len(rows)
         if self.errors is not None:
-            scatter = member_sizes(list(measured - self.errors[:, good]), face, part, rows)
+            scatter = size_scatter(list(measured - self.errors[:, good]), face, part, rows)
         for row, by_member in zip(rows, scatter, strict=True):
             size, expanded = row["size_mm"], None
             if size["measured"] is not None and self.u_normal is not None:

@@ -159,7 +159,7 @@ def feature_table(
     return rows
 
 
-def member_sizes(
+def size_scatter(
     clouds: Sequence[FloatArray], face: IntArray, part: Part, rows: Sequence[Mapping[str, Any]]
 ) -> list[float | None]:
     """Standard deviation of each feature's size over the members of an ensemble, mm.

@@ -36,7 +36,7 @@ from iriftrace.triangulation.cloud import (
     scatter_along,
     spread,
 )
-from iriftrace.triangulation.features import feature_table, member_sizes
+from iriftrace.triangulation.features import feature_table, size_scatter
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
 
@@ -193,7 +193,7 @@ class Scan:
         rows = feature_table(clouds, self.face, part, choices)
         if self.errors is None:
             return rows
-        sizes = member_sizes(list(self.true + self.errors), self.face, part, rows)
+        sizes = size_scatter(list(self.true + self.errors), self.face, part, rows)
         return [row | {"size_scatter_mm": size} for row, size in zip(rows, sizes, strict=True)]
 
     def save(
