@@ -8,7 +8,7 @@ which is of higher order, and n along the ray still changes as the corners say.
 from __future__ import annotations
 
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,13 +17,18 @@ from scipy.spatial import KDTree
 
 from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.path_data import FieldCells
-from iriftrace.field.tetrahedra import BOUNDARY, tetrahedra_of
+from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
 from iriftrace.plugins.kernels.layers import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
 from iriftrace.plugins.kernels.tables import aligned
 
 NO_FACE = 4
 """In the place of a face's number: the tetrahedron was not entered through one of its faces."""
+
+FLAT = 1e-6
+"""Volume of a tetrahedron over the cube of its longest edge below which it is flat, and area of a
+face across a ray, over that edge's square, below which they are parallel: some roundings of single
+precision."""
 
 LOST_MM = 0.01
 """A ray that is farther outside the tetrahedron it should be in has lost its way."""
@@ -56,7 +61,11 @@ class Passage(NamedTuple):
 
 
 class Cell:
-    """One tetrahedron per ray."""
+    """One tetrahedron per ray, in single precision about its first corner.
+
+    A point is then known to some 1e-7 of the tetrahedron's size, which is more than the field knows
+    of it; a ray's own point and velocity are summed up in double precision elsewhere.
+    """
 
     def __init__(self, air: TetrahedralAir, place: Any, active: Any) -> None:
         import drjit as dr
@@ -64,39 +73,52 @@ class Cell:
 
         self._air, self._active = air, active
         self.number, self.entry = place >> 3, place & 7
-        corners = dr.gather(mi.Vector4u, air.corners, self.number, active)
-        points = [mi.Point3d(dr.gather(mi.Point3f, air.points, c, active)) for c in corners]
-        self._origin = points[0]
-        e1, e2, e3 = (mi.Vector3d(p - points[0]) for p in points[1:])
-        self._areas = (dr.cross(e2, e3), dr.cross(e3, e1), dr.cross(e1, e2))
-        self._volume = dr.dot(e1, self._areas[0])
+        corners = dr.gather(mi.Vector4u, air.tetrahedra, 2 * self.number, active)
+        first, *others = (dr.gather(mi.Vector4f, air.points, 2 * c, active) for c in corners)
+        self._origin = mi.Point3d(first.xyz)
+        self._edges = e1, e2, e3 = [other.xyz - first.xyz for other in others]
+        areas = dr.cross(e2, e3), dr.cross(e3, e1), dr.cross(e1, e2)
+        self._volume = dr.dot(e1, areas[0])
+        squares = [dr.squared_norm(edge) for edge in self._edges]
+        self._size = dr.sqrt(dr.maximum(dr.maximum(squares[0], squares[1]), squares[2]))
         # A flat tetrahedron is passed in no time, so any gradient does.
-        self._solid = dr.abs(self._volume) > 1e-12
-        self._inverse = dr.select(self._solid, dr.rcp(self._volume), 0)
-        self._index = [dr.gather(mi.Float64, air.refractivity, c, active) for c in corners]
+        self._solid = dr.abs(self._volume) > FLAT * self._size * self._size * self._size
+        inverse = dr.select(self._solid, dr.rcp(self._volume), 0)
+        self._slopes = [area * inverse for area in areas]
+        self._index = first.w
         self.constant = sum(
             (
-                area * ((value - self._index[0]) * self._inverse)
-                for area, value in zip(self._areas, self._index[1:], strict=True)
+                slope * (other.w - first.w)
+                for slope, other in zip(self._slopes, others, strict=True)
             ),
-            mi.Vector3d(0),
+            mi.Vector3f(0),
         )
         self._recovered = [
-            mi.Vector3d(dr.gather(mi.Vector3f, air.gradient, c, active)) for c in corners
+            dr.gather(mi.Vector4f, air.points, 2 * c + 1, active).xyz for c in corners
         ]
 
     def refractivity(self, point: Any) -> Any:
-        """Linear n - 1 (Float64)."""
+        """Linear n - 1 at points (Float64; Point3d, mm)."""
+        import mitsuba as mi
+
+        return self._air.ambient_air + mi.Float64(self._excess(point))
+
+    def acceleration(self, point: Any, heading: Any) -> Any:
+        """n grad n, with the gradient that bends a ray of a unit direction (Vector3d, 1/mm)."""
+        import mitsuba as mi
+
+        air = self._air
+        gradient = self._smooth_gradient(point, heading) if air.recovered else self.constant
+        return mi.Vector3d(gradient * (1 + mi.Float(air.ambient_air) + self._excess(point)))
+
+    def _excess(self, point: Any) -> Any:
+        """Linear n less that of the ambient air."""
         import drjit as dr
 
-        return self._index[0] + dr.dot(self.constant, point - self._origin)
-
-    def gradient(self, point: Any, heading: Any) -> Any:
-        """Gradient of n that bends a ray of a unit direction (Vector3d, 1/mm)."""
-        return self._smooth_gradient(point, heading) if self._air.recovered else self.constant
+        return self._index + dr.dot(self.constant, self._local(point))
 
     def gradient_error(self, point: Any, heading: Any) -> Any:
-        """Gradient with the recovered direction less the constant one (Vector3d, 1/mm).
+        """Gradient with the recovered direction less the constant one (Vector3f, 1/mm).
 
         The usual estimate of the constant one's error (Zienkiewicz and Zhu 1987, "A simple error
         estimator and adaptive procedure"); the recovered one's is smaller.
@@ -104,6 +126,12 @@ class Cell:
         import drjit as dr
 
         return dr.select(self._solid, self._smooth_gradient(point, heading) - self.constant, 0)
+
+    def _local(self, point: Any) -> Any:
+        """The way from the first corner to a point."""
+        import mitsuba as mi
+
+        return mi.Vector3f(point - self._origin)
 
     def _smooth_gradient(self, point: Any, heading: Any) -> Any:
         """Along the recovered direction N, as strong as n changes along the ray.
@@ -114,54 +142,65 @@ class Cell:
         `iriftrace.plugins.kernels.layers.length_gain`.
         """
         import drjit as dr
+        import mitsuba as mi
 
-        recovered = self._interpolated(point)
+        ahead = mi.Vector3f(heading)
+        first, *others = self._recovered
+        offset = self._local(point)
+        recovered = first
+        for slope, other in zip(self._slopes, others, strict=True):
+            recovered = recovered + (other - first) * dr.dot(slope, offset)
         length = dr.norm(recovered)
-        direction = dr.select(length > 0, recovered / length, 0)
-        cosine = dr.dot(heading, direction)
-        share = length_gain(cosine)
+        direction = recovered * dr.select(length > 0, dr.rcp(length), 0)
+        cosine = dr.dot(ahead, direction)
         # Where n is even, the neighbours' gradients do not matter.
-        strength = dr.select(dr.norm(self.constant) > 0, length, 0)
-        strength += share * (dr.dot(self.constant, heading) - cosine * strength)
-        return dr.select(self._solid, strength * direction, 0)
+        strength = dr.select(dr.squared_norm(self.constant) > 0, length, 0)
+        strength += length_gain(cosine) * (dr.dot(self.constant, ahead) - cosine * strength)
+        return dr.select(self._solid, direction * strength, 0)
 
-    def _interpolated(self, point: Any) -> Any:
+    def _faces_along(self, point: Any, direction: Any) -> tuple[list[Any], list[Any], list[Any]]:
+        r"""For each face: how far inside a line passes, its area across the line, the distance.
+
+        Seen from the line's origin, :math:`w_{ab} = d \cdot (a \times b)` says at which side the
+        line passes the edge from a to b. It leaves through the face abc where :math:`w_{ab}`,
+        :math:`w_{bc}` and :math:`w_{ca}` are positive, and these are the weights of c, a and b at
+        that point (Platis and Theoharis 2003, "Fast ray-tetrahedron intersection using Pluecker
+        coordinates", Journal of Graphics Tools 8). Neighbours come to the same result, however flat
+        they are. The first result is the least of the three, mm^2, the second twice the area.
+        """
         import drjit as dr
+        import mitsuba as mi
 
-        first = self._recovered[0]
-        offset = point - self._origin
-        result = first
-        for area, value in zip(self._areas, self._recovered[1:], strict=True):
-            result = result + (value - first) * (dr.dot(area, offset) * self._inverse)
-        return dr.select(self._solid, result, 0)
+        ahead, offset = mi.Vector3f(direction), self._local(point)
+        corners = [edge - offset for edge in (mi.Vector3f(0), *self._edges)]
+        along = [dr.dot(ahead, corner) for corner in corners]
+        nearest = dr.minimum(dr.minimum(along[0], along[1]), dr.minimum(along[2], along[3]))
+        farthest = dr.maximum(dr.maximum(along[0], along[1]), dr.maximum(along[2], along[3]))
+        # What was not entered through a face has its true orientation, and not that of its face.
+        sense = dr.select((self.entry == NO_FACE) & (self._volume < 0), -1.0, 1.0)
+        side = {}
+        for a, b in combinations(range(4), 2):
+            side[a, b] = sense * dr.dot(dr.cross(ahead, corners[a]), corners[b])
+            side[b, a] = -side[a, b]
+        inside, across, distance = [], [], []
+        for a, b, c in OPPOSITE.tolist():
+            weights = side[b, c], side[c, a], side[a, b]
+            total = weights[0] + weights[1] + weights[2]
+            reached = weights[0] * along[a] + weights[1] * along[b] + weights[2] * along[c]
+            inside.append(dr.minimum(dr.minimum(weights[0], weights[1]), weights[2]))
+            across.append(total)
+            distance.append(
+                dr.select(total != 0, dr.clip(reached / total, nearest, farthest), nearest)
+            )
+        return inside, across, distance
 
-    def _heights(self, point: Any, direction: Any) -> tuple[list[Any], list[Any], list[Any]]:
-        """For each face: area, volume under the point, and how that grows along the direction."""
-        import drjit as dr
+    def entry_distance(self, point: Any, direction: Any) -> tuple[Any, Any]:
+        """Distance from a point close by to the entry face (mm), and whether rays enter there.
 
-        inner = [dr.dot(area, point - self._origin) for area in self._areas]
-        growth = [dr.dot(area, direction) for area in self._areas]
-        areas = [self._areas[0] + self._areas[1] + self._areas[2], *self._areas]
-        sign = dr.select(self._volume < 0, -1.0, 1.0)
-        below = [self._volume - (inner[0] + inner[1] + inner[2]), *inner]
-        rising = [-(growth[0] + growth[1] + growth[2]), *growth]
-        return (
-            [dr.norm(area) for area in areas],
-            [sign * value for value in below],
-            [sign * value for value in rising],
-        )
-
-    def entry_distance(self, point: Any, direction: Any, rough: Any, tolerance: Any) -> Any:
-        """Distance to the entry face's plane (Float64, mm), and whether the ray enters there."""
-        import drjit as dr
-
-        areas, below, rising = self._heights(point, direction)
-        area, height, slope = (_chosen(values, self.entry) for values in (areas, below, rising))
-        exact = dr.select(slope != 0, -height / slope, rough)
-        reach = tolerance * dr.minimum(area / dr.abs(slope), 100)
-        # A cell turned inside out lies on the wrong side of its face, but behind it all the same.
-        enters = dr.select(self._volume < 0, slope < 0, slope > 0)
-        return dr.clip(exact, rough - reach, rough + reach), enters
+        A cell turned inside out lies on the wrong side of its face, but behind it all the same.
+        """
+        _, across, distance = self._faces_along(point, direction)
+        return _chosen(distance, self.entry), _chosen(across, self.entry) < 0
 
     def passage(self, point: Any, direction: Any) -> Passage:
         """Straight way to the face through which a ray leaves the tetrahedron.
@@ -173,29 +212,27 @@ class Cell:
         import drjit as dr
         import mitsuba as mi
 
-        areas, below, rising = self._heights(point, direction)
+        faces = zip(*self._faces_along(point, direction), strict=True)
+        margin, way = mi.Float(-dr.inf), mi.Float(0)
+        leaving = mi.UInt32(0)
+        # A ray along an edge does not leave through the faces that meet there.
+        parallel = FLAT * self._size * self._size
+        for face, (inside, across, distance) in enumerate(faces):
+            better = (self.entry != face) & (across > parallel) & (inside > margin)
+            margin = dr.select(better, inside, margin)
+            way = dr.select(better, distance, way)
+            leaving = dr.select(better, mi.UInt32(face), leaving)
         backward = (self.entry < NO_FACE) & (self._volume < 0)
-        best = mi.Float64(dr.inf)
-        leaving = mi.UInt32(NO_FACE)
-        outside = mi.Float64(0)
-        for face, (area, height, slope) in enumerate(zip(areas, below, rising, strict=True)):
-            falling = dr.select(backward, slope, -slope)
-            distance = dr.maximum(height, 0) / falling
-            nearer = (falling > 0) & (self.entry != face) & (distance < best)
-            best = dr.select(nearer, distance, best)
-            leaving = dr.select(nearer, mi.UInt32(face), leaving)
-            outside = dr.maximum(outside, dr.select(area > 0, -height / area, 0))
-        left = leaving < NO_FACE
-        lost = ~left | (outside > LOST_MM)
+        lost = (margin < -LOST_MM * self._size) | (~backward & (way < -LOST_MM))
         next_ = dr.gather(
-            mi.UInt32, self._air.neighbours, self.number * 4 + leaving, self._active & left
+            mi.UInt32, self._air.tetrahedra, self.number * 8 + 4 + leaving, self._active
         )
         ends = (next_ & BOUNDARY) != 0
         wall = dr.gather(
-            mi.UInt32, self._air.wall, next_ & ~mi.UInt32(BOUNDARY), self._active & left & ends
+            mi.UInt32, self._air.wall, next_ & ~mi.UInt32(BOUNDARY), self._active & ends
         )
         return Passage(
-            distance=dr.select(left, dr.select(backward, -best, best), 0),
+            distance=mi.Float64(dr.select(backward, dr.minimum(way, 0), dr.maximum(way, 0))),
             place=(next_ >> 2) * 8 + (next_ & 3),
             ends=ends,
             wall=wall != 0,
@@ -224,23 +261,26 @@ class TetrahedralAir:
     """
 
     def __init__(self, cells: FieldCells, recovered: bool) -> None:
+        import drjit as dr
         import mitsuba as mi
 
         tetrahedra = tetrahedra_of(cells)
         self.cells = cells
         self.ambient = cells.ambient
+        self.ambient_air = dr.opaque(mi.Float64, cells.ambient)
         self.open_step = OPEN_SHARE * abs(cells.ambient - float(cells.refractivity.min()))
-        self.corners = mi.UInt32(aligned(tetrahedra.corners.ravel()))
-        self.neighbours = mi.UInt32(aligned(tetrahedra.neighbours.ravel()))
-        self.points = mi.Float(aligned(cells.points.ravel()))
-        self.refractivity = mi.Float64(aligned(cells.refractivity))
+        # Four corners and the four neighbours behind the faces opposite to them.
+        rows = np.concatenate((tetrahedra.corners, tetrahedra.neighbours), axis=1)
+        self.tetrahedra = mi.UInt32(aligned(rows.ravel()))
         gradient = consistent_gradient(
             cells.points,
             tetrahedra.corners,
             cells.refractivity,
             point_gradient(cells, cells.refractivity),
         )
-        self.gradient = mi.Float(aligned(gradient.astype(np.float32).ravel()))
+        excess = cells.refractivity - cells.ambient
+        places = np.column_stack((cells.points, excess, gradient, np.zeros(len(excess))))
+        self.points = mi.Float(aligned(places.astype(np.float32).ravel()))
         self.recovered = recovered
         wall = cells.wall[tetrahedra.boundary].all(axis=1)
         self.wall = mi.UInt32(aligned(wall.astype(np.uint32)))

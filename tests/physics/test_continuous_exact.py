@@ -7,13 +7,17 @@ compared with SciPy's DOP853 at a tolerance of 1e-12, which shares no code with 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.integrate import solve_ivp
 
 from iriftrace.scenes.analytic import WALL_K
 from validation.inputs.hot_air import REFRACTIVITY, cylinder_ends, slab_ends
+from validation.inputs.small_scenes import part
+from validation.inputs.smooth_medium import SmoothMedium, follow
 from validation.line import beyond
 from validation.oracles.closed_forms import SLAB_SHIFT_UM
 from validation.oracles.media import (
@@ -27,6 +31,7 @@ from validation.oracles.media import (
 from validation.sections.exact_continuous import CELLS_BOUND, FORMULA_BOUND, SECTION
 
 AMBIENT_K = 293.15
+SLOPE_PER_MM = 1e-3
 LAUNCHES = launches()
 
 pytestmark = pytest.mark.usefixtures("variant")
@@ -70,6 +75,35 @@ def test_linear_medium_bends_rays_to_parabolas(steps: int) -> None:
     found = walk(ray.medium, ray.start, ray.velocity, ray.time, steps)
     np.testing.assert_allclose(found.end, ray.end, atol=1e-9)
     assert found.velocity_error < 1e-15
+
+
+def linear_in_z(point: Any) -> tuple[Any, Any]:
+    """n = 1 + k z."""
+    import mitsuba as mi
+
+    return SLOPE_PER_MM * point.z, mi.Vector3d(0, 0, SLOPE_PER_MM)
+
+
+def catenary(x: Any) -> Any:
+    """Height of the ray that starts along x: z'' = k (1 + k z), x = t (r'' = n grad n)."""
+    return (np.cosh(SLOPE_PER_MM * x) - 1) / SLOPE_PER_MM
+
+
+@pytest.mark.parametrize("step", [0.5, 5.0])
+def test_part_beside_the_straight_line_is_hit_on_the_curve(tmp_path: Path, step: float) -> None:
+    """A ball of 0.6 mm that the ray's first straight line misses by 5 mm, on to a wall."""
+    ball = trimesh.creation.icosphere(4, 0.3)
+    ball.apply_translation((100, 0, catenary(100.0)))
+    wall = trimesh.creation.box(bounds=((200, -50, -50), (201, 50, 50)))
+    both = trimesh.util.concatenate([ball, wall])
+    origins, directions = np.zeros((1, 3)), np.array([(1.0, 0.0, 0.0)])
+    medium = SmoothMedium(linear_in_z, step)
+    ends, straight = follow(part(tmp_path, both), medium, origins, directions)
+    np.testing.assert_allclose(straight, [(200, 0, 0)], atol=1e-9)
+    assert ends.outcome == [1]
+    x, y, z = ends.point[0]
+    np.testing.assert_allclose((y, z), (0, catenary(x)), atol=1e-7)
+    assert x == pytest.approx(100 - 0.3 * np.cos(0.1), abs=1e-3)
 
 
 def reference(ray: Launch, velocity: np.ndarray, time: float) -> np.ndarray:

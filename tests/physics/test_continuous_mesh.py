@@ -168,8 +168,8 @@ def exits(ends: Ends) -> np.ndarray:
 
 def test_inverted_cells_are_there_and_lose_no_ray(tmp_path: Path) -> None:
     air = air_of(jittered(1.6), linear)
-    corners = np.array(air.corners).reshape(-1, 4)
-    points = np.array(air.points).reshape(-1, 3).astype(float)[corners]
+    corners = np.array(air.tetrahedra).reshape(-1, 8)[:, :4]
+    points = np.array(air.points).reshape(-1, 8)[:, :3].astype(float)[corners]
     volume = np.linalg.det(points[:, 1:] - points[:, :1])
     assert (volume < 0).mean() > 0.02
     ends, _ = follow(plate(tmp_path, -100.0), air, *downward(20_000, 0.4))

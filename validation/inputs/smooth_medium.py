@@ -57,17 +57,16 @@ class SmoothPiece:
     def refractivity(self, point: Any) -> Any:
         return self.medium.field(point)[0]
 
-    def gradient(self, point: Any, heading: Any) -> Any:
-        return self.medium.field(point)[1]
+    def acceleration(self, point: Any, heading: Any) -> Any:
+        refractivity, gradient = self.medium.field(point)
+        return gradient * (1 + refractivity)
 
     def gradient_error(self, point: Any, heading: Any) -> Any:
         import mitsuba as mi
 
         return mi.Vector3d(0)
 
-    def entry_distance(
-        self, point: Any, direction: Any, rough: Any, tolerance: Any
-    ) -> tuple[Any, Any]:
+    def entry_distance(self, point: Any, direction: Any) -> tuple[Any, Any]:
         import mitsuba as mi
 
         return mi.Float64(0), mi.Bool(True)

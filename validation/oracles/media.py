@@ -160,13 +160,11 @@ def walk(medium: Medium, start: FloatArray, velocity: FloatArray, time: float, s
     point, heading = mi.Point3d(*map(float, start)), mi.Vector3d(*map(float, velocity))
     velocity_error, drift = mi.Float64(0), mi.Float64(0)
     for _ in range(steps):
-        point, heading, more = nystrom_step(
-            point, heading, acceleration, mi.Float64(float(time / steps))
-        )
-        point = mi.Point3d(point)
+        step = nystrom_step(point, heading, acceleration, mi.Float64(float(time / steps)))
+        point, heading = mi.Point3d(step.point), step.velocity
         square = medium(point.x, point.y, point.z)[0]
         drift = dr.maximum(drift, dr.abs(dr.norm(heading) / dr.sqrt(square) - 1))
-        velocity_error += more
+        velocity_error += dr.norm(step.velocity_error)
         dr.eval(point, heading, velocity_error, drift)
     return Walk(
         np.array(point)[:, 0], np.array(heading)[:, 0], float(velocity_error[0]), float(drift[0])
