@@ -156,7 +156,7 @@ def correct(
     Parameters
     ----------
     cloud
-        Measured points: .ply, .stl, .obj, .vtp, .xyz, .asc, .txt, .csv or .pts.
+        Measured points: .ply, .stl, .obj, .vtp, .e57, .xyz, .asc, .txt, .csv or .pts.
     scene
         The scene's XML file.
     output

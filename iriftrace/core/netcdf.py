@@ -5,15 +5,12 @@ HDF5 trusts what a file says of itself: a damaged one can keep it busy for ever 
 
 from __future__ import annotations
 
-import os
-import resource
-import signal
-import subprocess
 import sys
 from functools import cache
 from math import prod
 from pathlib import Path
 
+from iriftrace.core.child import ChildError, output_of, run_limited
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import MOST_PACKED
 
@@ -49,20 +46,15 @@ def check_netcdf(path: Path) -> None:
 @cache
 def _fault(path: Path, size: int, _changed_ns: int) -> str:
     """What the child says of a file in this state; "" where all of it can be read."""
-    done = subprocess.run(
-        [sys.executable, "-m", "iriftrace.core.netcdf", str(path), str(size)],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        check=False,
-    )
-    if done.returncode < 0:
-        return f"reading it ends with {signal.Signals(-done.returncode).name}"
-    lines = done.stderr.decode(errors="replace").split("\n")
-    return "" if done.returncode == 0 else next(filter(None, reversed(lines)), "it is unreadable")
+    try:
+        output_of("iriftrace.core.netcdf", str(path), str(size))
+    except ChildError as error:
+        return str(error)
+    return ""
 
 
-def _read_through(path: str, size: int) -> None:
-    """Read all attributes and variables, by and by."""
+def _read_through(path: str, size: int) -> bytes:
+    """Read all attributes and variables, by and by; there is nothing to hand over."""
     import h5netcdf
 
     with h5netcdf.File(path, "r") as file:
@@ -76,20 +68,11 @@ def _read_through(path: str, size: int) -> None:
                 variable[...]
             for start in range(0, variable.shape[0] if variable.shape else 0, _ROWS):
                 variable[start : start + _ROWS]
+    return b""
 
 
 if __name__ == "__main__":
     _size = int(sys.argv[2])
-    for _kind, _limit in (
-        (resource.RLIMIT_AS, _MEMORY),
-        (resource.RLIMIT_CPU, _SECONDS + _size // _BYTES_A_SECOND),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        resource.setrlimit(_kind, (_limit, _limit))
-    try:
-        _read_through(sys.argv[1], _size)
-    except Exception as _error:  # HDF5 and its two layers of Python let any through
-        sys.stderr.write(" ".join(str(_error).split()))
-        os._exit(1)
-    # Closing what is damaged can hang, too.
-    os._exit(0)
+    run_limited(
+        lambda: _read_through(sys.argv[1], _size), _MEMORY, _SECONDS + _size // _BYTES_A_SECOND
+    )

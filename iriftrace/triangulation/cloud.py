@@ -21,7 +21,7 @@ from iriftrace.geometry.ply import write_ply_points
 
 TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
 MESHES = (".ply", ".stl", ".obj")
-"""Endings that `read_cloud` knows, beside .vtp."""
+"""Endings that `read_cloud` knows, beside .vtp and .e57."""
 
 WRITTEN = (".vtp", ".ply")
 """Endings of clouds that `save_cloud` writes."""
@@ -39,9 +39,9 @@ def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
     Parameters
     ----------
     path : path
-        .ply, .stl, .obj, .vtp, .xyz, .asc, .txt, .csv or .pts.
+        .ply, .stl, .obj, .vtp, .e57, .xyz, .asc, .txt, .csv or .pts.
     length_unit : str
-        Unit of the file.
+        Unit of the file; E57 files are in metres whatever it says.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
         raise InputError(f"{file} holds no points; export the cloud again.")
     if not np.isfinite(points).all():
         raise InputError(f"{file} has points that are not finite; leave them out.")
-    points *= length_factor(length_unit)
+    points *= 1.0 if file.suffix.lower() == ".e57" else length_factor(length_unit)
     # Beside what single precision leaves of a rounded number.
     allowed = 1e-9 + np.minimum(np.finfo(np.float32).eps * np.abs(points), 1e-4)
     if (np.abs(points - points.round(COARSE_DECIMALS)) <= allowed).all():
@@ -177,10 +177,13 @@ def _points(file: Path) -> FloatArray:
         from iriftrace.field.readers.vtk_process import read_file
 
         return np.asarray(read_file(file).points, dtype=np.float64)
+    if kind == ".e57":
+        from iriftrace.triangulation.e57 import read_e57
+
+        return read_e57(file)
     if kind not in MESHES:
-        raise InputError(
-            f"{file} is no cloud that can be read; give {', '.join((*MESHES, '.vtp', *TEXT))}."
-        )
+        known = ", ".join((*MESHES, ".vtp", ".e57", *TEXT))
+        raise InputError(f"{file} is no cloud that can be read; give {known}.")
     import trimesh
 
     try:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import socket
 import sys
 from collections.abc import Callable
@@ -23,6 +22,8 @@ from vtkmodules import vtkCommonDataModel as model
 from vtkmodules import vtkIOXML
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringArray, vtkStringOutputWindow
+
+from iriftrace.core.child import limit_process
 
 _XML = {
     ".vtu": "vtkXMLUnstructuredGridReader",
@@ -228,17 +229,6 @@ def _answer(request: Request, out: BinaryIO) -> None:
         out.write(array.data if array.size else b"")
 
 
-def _limit(request: Request) -> None:
-    for kind, limit in (
-        (resource.RLIMIT_AS, request["memory"]),
-        (resource.RLIMIT_CPU, request["seconds"]),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        _, most = resource.getrlimit(kind)
-        limit = limit if most == resource.RLIM_INFINITY else min(limit, most)
-        resource.setrlimit(kind, (limit, limit))
-
-
 def serve(channel: socket.socket) -> None:
     """Fork for each request, and say how its process ended."""
     while True:
@@ -249,7 +239,7 @@ def serve(channel: socket.socket) -> None:
         if child == 0:
             try:
                 request = json.loads(line)
-                _limit(request)
+                limit_process(request["memory"], request["seconds"])
                 with open(descriptors[0], "wb") as out:
                     _answer(request, out)
                 # Without the clean-up of an interpreter that shares its parent's state.
