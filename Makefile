@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-all lint docs bench accuracy statements attack clean llvm openfoam
+.PHONY: help demo test test-all lint docs bench bench-gpu bench-scaling accuracy statements attack clean llvm openfoam
 .DEFAULT_GOAL := help
 
 help:
@@ -16,6 +16,8 @@ help:
 	@echo 'make lint    check format, style, the direction of imports and types'
 	@echo 'make docs    build the site into docs/_build/html; executes the gallery'
 	@echo 'make bench   print the speed ratios'
+	@echo 'make bench-gpu  print the times of poses on a CUDA device, as a table to send in'
+	@echo 'make bench-scaling  draw the time over rays, triangles and cells: docs/scaling.png'
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
 	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and mend it where needed'
 	@echo 'make statements  compute docs/parts.md anew: what the paper says of its components'
@@ -52,6 +54,12 @@ docs: $(VENV)/installed-dev $(VENV)/drawing llvm
 
 bench: $(VENV)/installed llvm
 	$(BIN)/python -m bench
+
+bench-gpu: $(VENV)/installed llvm
+	$(BIN)/python -m bench.gpu
+
+bench-scaling: $(VENV)/installed $(VENV)/drawing llvm
+	$(BIN)/python -m bench.scaling
 
 accuracy: $(VENV)/installed-dev llvm
 	$(BIN)/python -m validation $(PARTS)
