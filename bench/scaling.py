@@ -13,6 +13,7 @@ from statistics import median
 import numpy as np
 from attrs import frozen
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from rich.console import Console
 from rich.table import Table
 
@@ -71,7 +72,7 @@ def measured(folder: Path) -> list[Cost]:
 
 
 def figure(costs: list[Cost]) -> Figure:
-    """Nanoseconds a ray over rays and over cells."""
+    """Microseconds a ray over rays and over cells."""
     drawn = Figure(figsize=(7.2, 2.8), layout="constrained")
     over_rays, over_cells = drawn.subplots(1, 2, sharey=True)
     for engine, colour in zip(("shells", "continuous"), COLOURS, strict=False):
@@ -81,11 +82,14 @@ def figure(costs: list[Cost]) -> Figure:
             (over_cells, [c for c in own if c in quarter(own)], "cells"),
         ):
             x = [getattr(cost, name) for cost in rows]
-            y = [1e9 * cost.seconds / cost.rays for cost in rows]
-            axes.loglog(x, y, "o-", color=colour, label=engine)
+            y = [1e6 * cost.seconds / cost.rays for cost in rows]
+            axes.semilogx(x, y, "o-", color=colour, label=engine)
             axes.set_xlabel(name)
+            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.grid(alpha=0.3)
-    over_rays.set_ylabel("refracted trace, ns a ray")
+    over_cells.set_xlim(5e4, 2e6)
+    over_rays.set_ylim(0, None)
+    over_rays.set_ylabel("refracted trace, µs a ray")
     over_rays.legend(frameon=False)
     return drawn
 
