@@ -23,7 +23,8 @@ def output_of(module: str, *arguments: str) -> bytes:
         It failed, was ended by its limits or broke down.
     """
     done = subprocess.run(
-        [sys.executable, "-m", module, *arguments],
+        # -P: nothing of the working folder is taken for a module.
+        [sys.executable, "-P", "-m", module, *arguments],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         check=False,

@@ -193,7 +193,7 @@ def _last_words(code: str) -> str:
     """Run `code` in another process and return the last line of its failure, "" if it succeeded."""
     try:
         done = subprocess.run(
-            [sys.executable, "-c", code],
+            [sys.executable, "-P", "-c", code],
             capture_output=True,
             text=True,
             errors="replace",

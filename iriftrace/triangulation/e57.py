@@ -48,13 +48,18 @@ def read_e57(path: Path) -> FloatArray:
 def _points(path: str) -> bytes:
     import pye57
 
-    file = pye57.E57(path)
-    if file.scan_count != 1:
+    try:
+        file = pye57.E57(path)
+        scans = file.scan_count
+        scan = file.read_scan(0, ignore_missing_fields=True) if scans == 1 else {}
+    except pye57.libe57.E57Exception as error:
+        # Where in its own source the library noticed comes after four asterisks.
+        raise ValueError(str(error).partition("****")[0].strip()) from error
+    if scans != 1:
         raise ValueError(
-            f"it holds {file.scan_count} scans, and the air is another for each sensor's position: "
+            f"it holds {scans} scans, and the air is another for each sensor's position: "
             "give each scan as a file of its own"
         )
-    scan = file.read_scan(0, ignore_missing_fields=True)
     rows = np.stack([scan[f"cartesian{axis}"] for axis in "XYZ"], axis=1)
     return rows.astype(np.float64).tobytes()
 

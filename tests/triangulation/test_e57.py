@@ -62,6 +62,8 @@ def test_damaged_files_are_one_sentence_and_harm_no_one(tmp_path: Path) -> None:
             answers.append(str(error))
     refused = [answer for answer in answers if answer.endswith("; export the cloud again.")]
     assert len(refused) >= 4
+    assert max(map(len, refused)) < 300
+    assert "****" not in "".join(refused)
     assert set(answers) - set(refused) <= {str(POINTS.shape)}
 
 

@@ -160,7 +160,8 @@ class _Child:
             self._channel, theirs = socket.socketpair()
             with theirs:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-m", _CHILD, str(theirs.fileno())],
+                    # -P: nothing of the working folder is taken for a module.
+                    [sys.executable, "-P", "-m", _CHILD, str(theirs.fileno())],
                     pass_fds=[theirs.fileno()],
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
