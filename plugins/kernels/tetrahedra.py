@@ -166,8 +166,8 @@ class Cell:
         :math:`w_{bc}` and :math:`w_{ca}` are positive, and these are the weights of c, a and b at
         that point (Platis and Theoharis 2003, "Fast ray-tetrahedron intersection using Pluecker
         coordinates", Journal of Graphics Tools 8). Neighbours come to the same result to rounding,
-        however flat they are. The first result is the least of the three, mm^2, the second twice the
-        area.
+        however flat they are. The first result is the least of the three, mm^2, the second twice
+        the area.
         """
         import drjit as dr
         import mitsuba as mi
