@@ -6,6 +6,7 @@ from .field.read import read_field as read_field
 from .figures.pose import displacement_figure as displacement_figure
 from .figures.result import plot as plot
 from .figures.style import write_figure as write_figure
+from .figures.window import view as view
 from .image.aov_image import AovImage as AovImage
 from .image.aov_image import read_exr as read_exr
 from .image.comparison import compare as compare

@@ -1,4 +1,4 @@
-"""The commands ``iriftrace plot`` and ``iriftrace report``: figures of results."""
+"""The commands ``iriftrace plot``, ``view`` and ``report``: pictures of results."""
 
 from __future__ import annotations
 
@@ -77,6 +77,32 @@ def plot(
             pictures = plots.save(output)
     _print_missing(plots.missing)
     say(f"Pictures in {output}: {', '.join(path.name for path in pictures)}")
+
+
+def view(file: Path, *, picture: Path | None = None) -> None:
+    """Show a scene, a result, a field or a part in a window, to be turned with the mouse.
+
+    Example: ``iriftrace view scene.xml``
+
+    Parameters
+    ----------
+    file
+        A scene (.xml) with part, shells cut open and devices; a pose (.exr) with its hits, coloured
+        by displacement; a sweep (.nc) with its cameras, coloured by score; a cloud (.vtp) that
+        ``measure``, ``correct`` or ``render --surface`` wrote, coloured by the error; a field (.vtu
+        ...), cut open; a part (.ply .stl .obj .glb) with its regions.
+    picture
+        Draw without a window into this PNG.
+    """
+    from iriftrace.figures.window import view as show
+
+    if picture is not None:
+        check_output(picture, ".png", "view.png", make=False)
+    with working("Reading"):
+        check_input(file)
+    show(file, picture)
+    if picture is not None:
+        say(f"Picture: {picture}")
 
 
 def report(

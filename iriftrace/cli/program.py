@@ -138,6 +138,7 @@ for _name, _module in {
     "sweep": "sweep",
     "plan": "plan",
     "plot": "plot",
+    "view": "plot",
     "report": "plot",
     "measure": "measure",
     "correct": "measure",

@@ -11,3 +11,4 @@ from .sweep import sweep_charts as sweep_charts
 from .sweep import sweep_pictures as sweep_pictures
 from .sweep_space import sweep_face_figure as sweep_face_figure
 from .sweep_space import sweep_scene_figure as sweep_scene_figure
+from .window import view as view

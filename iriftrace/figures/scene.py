@@ -36,9 +36,9 @@ _PICTURE_PX = (1390, 1080)
 
 _MOST_SHELLS = 20
 _CAMERA_COLOUR = "#3a3f47"
-_SIGHT_COLOUR = "#0f6b8f"
-_SECOND_COLOUR = "#a8541b"
-_COLOUR_MAP = "plasma"
+SIGHT_COLOUR = "#0f6b8f"
+SECOND_COLOUR = "#a8541b"
+COLOUR_MAP = "plasma"
 # What is seen through all shells together.
 _TRANSMITTANCE = 0.2
 
@@ -98,15 +98,15 @@ def scene_figure(
         add_part(plotter, part)
         for one in bodies:
             plotter.add_mesh(one, color=_CAMERA_COLOUR, ambient=0.3)
-        drawn_lines = [(points, _SIGHT_COLOUR) for _, points in sight]
-        for points, colour in (*drawn_lines, *((points, _SECOND_COLOUR) for points in edges)):
+        drawn_lines = [(points, SIGHT_COLOUR) for _, points in sight]
+        for points, colour in (*drawn_lines, *((points, SECOND_COLOUR) for points in edges)):
             lines = pv.lines_from_points(points)
             plotter.add_mesh(lines, color=colour, line_width=3, lighting=False)
-        colours = colormaps[_COLOUR_MAP](norm(celsius_of(shells)))
-        opacity = 1.0 - _TRANSMITTANCE ** (1.0 / len(drawn))
+        colours = colormaps[COLOUR_MAP](norm(celsius_of(shells)))
+        opacity = shell_opacity(len(drawn))
         for number in drawn:
             shell = shells.shells[number]
-            _add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
+            add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
 
     devices = " and camera" if second is None else f", camera and {second_name}"
     figure = titled_figure(*_titles(shells, len(drawn), camera, devices))
@@ -115,9 +115,9 @@ def scene_figure(
         _name(axes, view.pixels(points), text, place)
     for one in bodies[1:]:
         name = second_name.capitalize()
-        _name(axes, view.pixels(one.points), name, "above", _SECOND_COLOUR)
+        _name(axes, view.pixels(one.points), name, "above", SECOND_COLOUR)
     bar = figure.colorbar(
-        ScalarMappable(norm, _COLOUR_MAP),
+        ScalarMappable(norm, COLOUR_MAP),
         cax=figure.add_axes((0.885, 0.22, 0.022, 0.56)),
         label="Air temperature at the shells (°C)",
     )
@@ -217,7 +217,12 @@ def drawn_shells(shells: tuple[Shell, ...]) -> list[int]:
     return [int(number) for number in np.rint(np.linspace(0, len(shells) - 1, count))]
 
 
-def _add_shell(
+def shell_opacity(count: int) -> float:
+    """Opacity of each of so many shells, through all of which the part is still seen."""
+    return float(1.0 - _TRANSMITTANCE ** (1.0 / count))
+
+
+def add_shell(
     plotter: pv.Plotter,
     shell: Shell,
     colour: FloatArray,
@@ -258,7 +263,7 @@ def _names(
 
 
 def _name(
-    axes: Axes, positions: FloatArray, text: str, place: str, colour: str = _SIGHT_COLOUR
+    axes: Axes, positions: FloatArray, text: str, place: str, colour: str = SIGHT_COLOUR
 ) -> None:
     """Write a name above, below or right of the positions (px)."""
     column, row = positions.T

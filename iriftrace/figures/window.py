@@ -1,0 +1,272 @@
+"""A window in which scenes, results, fields and parts are turned with the mouse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from matplotlib import colormaps
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError, SetupError
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.figures.scene import (
+    COLOUR_MAP,
+    SECOND_COLOUR,
+    SIGHT_COLOUR,
+    add_shell,
+    camera_body,
+    celsius_of,
+    drawn_shells,
+    shell_opacity,
+    sight_lines,
+    temperature_norm,
+)
+from iriftrace.figures.space import SIZE_PX, add_part, off_screen, thinned, view_direction
+from iriftrace.geometry.triangles import polydata
+from iriftrace.part.part import Part
+
+Draw = Callable[[pv.Plotter], None]
+
+CLOUD_COLUMNS = {
+    "error_normal": "error along the normal (um)",
+    "displacement": "displacement (um)",
+    "correction": "correction (um)",
+}
+"""Columns of clouds, mm, by which points are coloured, and what they are called."""
+
+_MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
+_WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
+_POINTS: dict[str, Any] = {"render_points_as_spheres": True, "point_size": 5.0}
+
+
+def view(path: str | Path, picture: str | Path | None = None) -> None:
+    """Show a file in space, in a window that stays open until it is closed.
+
+    Scenes (.xml) with part, shells cut open and devices; poses (.exr) with their hits, coloured by
+    displacement; sweeps (.nc) with their cameras, coloured by score; clouds (.vtp) of `measure`,
+    `correct` and ``render --surface``, coloured by the error; fields (.vtu and what else
+    `iriftrace.read_field` reads), cut open; parts (.ply .stl .obj .glb) with their regions.
+
+    Parameters
+    ----------
+    path
+    picture
+        Draw without a window into this .png.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is none of these.
+    SetupError
+        There is no display for a window, or without one no OpenGL.
+    """
+    if picture is not None:
+        draw = _drawing(Path(path))
+        with off_screen(SIZE_PX) as plotter:
+            _set_up(plotter, draw)
+            plotter.screenshot(str(picture))
+        return
+    window = _window(f"iriftrace: {path}")
+    _set_up(window, _drawing(Path(path)))
+    # Nested transparent shells are seen from all sides here.
+    window.enable_depth_peeling()
+    window.show()
+
+
+def _window(title: str) -> Any:
+    with pv.vtk_verbosity("off"):
+        plotter = pv.Plotter(title=title, theme=pv.themes.DocumentTheme())
+    # VTK draws into memory where there is no display.
+    window: Any = plotter.render_window
+    if any(window.IsA(name) for name in _WITHOUT_DISPLAY):
+        plotter.close()
+        raise SetupError(
+            "There is no display on which a window could open; draw into a file instead "
+            "(--picture view.png), or work at a desktop."
+        )
+    return plotter
+
+
+def _set_up(plotter: Any, draw: Draw) -> None:
+    plotter.view_isometric()
+    draw(plotter)
+    plotter.show_grid(xtitle="x (mm)", ytitle="y (mm)", ztitle="z (mm)", color="#666666")
+    plotter.add_axes()
+    plotter.reset_camera()
+
+
+def _drawing(path: Path) -> Draw:
+    """What draws a file, once all of it has been read."""
+    suffix = path.suffix.lower()
+    known = {".xml": _scene, ".exr": _pose, ".nc": _sweep, ".vtp": _cloud}
+    if suffix in known:
+        return known[suffix](path)
+    if suffix in _MESHES:
+        return _part(path)
+    return _field(path)
+
+
+def _scene(path: Path) -> Draw:
+    from iriftrace.scene.file import read_scene_file
+    from iriftrace.scene.load import load_scene
+    from iriftrace.shells.files import load_shells
+
+    scene = load_scene(path)
+    first = scene if scene.ensemble is None else next(iter(scene.ensemble.scenes()))
+    files = read_scene_file(first.path, first.variables).shell_paths
+    shells = load_shells(files[0].parent) if files else None
+
+    def draw(plotter: pv.Plotter) -> None:
+        add_part(plotter, scene.part)
+        add_device(plotter, scene.camera, scene.part, SIGHT_COLOUR)
+        if scene.second is not None:
+            add_device(plotter, scene.second, scene.part, SECOND_COLOUR)
+        if shells is None:
+            return
+        celsius, drawn = celsius_of(shells), drawn_shells(shells.shells)
+        norm = temperature_norm(shells)
+        towards, side = view_direction(scene.camera.forward, -scene.camera.matrix[:3, 1])
+        plotter.view_vector(towards.tolist(), viewup=(0.0, 0.0, 1.0))
+        for number in drawn:
+            shell, colour = shells.shells[number], colormaps[COLOUR_MAP](norm(celsius[number]))
+            add_shell(
+                plotter, shell, colour[:3], shell_opacity(len(drawn)), scene.part.centre, side
+            )
+        plotter.add_text(
+            f"{len(shells.shells)} shells, air of {celsius[0]:.0f} to {celsius[-1]:.0f} degC",
+            font_size=10,
+        )
+
+    return draw
+
+
+def _pose(path: Path) -> Draw:
+    from iriftrace.image.aov_image import read_exr
+    from iriftrace.image.displacement import good_mask
+
+    image = read_exr(path)
+    part, good = image.part, good_mask(image)
+    if not good.any():
+        raise InputError(f"{path} has no good ray, so there is nothing to show.")
+    hits = pv.PolyData(image.vector("straight", good).astype(np.float64))
+    moved = 1e3 * image.channels["displacement.norm"][good].astype(np.float64)
+
+    def draw(plotter: pv.Plotter) -> None:
+        add_part(plotter, part)
+        _add_points(plotter, hits, moved, CLOUD_COLUMNS["displacement"])
+        add_device(plotter, image.camera, part, SIGHT_COLOUR)
+
+    return draw
+
+
+def _sweep(path: Path) -> Draw:
+    from iriftrace.planning.summary import summarise
+    from iriftrace.studies.study import is_study
+    from iriftrace.sweep.reload import surroundings_of
+    from iriftrace.sweep.store import read_sweep
+
+    if is_study(path):
+        raise InputError(f"{path} is a study, which has nothing in space; draw it: iriftrace plot.")
+    dataset = read_sweep(path)
+    summary = summarise(dataset)
+    around = surroundings_of(dataset)
+    length = 0.05 * float(summary.distance.max())
+
+    def draw(plotter: pv.Plotter) -> None:
+        if around.part is not None:
+            add_part(plotter, around.part)
+        if around.shell is not None:
+            air = thinned(polydata(*around.shell))
+            plotter.add_mesh(air, color="#7fb0d6", opacity=0.2, smooth_shading=True)
+        cones = pv.PolyData(summary.origins)
+        cones["aim"] = summary.matrices[:, :3, 2]
+        cones[summary.score.title] = summary.score.values
+        shape = pv.Cone(center=(0.5 * length, 0.0, 0.0), height=length, radius=0.4 * length)
+        shape.rotate_y(180.0, point=shape.center, inplace=True)
+        poses = cones.glyph(orient="aim", scale=False, geom=shape)
+        plotter.add_mesh(poses, scalars=summary.score.title, cmap="viridis_r", nan_color="#b3b3b3")
+        best = summary.plan.best
+        ends = summary.origins[best], summary.targets[best]
+        plotter.add_mesh(pv.Line(*ends), color=SIGHT_COLOUR, line_width=4)
+        plotter.add_text(f"line of sight of pose {best}, the best by score", font_size=10)
+
+    return draw
+
+
+def _cloud(path: Path) -> Draw:
+    from iriftrace.field.readers.vtk_process import read_file
+
+    if not path.is_file():
+        raise InputError(f"there is no file {path}; give an existing one.")
+    cloud = pv.wrap(read_file(path))
+    name = next((name for name in CLOUD_COLUMNS if name in cloud.point_data), None)
+    parts = [f"correction_{axis}" for axis in "xyz"]
+    if name is not None:
+        values = np.asarray(cloud.point_data[name], dtype=np.float64)
+    elif all(part in cloud.point_data for part in parts):
+        name, values = "correction", np.stack([cloud.point_data[part] for part in parts], axis=1)
+    else:
+        raise InputError(
+            f"{path} has no column {', '.join(CLOUD_COLUMNS)}; give a cloud of iriftrace measure, "
+            "correct or render --surface."
+        )
+    values = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1))
+    points = pv.PolyData(np.asarray(cloud.points, dtype=np.float64))
+    title = CLOUD_COLUMNS[name]
+
+    def draw(plotter: pv.Plotter) -> None:
+        _add_points(plotter, points, values, title)
+
+    return draw
+
+
+def _field(path: Path) -> Draw:
+    from iriftrace.field.read import read_field
+
+    field = read_field(path)
+    grid, title = field.grid, "air (degC)"
+    grid.point_data[title] = field.temperature_k - ZERO_CELSIUS_K
+    half = grid.clip(normal="y", origin=grid.center)
+
+    def draw(plotter: pv.Plotter) -> None:
+        plotter.add_mesh(half, scalars=title, cmap=colormaps[COLOUR_MAP])
+        plotter.add_mesh(grid.outline(), color="#666666")
+
+    return draw
+
+
+def _part(path: Path) -> Draw:
+    from iriftrace.part.part import read_part
+
+    part = read_part(path)
+    surface = polydata(part.vertices, part.faces)
+    surface.cell_data["region"] = np.array(part.region_names)[part.region_of_face]
+
+    def draw(plotter: pv.Plotter) -> None:
+        plotter.add_mesh(surface, scalars="region", cmap="tab20")
+
+    return draw
+
+
+def add_device(plotter: pv.Plotter, camera: Camera, part: Part, colour: str) -> None:
+    """Add a camera or projector, the edges of its view and the outlines of its focus interval."""
+    size = 0.09 * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
+    plotter.add_mesh(camera_body(camera, size), color=colour, ambient=0.3)
+    for _, points in sight_lines(camera, part):
+        plotter.add_mesh(pv.lines_from_points(points), color=colour, line_width=2, lighting=False)
+
+
+def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title: str) -> None:
+    """Add points in colours up to the 99th percentile, about 0 where they have signs."""
+    points.point_data[title] = um
+    most = float(np.nanpercentile(np.abs(um), 99)) or 1.0
+    signed = bool((um < 0).any())
+    limits, colours = ((-most, most), "RdBu") if signed else ((0.0, most), "viridis")
+    plotter.add_mesh(
+        points, scalars=title, clim=limits, cmap=colormaps[colours], lighting=False, **_POINTS
+    )
