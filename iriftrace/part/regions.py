@@ -17,6 +17,8 @@ SMALLEST_SHARE = 0.01
 REST = "rest"
 """Name of the region that holds all smaller patches."""
 
+# Single precision rounds areas in the seventh digit.
+_SHARE_DIGITS = 5
 # Length of the mean unit normal: 1 for a plane, smaller the more the patch curves. This limit
 # corresponds to normals that spread by 2 degrees.
 _PLANAR = np.cos(np.radians(2.0))
@@ -92,7 +94,8 @@ def name_regions(
     area = np.bincount(groups, areas, minlength=count)
     sums = [np.bincount(groups, areas * component, minlength=count) for component in normals.T]
     mean = np.column_stack(sums) / np.maximum(area, np.finfo(float).tiny)[:, None]
-    by_size = np.argsort(-area, kind="stable")
+    # Equal holes are numbered in the order of the faces, however their corners were rounded.
+    by_size = np.argsort(-np.round(area / area.sum(), _SHARE_DIGITS), kind="stable")
     # A surface in small components (a noisy scan) still has one region: all of it.
     large = by_size[area[by_size] >= SMALLEST_SHARE * area.sum()]
     region_of_group = np.full(count, len(large), dtype=np.int64)

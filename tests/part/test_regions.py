@@ -175,3 +175,17 @@ def test_weld_ignores_the_sign_of_zero_and_sees_float32() -> None:
     assert numbers[0] == numbers[1]
     assert numbers[3] != numbers[0]
     assert weld(np.array([[1.0, 0, 0], [1.0 + 1e-9, 0, 0]])).tolist() == [0, 0]
+
+
+def test_equal_holes_have_the_same_numbers_in_millimetres_and_metres() -> None:
+    """Six tubes of one size: their bores differ in area by the rounding of the file alone."""
+    turns = np.radians(60.0 * np.arange(6))
+    places = 43.0 * np.stack((np.cos(turns), np.sin(turns)), axis=1)
+    mesh = trimesh.util.concatenate([tube(9.0, 7.0, (float(x), float(y))) for x, y in places])
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    in_mm = trimesh.Trimesh(vertices.astype(np.float32), faces, process=False)
+    in_m = trimesh.Trimesh(1e3 * (vertices / 1e3).astype(np.float32), faces, process=False)
+    one, other = regions_of(in_mm), regions_of(in_m)
+    assert sum(name.startswith("hole") for name in one.names) == 6
+    assert other.names == one.names
+    np.testing.assert_array_equal(other.of_face, one.of_face)
