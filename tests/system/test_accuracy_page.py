@@ -63,6 +63,17 @@ def test_errors_are_within_their_bounds_and_figures_are_those_in_docs(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("variant")
+def test_a_correction_is_wrong_by_what_the_field_is(tmp_path: Path) -> None:
+    """In its own air nothing is left; a contrast that is off by 5 % leaves 5 % of the error."""
+    (section,) = (section for section in SECTIONS if section.name == "other-air")
+    lines = section.compute(tmp_path)
+    assert beyond(lines) == []
+    kept = [case for case, _, _ in rows_in_docs(section)]
+    assert [line.case for line in lines] == kept
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("variant")
 def test_no_ray_is_lost_where_shells_cut_the_part_or_end_open() -> None:
     """With 40 shells and gradient normals; status 5 counts the rays whose steps do not add up."""
     shells, status_5, opened = [], [], []
