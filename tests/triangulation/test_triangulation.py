@@ -15,11 +15,13 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.scan import Scan, ScanStatus, measure
 from validation.inputs.scene_rays import loaded
+from validation.inputs.shell_fields import AMBIENT, field_of
 from validation.line import beyond
 from validation.oracles.closed_forms import (
     RoundAir,
@@ -123,6 +125,54 @@ def test_devices_may_be_exchanged(cylinders: Scenes) -> None:
     one, other = (measure(scene, *pair, system="stereo") for pair in (devices, devices[::-1]))
     np.testing.assert_allclose(one.true, other.true, rtol=0, atol=0.01)
     np.testing.assert_allclose(one.error, other.error, rtol=0, atol=1e-6)
+
+
+def test_a_mirrored_pair_errs_mirrored(cylinders: Scenes) -> None:
+    """The air around the cylinder is its own image in the plane z = 0."""
+    _, scene = cylinders
+    one = measure(scene, aside(-50), aside(20), system="stereo")
+    other = measure(scene, aside(50), aside(-20), system="stereo")
+    assert abs(one.error[0, 2]) > 5e-5
+    np.testing.assert_allclose(other.error, one.error * (1, 1, -1), rtol=0, atol=2e-6)
+
+
+def test_a_sideways_gradient_moves_points_by_the_parabolas_sagitta(
+    variant: str, tmp_path: Path
+) -> None:
+    """Both lines bend into the same parabola, L^2 grad n / 2 beside their chords' tangents.
+
+    The gradient lies across the plane of the two devices, and there n is that of the ambient air.
+    """
+    part, shells = slab(5, air=RoundAir(), size_mm=200.0)
+    height, slope, aim = 20.0, 1e-5, 0.4
+    cells = pv.RectilinearGrid(np.linspace(-50, 50, 21), np.linspace(-20, 20, 9), (0, 10, height))
+    field = field_of(
+        cells.cast_to_unstructured_grid().triangulate(),
+        lambda points: AMBIENT + slope * (points[:, 1].astype(np.float64) - aim),
+    )
+    camera, second = above(-30), above(30)
+    xml = write_scene(tmp_path, part, shells, camera, paraview=False, field=field)
+    scene = load_scene(xml, engine="continuous")
+    scan = measure(scene, camera, second, system="stereo")
+    middle = len(scan.points) // 2
+    length = height / np.cos(np.radians(30))
+    expected = (0.0, -slope * length**2 / (2 * (1 + AMBIENT)), 0.0)
+    np.testing.assert_allclose(scan.error[middle], expected, rtol=0, atol=2e-6)
+    assert scan.gap[middle] < 2e-6
+
+
+def test_half_the_contrast_is_half_the_error(variant: str, tmp_path: Path) -> None:
+    part, shells = slab(13, air=RoundAir(), size_mm=400.0)
+    ambient = shells.shells[0].ext
+    half = [
+        evolve(s, ext=(s.ext + ambient) / 2, int_=(s.int_ + ambient) / 2) for s in shells.shells
+    ]
+    found = [
+        measure(loaded(tmp_path / name, part, stack, bending="shells"), above(-30), above(30))
+        for name, stack in (("whole", shells), ("half", evolve(shells, shells=half)))
+    ]
+    whole, less = (np.median(scan.error_normal) for scan in found)
+    assert 2 * less / whole == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_laser_sheet_errs_as_its_fringe_would(plates: Scenes) -> None:
