@@ -17,7 +17,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
 from iriftrace.core.number_table import is_numbers, numbers, separator_of
 from iriftrace.core.units import length_factor
-from iriftrace.geometry.ply import write_ply_points
+from iriftrace.geometry.ply import read_ply, write_ply_points
 
 TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
 MESHES = (".ply", ".stl", ".obj")
@@ -187,7 +187,7 @@ def _points(file: Path) -> FloatArray:
     import trimesh
 
     try:
-        mesh: Any = trimesh.load(file, process=False)
+        mesh: Any = read_ply(file) if kind == ".ply" else trimesh.load(file, process=False)
         return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
     # A damaged file meets trimesh in many ways, which it does not list.
     except Exception as error:

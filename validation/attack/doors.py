@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 import pyvista as pv
+import trimesh
 from attrs import frozen
 
 from iriftrace.camera.calibration import read_calibration
@@ -22,6 +24,7 @@ from iriftrace.cli import main
 from iriftrace.field.path_data import FIELD_FILE, load_field_file
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
+from iriftrace.image.measured_shift import read_measured_shift
 from iriftrace.part.part import read_part, save_part
 from iriftrace.scene.build import build_scene
 from iriftrace.scene.load import load_scene
@@ -31,6 +34,7 @@ from iriftrace.studies.study import SCHEMA as STUDY_SCHEMA
 from iriftrace.studies.study import read_study
 from iriftrace.sweep.journal import Piece, Work, journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
+from iriftrace.triangulation.cloud import read_cloud, save_cloud
 from validation.field_files import comsol
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch
@@ -264,6 +268,53 @@ def _calibrated(name: str) -> Callable[[Path], object]:
     return lambda folder: read_calibration(folder / name).camera(pixel_size_mm=0.003)
 
 
+def _cloud(name: str) -> Callable[[Path], object]:
+    """Writes 60 points under a name; its ending tells the format."""
+    points = 10.0 * np.random.default_rng(4).normal(size=(60, 3))
+    faces = np.arange(60).reshape(-1, 3)
+
+    def make(folder: Path) -> None:
+        if name.endswith(".e57"):
+            import pye57
+
+            with pye57.E57(str(folder / name), mode="w") as file:
+                columns = zip("XYZ", points.T / 1e3, strict=True)
+                file.write_scan_raw({f"cartesian{axis}": values for axis, values in columns})
+        elif name.endswith(".asc"):
+            np.savetxt(folder / name, points)
+        elif name.endswith(".stl"):
+            trimesh.Trimesh(points, faces, process=False).export(folder / name)
+        else:
+            save_cloud(folder / name, points, {"status": np.zeros(60, np.int32)}, {"schema": ""})
+            (folder / name).with_suffix(".json").unlink()
+
+    return make
+
+
+def _cloud_door(ending: str) -> Door:
+    name = f"cloud.{ending}"
+    return Door(f"cloud, {ending}", _cloud(name), lambda folder: read_cloud(folder / name))
+
+
+def _shift_map(folder: Path) -> None:
+    planes = {axis: np.full((10, 12), 0.5, np.float32) for axis in "xy"}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, planes).write(str(folder / "shift.exr"))
+
+
+def _shift_array(folder: Path) -> None:
+    np.save(folder / "shift.npy", np.full((10, 12, 2), 0.5))
+
+
+def _markers(folder: Path) -> None:
+    table = np.random.default_rng(5).random((20, 4))
+    np.savetxt(folder / "shift.csv", table, delimiter=",", header="u,v,du,dv", comments="")
+
+
+def _shift(name: str) -> Callable[[Path], object]:
+    return lambda folder: read_measured_shift(folder / name)
+
+
 def _field(name: str) -> Callable[[Path], object]:
     return lambda folder: read_field(folder / name)
 
@@ -326,6 +377,10 @@ DOORS = (
     ),
     Door("sweep netCDF", _sweep, lambda folder: read_sweep(folder / "sweep.nc").load(), ("*.nc",)),
     Door("study netCDF", _study, lambda folder: read_study(folder / "study.nc")),
+    *(_cloud_door(ending) for ending in ("ply", "stl", "asc", "vtp", "e57")),
+    Door("measured shift, EXR", _shift_map, _shift("shift.exr")),
+    Door("measured shift, npy", _shift_array, _shift("shift.npy")),
+    Door("measured shift, csv", _markers, _shift("shift.csv")),
     Door("journal", _journal, _read_journal, (journal_of(Path("sweep.nc")).name,)),
 )
 
