@@ -17,7 +17,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of_list
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
-from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_polyhedra
+from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_piece
 from iriftrace.field.readers.states import Contents, State, state_number
 from iriftrace.field.readers.vtk_process import read_case
 
@@ -215,7 +215,7 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
     for values in (grid, *patches.values()) if flow else ():
         _put_velocity_over_temperature(values.cell_data)
     walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
-    return Piece(grid, split_polyhedra(grid), patches, walls)
+    return split_piece(grid, patches, walls)
 
 
 def _put_velocity_over_temperature(arrays: Any) -> None:
