@@ -75,9 +75,8 @@ def _edge_keys(faces: IntArray) -> tuple[IntArray, BoolArray]:
 
 def open_edges(faces: AnyIntArray) -> IntArray:
     """(k, 2) vertex numbers of the edges with an odd number of triangles; none if it is closed."""
-    ranked = np.sort(_edge_keys(np.asarray(faces, dtype=np.int64))[0])
-    first = np.flatnonzero(np.concatenate(([True], ranked[1:] != ranked[:-1])))
-    key = ranked[first[np.diff(np.append(first, len(ranked))) % 2 == 1]]
+    key, count = np.unique(_edge_keys(np.asarray(faces, dtype=np.int64))[0], return_counts=True)
+    key = key[count % 2 == 1]
     return np.stack((key >> 32, key & 0xFFFFFFFF), axis=1)
 
 
@@ -245,21 +244,21 @@ def face_along(
     vote = np.einsum("ij,ij->i", area_vectors(vertices, faces), towards)
     against = np.bincount(piece, vote) < 0.0
     faces = np.where(against[piece][:, None], faces[:, ::-1], faces)
-    small = _piece_sizes(vertices, faces, piece) < min_size_mm
+    low, high = piece_boxes(np.asarray(vertices, dtype=np.float64), faces, piece)
+    small = np.linalg.norm(high - low, axis=1) < min_size_mm
     dropped = small[piece]
     return faces[~dropped], int(small.sum()), int(dropped.sum())
 
 
-def _piece_sizes(vertices: Float32Array, faces: IntArray, piece: IntArray) -> FloatArray:
-    """Diagonal of the bounding box of every piece, (pieces,) array, mm."""
+def piece_boxes(
+    points: FloatArray, faces: IntArray, piece: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest corners, (pieces, 3) each, of the boxes around pieces of faces."""
     order = np.argsort(piece, kind="stable")
     start = np.searchsorted(piece[order], np.arange(piece.max() + 1))
-    points = np.asarray(vertices, dtype=np.float64)
     corners = [points[corner] for corner in faces[order].T]
-    high = np.maximum.reduceat(np.maximum.reduce(corners), start)
     low = np.minimum.reduceat(np.minimum.reduce(corners), start)
-    size: FloatArray = np.linalg.norm(high - low, axis=1)
-    return size
+    return low, np.maximum.reduceat(np.maximum.reduce(corners), start)
 
 
 def drop_degenerate(vertices: Float32Array, faces: IntArray) -> IntArray:

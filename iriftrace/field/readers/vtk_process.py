@@ -64,13 +64,7 @@ for _row, _numbers in enumerate(({**_SIZES, **_FEWEST}, _SIZES)):
 
 
 def read_file(path: Path) -> Any:
-    """Data set or blocks of a file of VTK, by its suffix.
-
-    Raises
-    ------
-    InputError
-        It is damaged.
-    """
+    """Data set or blocks of a file of VTK, by its suffix; an InputError if it is damaged."""
     data, _ = _read(path, "file", _size(path), suffix=path.suffix.lower())
     return data
 
@@ -78,10 +72,7 @@ def read_file(path: Path) -> Any:
 def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found there.
 
-    Raises
-    ------
-    InputError
-        Its mesh is damaged.
+    An InputError if its mesh is damaged.
     """
     parts = (folder / "constant/polyMesh", folder / time)
     size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
@@ -351,5 +342,5 @@ def _refuse_endless(points: NDArray[Any], used: Any) -> None:
         raise _Damage(f"{wrong.sum()} of its points have coordinates that are not finite numbers")
 
 
-def _cell_array(offsets: IntArray, corners: IntArray) -> Any:
+def _cell_array(offsets: Any, corners: Any) -> Any:
     return pv.CellArray.from_arrays(offsets, corners, deep=True)
