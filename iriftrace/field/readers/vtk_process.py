@@ -267,14 +267,16 @@ class _Checked:
         grid.SetPoints(pv.vtk_points(points))
         kinds: Any = pv.convert_array(types, deep=True)
         cells = _cell_array(offsets, corners)
-        if "faces" not in told:
+        polyhedral = types == _POLYHEDRON
+        # VTK's reader of .pvtu hands over empty faces at random where there are no polyhedra.
+        if "faces" not in told or not (polyhedral.any() or len(self._array(told["faces"][1]))):
             grid.SetCells(kinds, cells)
             return grid
         face_offsets, face_corners = self._cells(told["faces"], len(points))
         place_offsets, places = self._cells(told["face_places"], len(face_offsets) - 1)
         if len(place_offsets) != len(offsets) or (np.diff(face_offsets) < 3).any():
             raise _Damage("the faces of its polyhedra do not fit its cells")
-        if (np.diff(place_offsets)[types == _POLYHEDRON] < 4).any():
+        if (np.diff(place_offsets)[polyhedral] < 4).any():
             raise _Damage("some of its polyhedra have less than four faces")
         of_cells = _cell_array(place_offsets, places)
         grid.SetPolyhedralCells(kinds, cells, of_cells, _cell_array(face_offsets, face_corners))
