@@ -11,6 +11,7 @@ The refractive index is in `iriftrace.air.refractivity`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,13 +73,11 @@ def heat_capacity(temperature_k: ArrayLike) -> FloatArray:
 
 def enthalpy(temperature_k: ArrayLike) -> FloatArray:
     """Enthalpy, J/kg, up to a constant: the integral of `heat_capacity`; 200 to 5000 K."""
-    return _of_polynomials(
-        temperature_k, lambda c: (*(c[k] / (k + 1) for k in range(4, -1, -1)), c[5])
-    )
+    return _of_polynomials(temperature_k, lambda c: np.polyint(c[4::-1], k=c[5]))
 
 
 def _of_polynomials(
-    temperature_k: ArrayLike, terms: Callable[[tuple[float, ...]], tuple[float, ...]]
+    temperature_k: ArrayLike, terms: Callable[[tuple[float, ...]], Any]
 ) -> FloatArray:
     """Polynomials with terms of the coefficients, highest power first, times the gas constant."""
     kelvin = np.asarray(temperature_k, dtype=np.float64)

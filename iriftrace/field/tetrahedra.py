@@ -181,13 +181,7 @@ def _with_neighbours(corners: NumberArray) -> Tetrahedra:
 
 
 def _face_pairs(faces: NDArray[Any]) -> tuple[IntArray, IntArray, IntArray]:
-    """Rows of (f, 3) faces that have the same points, first and second, and rows without a twin.
-
-    Raises
-    ------
-    InputError
-        If three rows or more are one face.
-    """
+    """Rows of (f, 3) faces that have the same points, first and second, and rows without a twin."""
     faces = np.sort(faces, axis=1).astype(np.int64)
     order = _sorted(faces)
     ranked = faces[order]

@@ -180,23 +180,9 @@ def wind_consistently(
 ) -> tuple[IntArray, IntArray]:
     """Turn triangles so that neighbours run along their common edge in opposite directions.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array, mm
-    faces : (m, 3) array
-
-    Returns
-    -------
-    faces : (m, 3) array
-        Of the two windings of a piece the one that turns the smaller area.
-    piece : (m,) array
-        Number of the connected piece of every triangle. Pieces that touch in a vertex, or in an
-        edge of more than two triangles, are separate.
-
-    Raises
-    ------
-    InputError
-        A piece has one side only, like a Moebius strip.
+    Returns the (m, 3) faces, of the two windings of a piece the one that turns the smaller area,
+    and the (m,) number of the connected piece of every triangle. Pieces that touch in a vertex, or
+    in an edge of more than two triangles, are separate. An InputError if a piece has one side only.
     """
     faces = np.asarray(faces, dtype=np.int64)
     neighbours = find_neighbours(faces)
