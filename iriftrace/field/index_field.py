@@ -140,8 +140,7 @@ class IndexField:
         Recovered from `consistent_gradient` as `gradient` is from n.
         """
         rows = point_gradient(self.grid, self.consistent_gradient)
-        hessian: FloatArray = 0.5 * (rows + rows.transpose(0, 2, 1))
-        return hessian
+        return 0.5 * (rows + rows.transpose(0, 2, 1))
 
     @cached_property
     def wall(self) -> pv.PolyData:

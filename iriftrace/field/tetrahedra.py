@@ -163,8 +163,7 @@ def _without_flat_twins(corners: IntArray) -> NumberArray:
     repeated = (ranked[order[1:]] == ranked[order[:-1]]).all(axis=1)
     twice = np.zeros(len(corners), dtype=bool)
     twice[order[1:][repeated]] = twice[order[:-1][repeated]] = True
-    solid: NumberArray = corners[~twice].astype(np.uint32)
-    return solid
+    return corners[~twice].astype(np.uint32)
 
 
 def _with_neighbours(corners: NumberArray) -> Tetrahedra:

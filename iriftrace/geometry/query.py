@@ -58,8 +58,7 @@ class Surface:
     @cached_property
     def corners(self) -> FloatArray:
         """(c, 3) vertices that the triangles use, mm."""
-        corners: FloatArray = self.vertices[used_vertices(len(self.vertices), self.faces)[0]]
-        return corners
+        return self.vertices[used_vertices(len(self.vertices), self.faces)[0]]
 
     @cached_property
     def _locator(self) -> vtkStaticCellLocator:

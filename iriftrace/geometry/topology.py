@@ -59,8 +59,7 @@ def weld(vertices: Float32Array | FloatArray) -> IntArray:
     rounded = np.ascontiguousarray(vertices, dtype=np.float32) + np.float32(0)
     bits = rounded.view(np.dtype((np.void, 12))).ravel()
     _, first, number = np.unique(bits, return_index=True, return_inverse=True)
-    joined: IntArray = first[number]
-    return joined
+    return first[number]
 
 
 def _edge_keys(faces: IntArray) -> tuple[IntArray, BoolArray]:

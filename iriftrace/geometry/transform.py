@@ -59,8 +59,7 @@ def parse_transform(text: str) -> FloatArray:
 
 def apply(matrix: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 3) moved by a (4, 4) affine matrix; (n, 3) array, float64."""
-    moved: FloatArray = np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-    return moved
+    return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
