@@ -161,8 +161,7 @@ def carried_heat(
 
     Returns
     -------
-    (n, 3) array
-        W/m2.
+    (n, 3) array, W/m2
     """
     kelvin = temperature_of_density(density_kg_m3, pressure_pa)
     together = momentum - density_kg_m3[:, None] * velocity

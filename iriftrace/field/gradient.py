@@ -205,13 +205,8 @@ def consistent_gradient(
         Point numbers of tetrahedra.
     values : (n,) array
         The quantity at the points.
-    gradient : (n, 3) array
-        Its gradient there, as of `point_gradient`, per mm.
-
-    Returns
-    -------
-    (n, 3) array
-        Per mm.
+    gradient : (n, 3) array, per mm
+        Its gradient there, as of `point_gradient`; the result is of the same kind.
     """
     start, end = _edges(corners, len(points))
     edge = np.asarray(points[end], dtype=np.float64) - points[start]

@@ -25,15 +25,8 @@ def inner_wall(grid: Any) -> Any:
     symmetry plane, a floor), faces that lie in the sides of the data's bounding box are left out
     first, which separates the two.
 
-    Parameters
-    ----------
-    grid : pyvista.UnstructuredGrid
-        Volume cells, mm.
-
-    Returns
-    -------
-    pyvista.PolyData
-        Triangles, with the grid's point data; empty when the data have no inner boundary.
+    The grid is a pyvista.UnstructuredGrid, mm. The wall is a pyvista.PolyData of triangles with the
+    grid's point data, empty when the data have no inner boundary.
     """
     surface = grid.extract_surface(algorithm="geometry").triangulate()
     faces = np.asarray(surface.regular_faces, dtype=np.int64)

@@ -153,20 +153,12 @@ class Surface:
         return limit
 
     def inside(self, points: ArrayLike) -> BoolArray:
-        """True for points inside the surface, which has to be closed.
+        """True, (k,), for points (k, 3), mm, inside the surface, which has to be closed.
 
         Counts the triangles above each point: an odd number means inside. Points below an edge or a
         corner are decided in the same way for all triangles there, so none is counted twice or not
         at all. (VTK's tests by random rays and by the sign of the distance err beside the edges
         of a gear's teeth, and take 7 and 40 times as long for the points of a mesh.)
-
-        Parameters
-        ----------
-        points : (k, 3) array_like, mm
-
-        Returns
-        -------
-        (k,) array of bool
         """
         places = as_float64(points)
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)

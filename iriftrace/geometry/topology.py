@@ -45,15 +45,7 @@ def weld(vertices: Float32Array | FloatArray) -> IntArray:
     Formats such as STL store three vertices for each triangle. Positions are compared as float32,
     which is the precision in which the renderer sees them.
 
-    Parameters
-    ----------
-    vertices
-        (n, 3) array, mm.
-
-    Returns
-    -------
-    (n,) array
-        For each vertex, number of the first one at its position.
+    Of (n, 3) vertices, mm, the result is for each, (n,), the number of the first one at its place.
     """
     # Adding zero makes -0 and 0 the same bits.
     rounded = np.ascontiguousarray(vertices, dtype=np.float32) + np.float32(0)
@@ -253,16 +245,7 @@ def drop_degenerate(vertices: Float32Array, faces: IntArray) -> IntArray:
     other two edges are one. Two triangles with the same three vertices enclose nothing and are
     dropped together. A triangle whose vertices lie on one line is dropped and its neighbour at the
     longest edge is split at the vertex in between; without the split the surface would keep a
-    slit of no width, which reads as an open edge.
-
-    Parameters
-    ----------
-    vertices : (n, 3) array of float32, mm
-    faces : (m, 3) array
-
-    Returns
-    -------
-    (k, 3) array
+    slit of no width, which reads as an open edge. Vertices (n, 3) are in mm, faces (m, 3).
     """
     faces = _without_repeats(faces)
     # Every pass removes at least one flat triangle for good unless they only split each other.

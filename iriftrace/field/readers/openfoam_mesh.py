@@ -121,17 +121,13 @@ def _fans(
 def _centroids(points: FloatArray, triangles: IntArray, owner: IntArray, count: int) -> FloatArray:
     """Centres of volume of closed polyhedra from the triangles of their faces, (count, 3)."""
     corners = points[triangles]
-    weight = np.bincount(owner, minlength=count)
-    inside = np.stack(
-        [np.bincount(owner, c, minlength=count) / weight for c in corners.mean(axis=1).T], axis=1
-    )
+    weight = np.bincount(owner, minlength=count)[:, None]
+    inside = _added(owner, corners.mean(axis=1), count) / weight
     arms = corners - inside[owner][:, None]
     volume = np.abs(np.einsum("ij,ij->i", arms[:, 0], np.cross(arms[:, 1], arms[:, 2])))
-    total = np.maximum(np.bincount(owner, volume, minlength=count), np.finfo(float).tiny)
-    arm = arms.sum(axis=1) / 4.0
-    return inside + np.stack(
-        [np.bincount(owner, volume * a, minlength=count) / total for a in arm.T], axis=1
-    )
+    total = np.maximum(_added(owner, volume, count), np.finfo(float).tiny)[:, None]
+    moment = volume[:, None] * (arms.sum(axis=1) / 4.0)
+    return inside + _added(owner, moment, count) / total
 
 
 def _upright(points: FloatArray, cells: IntArray) -> IntArray:
@@ -213,8 +209,7 @@ def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray
         corner = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
         face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         points = np.asarray(patch.points, dtype=np.float64)
-        sums = np.stack([np.bincount(face, c) for c in points[corner].T], axis=1)
-        centres = sums / np.diff(starts)[:, None]
+        centres = _added(face, points[corner], len(starts) - 1) / np.diff(starts)[:, None]
         weight = _inverse_length(points[corner] - centres[face])
         source = _WALLS if name in piece.walls else _PATCHES
         yield source, tree.query(points)[1][corner], face, weight, patch.cell_data
