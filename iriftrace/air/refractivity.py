@@ -194,20 +194,17 @@ class Air:
     def refractivity(self, temperature_k: ArrayLike) -> FloatArray:
         """Refractivity n - 1 of this air at other temperatures (K) and the ambient pressure."""
         temperature = _positive(temperature_k, "temperature", "K")
-        refractivity: FloatArray = self.ambient_refractivity * self.temperature_k / temperature
-        return refractivity
+        return self.ambient_refractivity * self.temperature_k / temperature
 
     def refractivity_of_density(self, density_kg_m3: ArrayLike) -> FloatArray:
         """Refractivity n - 1 of this air at other densities (kg/m3)."""
         density = _positive(density_kg_m3, "density", "kg/m3")
-        refractivity: FloatArray = self.ambient_refractivity * density / self.ambient_density
-        return refractivity
+        return self.ambient_refractivity * density / self.ambient_density
 
     def temperature(self, refractivity: ArrayLike) -> FloatArray:
         """Temperature in K at which this air has a refractivity; inverse of `refractivity`."""
         value = _positive(refractivity, "refractivity n-1", "")
-        temperature: FloatArray = self.temperature_k * self.ambient_refractivity / value
-        return temperature
+        return self.temperature_k * self.ambient_refractivity / value
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers and strings for JSON; ``Air(**d)`` gives the same air again."""
@@ -224,8 +221,7 @@ def _compressibility(
     first = first + (1.9898e-4 - 2.376e-6 * celsius) * water**2
     second = 1.83e-11 - 0.765e-8 * water**2
     ratio = pressure / temperature
-    z: FloatArray = 1.0 - ratio * first + ratio**2 * second
-    return z
+    return 1.0 - ratio * first + ratio**2 * second
 
 
 def _check_ranges(

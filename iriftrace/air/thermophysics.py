@@ -11,6 +11,7 @@ The refractive index is in `iriftrace.air.refractivity`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,10 +54,7 @@ HEAT_CAPACITY_ABOVE, HEAT_CAPACITY_BELOW = (
 
 def density(temperature_k: ArrayLike, pressure_pa: float) -> FloatArray:
     """Density, kg/m3, of air at a temperature and a pressure."""
-    result: FloatArray = pressure_pa / (
-        SPECIFIC_GAS_CONSTANT * np.asarray(temperature_k, dtype=np.float64)
-    )
-    return result
+    return pressure_pa / (SPECIFIC_GAS_CONSTANT * np.asarray(temperature_k, dtype=np.float64))
 
 
 def temperature_of_density(density_kg_m3: ArrayLike, pressure_pa: float) -> FloatArray:
@@ -72,26 +70,22 @@ def heat_capacity(temperature_k: ArrayLike) -> FloatArray:
 
 def enthalpy(temperature_k: ArrayLike) -> FloatArray:
     """Enthalpy, J/kg, up to a constant: the integral of `heat_capacity`; 200 to 5000 K."""
-    return _of_polynomials(
-        temperature_k, lambda c: (*(c[k] / (k + 1) for k in range(4, -1, -1)), c[5])
-    )
+    return _of_polynomials(temperature_k, lambda c: np.polyint(c[4::-1], k=c[5]))
 
 
 def _of_polynomials(
-    temperature_k: ArrayLike, terms: Callable[[tuple[float, ...]], tuple[float, ...]]
+    temperature_k: ArrayLike, terms: Callable[[tuple[float, ...]], Any]
 ) -> FloatArray:
     """Polynomials with terms of the coefficients, highest power first, times the gas constant."""
     kelvin = np.asarray(temperature_k, dtype=np.float64)
     low, high = (np.polyval(terms(c), kelvin) for c in (HEAT_CAPACITY_BELOW, HEAT_CAPACITY_ABOVE))
-    result: FloatArray = np.where(kelvin < COMMON_K, low, high) * SPECIFIC_GAS_CONSTANT
-    return result
+    return np.where(kelvin < COMMON_K, low, high) * SPECIFIC_GAS_CONSTANT
 
 
 def heat_content(temperature_k: ArrayLike, ambient_k: float, pressure_pa: float) -> FloatArray:
     """Heat that air holds more than ambient air, J/m3: density times difference in enthalpy."""
     more = enthalpy(temperature_k) - enthalpy(ambient_k)
-    result: FloatArray = density(temperature_k, pressure_pa) * more
-    return result
+    return density(temperature_k, pressure_pa) * more
 
 
 def heat_content_slope(temperature_k: ArrayLike, ambient_k: float) -> FloatArray:
@@ -101,15 +95,13 @@ def heat_content_slope(temperature_k: ArrayLike, ambient_k: float) -> FloatArray
     the heat capacity is constant: then the heat content is linear in the density.
     """
     kelvin = np.asarray(temperature_k, dtype=np.float64)
-    result: FloatArray = enthalpy(kelvin) - enthalpy(ambient_k) - heat_capacity(kelvin) * kelvin
-    return result
+    return enthalpy(kelvin) - enthalpy(ambient_k) - heat_capacity(kelvin) * kelvin
 
 
 def viscosity(temperature_k: ArrayLike) -> FloatArray:
     """Dynamic viscosity, Pa s."""
     kelvin = np.asarray(temperature_k, dtype=np.float64)
-    result: FloatArray = SUTHERLAND_AS * kelvin**1.5 / (kelvin + SUTHERLAND_TS)
-    return result
+    return SUTHERLAND_AS * kelvin**1.5 / (kelvin + SUTHERLAND_TS)
 
 
 def conductivity(temperature_k: ArrayLike) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -14,3 +14,8 @@ Float32Array = NDArray[np.float32]
 NumberArray = NDArray[np.uint32]
 Int32Array = NDArray[np.int32]
 AnyIntArray = NDArray[np.integer[Any]]
+
+
+def as_float64(values: ArrayLike) -> FloatArray:
+    """An array in double precision."""
+    return np.asarray(values, dtype=np.float64)

@@ -72,12 +72,7 @@ def sha256_of_list(files: Sequence[Path], folder: Path) -> str:
 
 
 def check_readable(path: Path) -> None:
-    """Refuse a file that is there but may not be read, before its content is called damaged.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a file that is there but may not be read, before its content is called damaged."""
     if not path.is_file():
         return
     try:

@@ -11,7 +11,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.air.refractivity import Air
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.gradient import point_mean
@@ -97,7 +97,7 @@ def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) 
 
 
 def other_index(grid: Any) -> str | None:
-    """Name of an index array under one of its usual names, or None."""
+    """Name of the one index array under a usual name, or None."""
     exact = [name for name in _scalar_names(grid) if _is_usual(name, "index")]
     return exact[0] if len(exact) == 1 else None
 
@@ -112,17 +112,15 @@ def quantity_of(name: str) -> str | None:
 
 def point_values(grid: Any, name: str, path: str) -> FloatArray:
     """An array at the points, (n,); cell data are averaged, weighted with the cells' volumes."""
-    if name in grid.point_data:
-        values = np.asarray(grid.point_data[name], dtype=np.float64)
-    else:
-        values = np.asarray(grid.cell_data[name], dtype=np.float64)
+    at_points = name in grid.point_data
+    values = as_float64(grid.point_data[name] if at_points else grid.cell_data[name])
     wrong = np.count_nonzero(~np.isfinite(values))
     if wrong:
         raise InputError(
             f"The array {name!r} in {path} is not a finite number at {wrong} of {len(values)} "
             "places, and light would stop there; export it without gaps."
         )
-    if name in grid.point_data:
+    if at_points:
         return values
     warn(
         f"{name!r} in {path} is given in the cells; its mean at the points misses the values at "
@@ -168,40 +166,11 @@ def _scalar_names(grid: Any) -> list[str]:
     )
 
 
-def unit_of(
-    name: str,
-    quantity: str,
-    units: Mapping[str, str] | None,
-    temperature_unit: str | None,
-    path: str,
+def _unit_of(
+    choice: Choice, units: Mapping[str, str] | None, temperature_unit: str | None, path: str
 ) -> str:
-    """Unit of an array.
-
-    Parameters
-    ----------
-    name, quantity : str
-        Of the array.
-    units : mapping or None
-        What the file's header states for each array, "" for nothing; None where the format has no
-        place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
-    temperature_unit : str or None
-        What the user says of temperatures.
-    path : str
-        For messages.
-
-    Returns
-    -------
-    str
-        One that `to_refractivity` knows.
-
-    Raises
-    ------
-    InputError
-        User and file contradict each other; the header has a place for the unit of a temperature
-        but states none, or one of another kind.
-    """
-    if quantity == "index":
-        return SI["index"]
+    """Unit of an array with a temperature or density."""
+    name, quantity = choice.name, choice.quantity
     given = temperature_unit if quantity == "temperature" else None
     if units is None:
         found = _IN_BRACKETS.fullmatch(name)
@@ -253,11 +222,39 @@ def _scale(unit: str, quantity: str) -> tuple[float, float]:
 
 
 def to_refractivity(
-    values: FloatArray, choice: Choice, unit: str, air: Air, path: str
+    values: FloatArray,
+    choice: Choice,
+    units: Mapping[str, str] | None,
+    temperature_unit: str | None,
+    air: Air,
+    path: str,
 ) -> FloatArray:
-    """Refractivity n - 1 of values in `unit` (see `unit_of`), (n,)."""
+    """Refractivity n - 1 of the values of an array.
+
+    Parameters
+    ----------
+    values : (n,) array
+    choice : Choice
+        The array.
+    units : mapping or None
+        What the file's header states for each array, "" for nothing; None where the format has no
+        place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
+    temperature_unit : str or None
+        What the user says of temperatures.
+    air : Air
+        Ambient air.
+    path : str
+        For messages.
+
+    Raises
+    ------
+    InputError
+        User and file contradict each other; the header has a place for the unit of a temperature
+        but states none, or one of another kind; values are not possible.
+    """
     if choice.quantity == "index":
         return _from_index(values, choice.name, path)
+    unit = _unit_of(choice, units, temperature_unit, path)
     zero, slope = _scale(unit, choice.quantity)
     if (zero, slope) != (0.0, 1.0):
         values = zero + values * slope

@@ -64,15 +64,12 @@ class AirFlow:
     Attributes
     ----------
     velocity : (n, 3) array, m/s, world, or None
-        None where the file has none.
     enthalpy_flux : (n, 3) array, W/m2, world, or None
         `ENTHALPY_FLUX`, where the file has it or the cells of an OpenFOAM case tell it.
     storage : (n,) array, W/m3, or None
         `HEAT_STORAGE`, where the file has it.
-    name : str
-        Of the velocity's arrays; "" without.
-    unit : str
-        In which they were read.
+    name, unit : str
+        Of the velocity's arrays, as they were read.
     flux_name : str
         Of the array of `enthalpy_flux`; "" where there is none or it was made of velocities.
     missing : str
@@ -95,20 +92,11 @@ def flow_in(
     transform: ArrayLike | None,
     air: Air,
 ) -> AirFlow:
-    """The motion of the air in a file.
+    """The motion of the air in a file's linear volume cells.
 
-    Parameters
-    ----------
-    grid : pyvista.UnstructuredGrid
-        Linear volume cells with the file's arrays.
-    array : str
-        The one that the field was made of: an average goes with the average of the velocity.
-    units : mapping or None
-        Of the arrays, as `readers.states.Contents.units`.
-    transform : (4, 4) array_like or None
-        From file to world; vectors are turned and mirrored by it and keep their length.
-    air : Air
-        Ambient air.
+    An average of the temperature (`array`) goes with the average of the velocity. Vectors are
+    turned and mirrored by the (4, 4) transform from file to world and keep their length. `units`
+    are those of `readers.states.Contents`.
     """
     found, missing = velocity_arrays(grid, units, averaged=is_mean(array))
     if found is None:
@@ -118,8 +106,7 @@ def flow_in(
         return AirFlow(
             None, missing="the field's transform distorts, and directions of velocities with it"
         )
-    columns = [_at_points(grid, name) for name in found.names]
-    velocity = columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
+    velocity = np.column_stack([_at_points(grid, name) for name in found.names])
     names = ", ".join(found.names)
     gaps = np.count_nonzero(~np.isfinite(velocity).all(axis=1))
     if gaps:
@@ -129,13 +116,10 @@ def flow_in(
             missing=f"{names} {are} not finite at {gaps:,} of {len(velocity):,} points; export "
             f"{them} without gaps",
         )
-    flux = None
-    stated = ENTHALPY_FLUX in grid.point_data
+    flux, stated = None, ENTHALPY_FLUX in grid.point_data
     if stated:
         flux = _at_points(grid, ENTHALPY_FLUX)
-    elif (
-        VELOCITY_OVER_TEMPERATURE in grid.point_data and array == TEMPERATURE and names == VELOCITY
-    ):
+    elif VELOCITY_OVER_TEMPERATURE in grid.point_data and (array, names) == (TEMPERATURE, VELOCITY):
         flux = state_heat(grid, air.temperature_k, air.pressure_pa)
     return AirFlow(
         velocity=found.factor * velocity @ turn.T,
@@ -177,8 +161,7 @@ def carried_heat(
 
     Returns
     -------
-    (n, 3) array
-        W/m2.
+    (n, 3) array, W/m2
     """
     kelvin = temperature_of_density(density_kg_m3, pressure_pa)
     together = momentum - density_kg_m3[:, None] * velocity
@@ -197,10 +180,7 @@ def state_heat(grid: Any, ambient_k: float, pressure_pa: float) -> FloatArray:
 def _at_points(grid: Any, name: str) -> FloatArray:
     if name in grid.point_data:
         return np.asarray(grid.point_data[name], dtype=np.float64)
-    values = np.asarray(grid.cell_data[name], dtype=np.float64)
-    if values.ndim == 1:
-        return point_mean(grid, values)
-    return np.stack([point_mean(grid, column) for column in values.T], axis=1)
+    return point_mean(grid, np.asarray(grid.cell_data[name], dtype=np.float64))
 
 
 def _rotation(transform: ArrayLike | None) -> FloatArray | None:
@@ -214,21 +194,11 @@ def _rotation(transform: ArrayLike | None) -> FloatArray | None:
 
 @frozen
 class VelocityArrays:
-    """Where the velocity is.
+    """Where the velocity is."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        One array of vectors, or three of numbers along x, y and z.
-    factor : float
-        m/s in one of its unit.
-    unit : str
-        As the file states it; m/s where it states none.
-    """
-
-    names: tuple[str, ...]
-    factor: float
-    unit: str = SI
+    names: tuple[str, ...]  # one array of vectors, or three of numbers along x, y and z
+    factor: float  # m/s in one of its unit
+    unit: str  # as the file states it; m/s where it states none
 
 
 def velocity_arrays(
@@ -239,24 +209,12 @@ def velocity_arrays(
     A vector array with a usual name (``U``, ``Velocity field``) wins over three components
     (COMSOL's ``u``, ``v``, ``w``; ``Velocity field, x-component``), these over a vector whose name
     only resembles it. Numbers whose unit is no velocity (displacements are called u, v, w too) are
-    none; where the file states no unit it is m/s.
-
-    Parameters
-    ----------
-    grid : pyvista.DataSet
-    units : mapping or None
-        What the file's header states for each array, as `readers.states.Contents.units`.
-    averaged : bool
-        Prefer a time average (``UMean``), since the temperature is one too.
-
-    Returns
-    -------
-    VelocityArrays or None, str
-        None where there is none, and then why, in words.
+    none; where the file states no unit it is m/s. `averaged` prefers a time average (``UMean``),
+    since the temperature is one too. Where there is none, the text says why.
     """
     vectors, numbers = _names(grid, 2), _names(grid, 1)
     by_name = {_plain(name): name for name in vectors}
-    usual = [by_name[name] for name in by_name if name in _USUAL]
+    usual = [name for plain, name in by_name.items() if plain in _USUAL]
     means = [name for plain, name in by_name.items() if _MEAN.fullmatch(plain)]
     loose = [name for plain, name in by_name.items() if _LOOSE.fullmatch(plain)]
     families = _families(numbers)
@@ -282,7 +240,6 @@ def is_motion(name: str) -> bool:
 
 
 def _is_velocity(name: str) -> bool:
-    """True for an array named as the velocity or its average."""
     plain = _plain(name)
     return plain in _USUAL or any(pattern.fullmatch(plain) for pattern in (_MEAN, _LOOSE))
 

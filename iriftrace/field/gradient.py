@@ -7,7 +7,6 @@ them with their volumes, `consistent_gradient` then gives it the length that the
 
 from __future__ import annotations
 
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -110,9 +109,10 @@ def point_gradient(grid: Any, values: FloatArray) -> FloatArray:
 
 
 def point_mean(grid: Any, values: FloatArray) -> FloatArray:
-    """Cell values (m,) as (n,) means at the points, weighted with the cells' volumes."""
+    """Cell values (m,) or (m, k) as means at the n points, weighted with the cells' volumes."""
     points = _point_columns(grid)
-    total, weight = np.zeros((2, points.shape[1]))
+    columns = values.reshape(len(values), -1).T
+    totals, weight = np.zeros((len(columns), points.shape[1])), np.zeros(points.shape[1])
     for kind, (cells, corners) in cell_corners(grid).items():
         at = points[:, corners.T]
         volume = sum(abs(_cofactors(at, tet)[3]) for tet in _SPLITS[kind]) / _WAYS[kind]
@@ -120,9 +120,10 @@ def point_mean(grid: Any, values: FloatArray) -> FloatArray:
         volume = np.maximum(volume, np.finfo(float).tiny)
         for corner in corners.T:
             weight += np.bincount(corner, volume, minlength=len(weight))
-            total += np.bincount(corner, volume * values[cells], minlength=len(total))
-    mean: FloatArray = total / weight
-    return mean
+            for total, column in zip(totals, columns, strict=True):
+                total += np.bincount(corner, volume * column[cells], minlength=len(weight))
+    means = np.ascontiguousarray((totals / weight).T)
+    return means.reshape(-1, *values.shape[1:])
 
 
 def _point_columns(grid: Any) -> FloatArray:
@@ -133,14 +134,10 @@ def _point_columns(grid: Any) -> FloatArray:
 def _gradient_sums(
     points: FloatArray, columns: FloatArray, corners: IntArray, kind: int
 ) -> FloatArray:
-    """Sums over the tetrahedra at each corner of the cells: volume times gradient, volume.
+    """Sums at the corners of c cells over their tetrahedra, (3 k + 1, corners, c), all times 6.
 
-    The gradient of a tetrahedron times its volume needs no division, so flat ones are harmless.
-
-    Returns
-    -------
-    (3 k + 1, corners, c) array
-        x, y and z of the sum of |V| grad of each of k columns, and the sum of |V|, all times 6.
+    x, y and z of |V| grad of each of k columns, which needs no division, so that flat ones are
+    harmless; and |V|.
     """
     at = points[:, corners.T]
     value = columns[:, corners.T]
@@ -208,13 +205,8 @@ def consistent_gradient(
         Point numbers of tetrahedra.
     values : (n,) array
         The quantity at the points.
-    gradient : (n, 3) array
-        Its gradient there, as of `point_gradient`, per mm.
-
-    Returns
-    -------
-    (n, 3) array
-        Per mm.
+    gradient : (n, 3) array, per mm
+        Its gradient there, as of `point_gradient`; the result is of the same kind.
     """
     start, end = _edges(corners, len(points))
     edge = np.asarray(points[end], dtype=np.float64) - points[start]
@@ -236,10 +228,7 @@ def consistent_gradient(
 
 def _edges(corners: NDArray[np.integer], count: int) -> tuple[IntArray, IntArray]:
     """Point numbers at both ends of all edges of tetrahedra, each edge once."""
-    numbers = corners.astype(np.int64)
-    keys = []
-    for first, second in combinations(range(4), 2):
-        low = np.minimum(numbers[:, first], numbers[:, second])
-        keys.append(low * count + np.maximum(numbers[:, first], numbers[:, second]))
-    start, end = np.divmod(np.unique(np.concatenate(keys)), count)
+    first, second = np.moveaxis(corners.astype(np.int64)[:, TETRAHEDRON_EDGES], 2, 0)
+    keys = np.minimum(first, second) * count + np.maximum(first, second)
+    start, end = np.divmod(np.unique(keys), count)
     return start, end

@@ -10,7 +10,7 @@ from attrs import field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.air.refractivity import Air
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.field.flow import AirFlow
 from iriftrace.field.gradient import CORNERS, consistent_gradient, point_gradient
@@ -55,10 +55,6 @@ class FieldSource:
     wall_heat_w: float | None = None
 
 
-def _float64(values: ArrayLike) -> FloatArray:
-    return np.asarray(values, dtype=np.float64)
-
-
 @frozen(eq=False)
 class IndexField:
     """Refractivity of air on an unstructured grid.
@@ -78,7 +74,7 @@ class IndexField:
     """
 
     grid: pv.UnstructuredGrid
-    refractivity: FloatArray = field(converter=_float64)
+    refractivity: FloatArray = field(converter=as_float64)
     air: Air
     source: FieldSource
     flow: AirFlow | None = None
@@ -144,8 +140,7 @@ class IndexField:
         Recovered from `consistent_gradient` as `gradient` is from n.
         """
         rows = point_gradient(self.grid, self.consistent_gradient)
-        hessian: FloatArray = 0.5 * (rows + rows.transpose(0, 2, 1))
-        return hessian
+        return 0.5 * (rows + rows.transpose(0, 2, 1))
 
     @cached_property
     def wall(self) -> pv.PolyData:

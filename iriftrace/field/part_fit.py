@@ -9,7 +9,6 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-import pyvista as pv
 from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
@@ -79,20 +78,14 @@ class Fit:
 def fit_part_to_field(
     field: IndexField, part: Part, *, wall_temperature_k: float | None = None
 ) -> Fit:
-    """Compare a field's inner wall with a part's surface.
+    """Compare a field's inner wall, the boundary of its cavity, with a part's surface.
 
     Parameters
     ----------
-    field
-        The field; its inner wall is the boundary of the cavity in which the part sits.
-    part
-        The part.
-    wall_temperature_k
+    field : IndexField
+    part : Part
+    wall_temperature_k : float, optional
         Temperature that the wall should have, K; not compared by default.
-
-    Returns
-    -------
-    Fit
 
     Raises
     ------
@@ -125,7 +118,8 @@ def fit_part_to_field(
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     refractivity = np.asarray(wall.point_data["refractivity"], dtype=np.float64)
     temperature = float(np.median(field.air.temperature(refractivity)))
-    bare = _bare_share(wall, part)
+    near_wall = Surface(wall.points, wall.regular_faces).distance(part.face_centres)
+    bare = float(part.face_areas[near_wall > LARGEST_GAP_MM].sum() / part.area)
     messages = []
     if p95 > LARGEST_GAP_MM:
         # A part beside its cavity is bare too, but that need not be said.
@@ -143,12 +137,6 @@ def fit_part_to_field(
         )
     messages += _temperature_message(temperature, wall_temperature_k)
     return Fit(median, p95, temperature, bare, tuple(messages))
-
-
-def _bare_share(wall: pv.PolyData, part: Part) -> float:
-    """Share of the part's area whose faces' centres are not near the wall."""
-    distance = Surface(wall.points, wall.regular_faces).distance(part.face_centres)
-    return float(part.face_areas[distance > LARGEST_GAP_MM].sum() / part.area)
 
 
 def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -> Fit:

@@ -111,11 +111,11 @@ def read_field(
         grid = _placed(raw, length_factor(length_unit), transform)
     choice = arrays.choose_array(raw, array, quantity, str(path))
     values = arrays.point_values(raw, choice.name, str(path))
-    unit = arrays.unit_of(choice.name, choice.quantity, contents.units, temperature_unit, str(path))
-    refractivity = arrays.to_refractivity(values, choice, unit, air, str(path))
     result = IndexField(
         grid=grid,
-        refractivity=refractivity,
+        refractivity=arrays.to_refractivity(
+            values, choice, contents.units, temperature_unit, air, str(path)
+        ),
         air=air,
         source=FieldSource(
             path=str(path),

@@ -163,8 +163,7 @@ def _without_flat_twins(corners: IntArray) -> NumberArray:
     repeated = (ranked[order[1:]] == ranked[order[:-1]]).all(axis=1)
     twice = np.zeros(len(corners), dtype=bool)
     twice[order[1:][repeated]] = twice[order[:-1][repeated]] = True
-    solid: NumberArray = corners[~twice].astype(np.uint32)
-    return solid
+    return corners[~twice].astype(np.uint32)
 
 
 def _with_neighbours(corners: NumberArray) -> Tetrahedra:
@@ -181,13 +180,7 @@ def _with_neighbours(corners: NumberArray) -> Tetrahedra:
 
 
 def _face_pairs(faces: NDArray[Any]) -> tuple[IntArray, IntArray, IntArray]:
-    """Rows of (f, 3) faces that have the same points, first and second, and rows without a twin.
-
-    Raises
-    ------
-    InputError
-        If three rows or more are one face.
-    """
+    """Rows of (f, 3) faces that have the same points, first and second, and rows without a twin."""
     faces = np.sort(faces, axis=1).astype(np.int64)
     order = _sorted(faces)
     ranked = faces[order]

@@ -33,17 +33,9 @@ _SCALARS = "iriftrace_scalars"
 
 
 def linear_volume(grid: Any) -> pv.UnstructuredGrid:
-    """Tetrahedra, hexahedra, wedges and pyramids of a grid, without points that no cell uses.
+    """Tetrahedra, hexahedra, wedges and pyramids of any grid, without points that no cell uses.
 
-    Parameters
-    ----------
-    grid : pyvista.DataSet
-        Any grid with volume cells.
-
-    Returns
-    -------
-    pyvista.UnstructuredGrid
-        With the grid's point and cell data.
+    The result has the grid's point and cell data.
     """
     grid = volume_cells(grid)
     types = np.asarray(grid.celltypes)
@@ -118,14 +110,8 @@ def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     on both sides of a thin wall, and the points stay apart. A wall without thickness that is
     equally hot on both sides cannot be told from a seam; give it one.
 
-    Parameters
-    ----------
-    grid : pyvista.UnstructuredGrid
-
-    Returns
-    -------
-    pyvista.UnstructuredGrid
-        The grid itself if nothing coincides; else one with the data of the first of such points.
+    The result is the grid itself if nothing coincides; else it has the data of the first of such
+    points.
     """
     compared = pv.UnstructuredGrid()
     compared.shallow_copy(grid)
@@ -150,12 +136,7 @@ def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
 
 
 def refuse_repeated_cells(grid: pv.UnstructuredGrid, path: str) -> None:
-    """Refuse a joined grid in which cells lie where others do.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a joined grid in which cells lie where others do."""
     points = np.asarray(grid.points, dtype=np.float64)
     repeated_cells = 0
     for _, corners in cell_corners(grid).values():

@@ -8,7 +8,8 @@ import numpy as np
 import pyvista as pv
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.geometry.topology import connected
+from iriftrace.geometry.topology import connected, piece_boxes
+from iriftrace.geometry.triangles import area_vectors, polydata
 
 # Boundary patches smaller than this share of the largest one are gaps between cells of different
 # refinement, not walls.
@@ -24,43 +25,29 @@ def inner_wall(grid: Any) -> Any:
     symmetry plane, a floor), faces that lie in the sides of the data's bounding box are left out
     first, which separates the two.
 
-    Parameters
-    ----------
-    grid : pyvista.UnstructuredGrid
-        Volume cells, mm.
-
-    Returns
-    -------
-    pyvista.PolyData
-        Triangles, with the grid's point data; empty when the data have no inner boundary.
+    The grid is a pyvista.UnstructuredGrid, mm. The wall is a pyvista.PolyData of triangles with the
+    grid's point data, empty when the data have no inner boundary.
     """
     surface = grid.extract_surface(algorithm="geometry").triangulate()
-    faces = np.asarray(surface.faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
+    faces = np.asarray(surface.regular_faces, dtype=np.int64)
     inside = np.asarray(grid.cell_centers().points, dtype=np.float64)
     inside = inside[np.asarray(surface["vtkOriginalCellIds"])]
     points = np.asarray(surface.points, dtype=np.float64)
-    areas = _outward_areas(points[faces], inside)
+    # The order of a face's corners is no guide: it is reversed in inverted and mirrored cells.
+    areas = area_vectors(points, faces)
+    side = np.einsum("ij,ij->i", areas, points[faces].mean(axis=1) - inside)
+    areas = np.where(side[:, None] < 0.0, -areas, areas)
 
     kept = _wall_faces(points, faces, areas)
     if not kept.any():
         free = ~_on_box(points, faces)
         kept[free] = _wall_faces(points, faces[free], areas[free])
-    # A list of cells, since an empty boolean selection is not a valid one for every filter.
-    wall = pv.PolyData(points, np.insert(faces[kept], 0, 3, axis=1).ravel())
+    if not kept.any():
+        return pv.PolyData()
+    wall = polydata(points, faces[kept])
     for name in grid.point_data:
         wall.point_data[name] = surface.point_data[name]
-    return wall.remove_unused_points() if kept.any() else pv.PolyData()
-
-
-def _outward_areas(corners: FloatArray, inside: FloatArray) -> FloatArray:
-    """Area vectors (m, 3) of triangles, mm2, pointing away from the cells they belong to.
-
-    The order of a face's corners is no guide: it is reversed in inverted and mirrored cells.
-    """
-    areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    side = np.einsum("ij,ij->i", areas, corners.mean(axis=1) - inside)
-    outward: FloatArray = np.where(side[:, None] < 0.0, -areas, areas)
-    return outward
+    return wall.remove_unused_points()
 
 
 def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> BoolArray:
@@ -70,13 +57,8 @@ def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> BoolA
     links = np.concatenate((faces[:, :2], faces[:, 1:]))
     patch = connected(links, len(points))[faces[:, 0]]
     patch = np.unique(patch, return_inverse=True)[1]
-    corners = points[faces]
-    count = patch.max() + 1
-    low = np.full((count, 3), np.inf)
-    high = -low
-    np.minimum.at(low, patch, corners.min(axis=1))
-    np.maximum.at(high, patch, corners.max(axis=1))
-    arm = corners.mean(axis=1) - 0.5 * (low + high)[patch]
+    low, high = piece_boxes(points, faces, patch)
+    arm = points[faces].mean(axis=1) - 0.5 * (low + high)[patch]
     volume = np.bincount(patch, np.einsum("ij,ij->i", areas, arm))
     area = np.bincount(patch, np.linalg.norm(areas, axis=1))
     is_wall = (volume < 0.0) & (area > _SMALLEST_SHARE * area.max())

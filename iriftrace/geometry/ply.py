@@ -47,12 +47,7 @@ def read_ply(path: Path) -> PlyMesh:
 
 
 def check_corners(vertices: FloatArray, faces: IntArray) -> None:
-    """Refuse what is no list of triangles between existing vertices.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse what is no list of triangles between existing vertices, with a ValueError."""
     if faces.size == 0:
         return
     if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,):
@@ -133,25 +128,19 @@ def write_ply(
     count = len(np.asarray(vertices))
     ply_corner, corner = ("ushort", "<u2") if count <= 1 << 16 else ("int", "<i4")
     header = [
-        "ply",
-        "format binary_little_endian 1.0",
         *(f"comment {comment}" for comment in comments),
         f"element vertex {count}",
         *(f"property float {name}" for name in points),
         f"element face {len(faces)}",
         f"property list uchar {ply_corner} vertex_indices",
         *(f"property float {name}" for name in further),
-        "end_header\n",
     ]
     columns = [(name, "<f4") for name in further]
     rows = np.empty(len(faces), dtype=[("count", "u1"), ("corners", corner, 3), *columns])
     rows["count"], rows["corners"] = 3, faces
     for name, column in further.items():
         rows[name] = column
-    with whole_file(path) as temporary, temporary.open("wb") as file:
-        file.write("\n".join(header).encode())
-        file.write(np.column_stack(list(points.values())).astype("<f4").tobytes())
-        file.write(rows.tobytes())
+    _write(path, header, np.column_stack(list(points.values())).astype("<f4"), rows)
 
 
 def write_ply_points(
@@ -161,36 +150,31 @@ def write_ply_points(
     *,
     comments: Sequence[str] = (),
 ) -> None:
-    """Write points as binary little-endian PLY, their places in double precision.
+    """Write (n, 3) points, mm, as binary little-endian PLY, their places in double precision.
 
-    Parameters
-    ----------
-    path
-        Name of the file; its folder must exist.
-    points
-        (n, 3) array, mm.
-    columns
-        Numbers of each point, by name: float64 as ``double``, float32 as ``float``, whole numbers
-        as ``int``.
-    comments
-        Lines of the header.
+    The columns of float64 are ``double``, those of float32 ``float``, whole numbers ``int``; what
+    is not ASCII in the comments becomes question marks.
     """
-    places = dict(zip("xyz", np.transpose(points), strict=True))
-    kinds = {name: _kind(values) for name, values in {**places, **columns}.items()}
+    named = dict(zip("xyz", np.transpose(points), strict=True)) | dict(columns)
+    kinds = {name: _kind(values) for name, values in named.items()}
     header = [
-        "ply",
-        "format binary_little_endian 1.0",
         *(f"comment {comment}" for comment in comments),
         f"element vertex {len(points)}",
         *(f"property {_PROPERTY[kind]} {name}" for name, kind in kinds.items()),
-        "end_header\n",
     ]
     rows = np.empty(len(points), dtype=list(kinds.items()))
-    for name, values in {**places, **columns}.items():
+    for name, values in named.items():
         rows[name] = values
+    header = [line.encode("ascii", "replace").decode() for line in header]
+    _write(path, header, rows)
+
+
+def _write(path: str | Path, header: Sequence[str], *tables: NDArray[Any]) -> None:
+    lines = ("ply", "format binary_little_endian 1.0", *header, "end_header\n")
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        file.write("\n".join(header).encode("ascii", "replace"))
-        file.write(rows.tobytes())
+        file.write("\n".join(lines).encode())
+        for table in tables:
+            file.write(table.tobytes())
 
 
 _PROPERTY = {"<f8": "double", "<f4": "float", "<i4": "int"}

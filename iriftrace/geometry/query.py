@@ -10,7 +10,7 @@ import numpy as np
 from attrs import field, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, as_float64
 from iriftrace.geometry.triangles import area_vectors, polydata, unit_vectors, used_vertices
 
 if TYPE_CHECKING:
@@ -24,10 +24,6 @@ GAP_SAMPLE = 10_000
 
 _CHUNK = 1_000_000
 """Points whose triangles above are counted at once."""
-
-
-def _float64(values: ArrayLike) -> FloatArray:
-    return np.asarray(values, dtype=np.float64)
 
 
 def _int64(values: ArrayLike) -> IntArray:
@@ -45,7 +41,7 @@ class Surface:
         Vertex numbers.
     """
 
-    vertices: FloatArray = field(converter=_float64)
+    vertices: FloatArray = field(converter=as_float64)
     faces: IntArray = field(converter=_int64)
 
     @cached_property
@@ -62,8 +58,7 @@ class Surface:
     @cached_property
     def corners(self) -> FloatArray:
         """(c, 3) vertices that the triangles use, mm."""
-        corners: FloatArray = self.vertices[used_vertices(len(self.vertices), self.faces)[0]]
-        return corners
+        return self.vertices[used_vertices(len(self.vertices), self.faces)[0]]
 
     @cached_property
     def _locator(self) -> vtkStaticCellLocator:
@@ -89,7 +84,7 @@ class Surface:
         """
         from vtkmodules.vtkCommonCore import mutable
 
-        places = _float64(points)
+        places = as_float64(points)
         foot = np.empty((len(places), 3))
         face = np.empty(len(places), dtype=np.int64)
         # VTK's own types of numbers that a call changes are unknown to its stubs.
@@ -102,7 +97,7 @@ class Surface:
 
     def distance(self, points: ArrayLike) -> FloatArray:
         """Distance (k,), mm, of points (k, 3), mm, from the surface."""
-        distance: FloatArray = np.linalg.norm(_float64(points) - self.nearest(points)[0], axis=1)
+        distance: FloatArray = np.linalg.norm(as_float64(points) - self.nearest(points)[0], axis=1)
         return distance
 
     def distance_gradient(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -121,7 +116,7 @@ class Surface:
             several points of the surface are equally near, that of one of them.
         """
         foot, face = self.nearest(points)
-        offset = _float64(points) - foot
+        offset = as_float64(points) - foot
         distance = np.linalg.norm(offset, axis=1)
         away = distance > _ON_SURFACE_MM
         gradient = self.normals[face]
@@ -158,22 +153,14 @@ class Surface:
         return limit
 
     def inside(self, points: ArrayLike) -> BoolArray:
-        """True for points inside the surface, which has to be closed.
+        """True, (k,), for points (k, 3), mm, inside the surface, which has to be closed.
 
         Counts the triangles above each point: an odd number means inside. Points below an edge or a
         corner are decided in the same way for all triangles there, so none is counted twice or not
         at all. (VTK's tests by random rays and by the sign of the distance err beside the edges
         of a gear's teeth, and take 7 and 40 times as long for the points of a mesh.)
-
-        Parameters
-        ----------
-        points : (k, 3) array_like, mm
-
-        Returns
-        -------
-        (k,) array of bool
         """
-        places = _float64(points)
+        places = as_float64(points)
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         inside = np.zeros(len(places), dtype=bool)
         near = np.flatnonzero(np.all((places >= low) & (places <= high), axis=1))

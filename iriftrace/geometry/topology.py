@@ -45,22 +45,13 @@ def weld(vertices: Float32Array | FloatArray) -> IntArray:
     Formats such as STL store three vertices for each triangle. Positions are compared as float32,
     which is the precision in which the renderer sees them.
 
-    Parameters
-    ----------
-    vertices
-        (n, 3) array, mm.
-
-    Returns
-    -------
-    (n,) array
-        For each vertex, number of the first one at its position.
+    Of (n, 3) vertices, mm, the result is for each, (n,), the number of the first one at its place.
     """
     # Adding zero makes -0 and 0 the same bits.
     rounded = np.ascontiguousarray(vertices, dtype=np.float32) + np.float32(0)
     bits = rounded.view(np.dtype((np.void, 12))).ravel()
     _, first, number = np.unique(bits, return_index=True, return_inverse=True)
-    joined: IntArray = first[number]
-    return joined
+    return first[number]
 
 
 def _edge_keys(faces: IntArray) -> tuple[IntArray, BoolArray]:
@@ -75,9 +66,8 @@ def _edge_keys(faces: IntArray) -> tuple[IntArray, BoolArray]:
 
 def open_edges(faces: AnyIntArray) -> IntArray:
     """(k, 2) vertex numbers of the edges with an odd number of triangles; none if it is closed."""
-    ranked = np.sort(_edge_keys(np.asarray(faces, dtype=np.int64))[0])
-    first = np.flatnonzero(np.concatenate(([True], ranked[1:] != ranked[:-1])))
-    key = ranked[first[np.diff(np.append(first, len(ranked))) % 2 == 1]]
+    key, count = np.unique(_edge_keys(np.asarray(faces, dtype=np.int64))[0], return_counts=True)
+    key = key[count % 2 == 1]
     return np.stack((key >> 32, key & 0xFFFFFFFF), axis=1)
 
 
@@ -181,23 +171,9 @@ def wind_consistently(
 ) -> tuple[IntArray, IntArray]:
     """Turn triangles so that neighbours run along their common edge in opposite directions.
 
-    Parameters
-    ----------
-    vertices : (n, 3) array, mm
-    faces : (m, 3) array
-
-    Returns
-    -------
-    faces : (m, 3) array
-        Of the two windings of a piece the one that turns the smaller area.
-    piece : (m,) array
-        Number of the connected piece of every triangle. Pieces that touch in a vertex, or in an
-        edge of more than two triangles, are separate.
-
-    Raises
-    ------
-    InputError
-        A piece has one side only, like a Moebius strip.
+    Returns the (m, 3) faces, of the two windings of a piece the one that turns the smaller area,
+    and the (m,) number of the connected piece of every triangle. Pieces that touch in a vertex, or
+    in an edge of more than two triangles, are separate. An InputError if a piece has one side only.
     """
     faces = np.asarray(faces, dtype=np.int64)
     neighbours = find_neighbours(faces)
@@ -245,21 +221,21 @@ def face_along(
     vote = np.einsum("ij,ij->i", area_vectors(vertices, faces), towards)
     against = np.bincount(piece, vote) < 0.0
     faces = np.where(against[piece][:, None], faces[:, ::-1], faces)
-    small = _piece_sizes(vertices, faces, piece) < min_size_mm
+    low, high = piece_boxes(np.asarray(vertices, dtype=np.float64), faces, piece)
+    small = np.linalg.norm(high - low, axis=1) < min_size_mm
     dropped = small[piece]
     return faces[~dropped], int(small.sum()), int(dropped.sum())
 
 
-def _piece_sizes(vertices: Float32Array, faces: IntArray, piece: IntArray) -> FloatArray:
-    """Diagonal of the bounding box of every piece, (pieces,) array, mm."""
+def piece_boxes(
+    points: FloatArray, faces: IntArray, piece: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest corners, (pieces, 3) each, of the boxes around pieces of faces."""
     order = np.argsort(piece, kind="stable")
     start = np.searchsorted(piece[order], np.arange(piece.max() + 1))
-    points = np.asarray(vertices, dtype=np.float64)
     corners = [points[corner] for corner in faces[order].T]
-    high = np.maximum.reduceat(np.maximum.reduce(corners), start)
     low = np.minimum.reduceat(np.minimum.reduce(corners), start)
-    size: FloatArray = np.linalg.norm(high - low, axis=1)
-    return size
+    return low, np.maximum.reduceat(np.maximum.reduce(corners), start)
 
 
 def drop_degenerate(vertices: Float32Array, faces: IntArray) -> IntArray:
@@ -269,16 +245,7 @@ def drop_degenerate(vertices: Float32Array, faces: IntArray) -> IntArray:
     other two edges are one. Two triangles with the same three vertices enclose nothing and are
     dropped together. A triangle whose vertices lie on one line is dropped and its neighbour at the
     longest edge is split at the vertex in between; without the split the surface would keep a
-    slit of no width, which reads as an open edge.
-
-    Parameters
-    ----------
-    vertices : (n, 3) array of float32, mm
-    faces : (m, 3) array
-
-    Returns
-    -------
-    (k, 3) array
+    slit of no width, which reads as an open edge. Vertices (n, 3) are in mm, faces (m, 3).
     """
     faces = _without_repeats(faces)
     # Every pass removes at least one flat triangle for good unless they only split each other.

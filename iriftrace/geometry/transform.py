@@ -44,35 +44,26 @@ def parse_transform(text: str) -> FloatArray:
         numbers = _numbers(path.read_text(encoding="utf-8", errors="replace"))
         if numbers is None:
             raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")
-    if numbers is not None:
-        matrix = _matrix(numbers, text)
-    else:
-        matrix = np.eye(4)
+    matrix = np.eye(4)
+    if numbers is None:
         for step in text.split(","):
             matrix = _step(step) @ matrix
+    elif len(numbers) == 16:
+        matrix = np.array(numbers).reshape(4, 4)
+    else:
+        raise InputError(
+            f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row."
+        )
     return checked_matrix(matrix, repr(text))
 
 
 def apply(matrix: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 3) moved by a (4, 4) affine matrix; (n, 3) array, float64."""
-    moved: FloatArray = np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-    return moved
+    return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
-    """A (4, 4) matrix that is known to be affine and invertible.
-
-    Parameters
-    ----------
-    matrix
-        (4, 4) array.
-    name
-        What messages call it by.
-
-    Raises
-    ------
-    InputError
-    """
+    """A (4, 4) matrix, called `name` in messages; an InputError if not affine and invertible."""
     affine = np.asarray(matrix, dtype=np.float64)
     called = f"The transform {name}".rstrip()
     if affine.shape != (4, 4):
@@ -96,14 +87,6 @@ def _numbers(text: str) -> list[float] | None:
         return [float(word) for word in text.replace(",", " ").split()] or None
     except ValueError:
         return None
-
-
-def _matrix(numbers: list[float], text: str) -> FloatArray:
-    if len(numbers) != 16:
-        raise InputError(
-            f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row."
-        )
-    return np.array(numbers).reshape(4, 4)
 
 
 def _step(step: str) -> FloatArray:

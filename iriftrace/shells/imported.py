@@ -22,7 +22,6 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
-from iriftrace.field.arrays import unit_of
 from iriftrace.field.index_field import FieldSource
 from iriftrace.field.origin import origin_of
 from iriftrace.field.readers.vtk_files import blocks_of
@@ -254,13 +253,7 @@ def _read_triangles(
     return Soup(
         vertices=points.astype(np.float32),
         faces=np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
-        refractivity=arrays.to_refractivity(
-            values,
-            choice,
-            unit_of(choice.name, choice.quantity, None, temperature_unit, str(path)),
-            air,
-            str(path),
-        ),
+        refractivity=arrays.to_refractivity(values, choice, None, temperature_unit, air, str(path)),
         gradient=vectors,
         choice=choice,
         origin=origin,

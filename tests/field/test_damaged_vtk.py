@@ -130,6 +130,20 @@ def test_entities_in_a_series_are_refused(tmp_path: Path) -> None:
         read_field(tmp_path / "air.pvd")
 
 
+@pytest.mark.parametrize(("kind", "fits"), [(pv.CellType.TETRA, True), (42, False)])
+def test_empty_faces_are_none_where_there_are_no_polyhedra(kind: int, fits: bool) -> None:
+    """VTK's reader of .pvtu hands them over at random; a polyhedron needs faces."""
+    values = (np.eye(4, 3), [0, 4], range(4), [kind], [0], [])
+    arrays = [np.array(v, dtype=None if k == 0 else np.int64) for k, v in enumerate(values)]
+    told = {"kind": "unstructured", "points": 0, "cells": [1, 2], "types": 3, "faces": [4, 5]}
+    told |= {"face_places": [4, 5], "point": {}, "cell": {}, "field": {}}
+    if fits:
+        assert vtk_process._Checked(arrays).data(told).n_cells == 1
+        return
+    with pytest.raises(vtk_process._Damage, match="faces of its polyhedra"):
+        vtk_process._Checked(arrays).data(told)
+
+
 def test_the_child_needs_no_pyvista() -> None:
     """Importing it would take longer than reading most files."""
     assert "pyvista" not in Path(vtk_child.__file__).read_text().replace("of pyvista is", "")

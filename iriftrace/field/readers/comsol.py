@@ -32,22 +32,12 @@ from iriftrace.field.readers.states import Column, Contents, State, state_number
 
 @frozen(eq=False)
 class _Table:
-    """A text export in numbers.
+    """A text export in numbers."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-    columns : sequence of Column
-        Names of the results.
-    values : (n, columns) array
-    cells : (k, 4) or (k, 8) array or None
-        Point numbers of tetrahedra or hexahedra; None for scattered points.
-    """
-
-    points: FloatArray
-    columns: Sequence[Column]
-    values: FloatArray
-    cells: IntArray | None
+    points: FloatArray  # (n, 3)
+    columns: Sequence[Column]  # names of the results
+    values: FloatArray  # (n, columns)
+    cells: IntArray | None  # corners of tetrahedra or hexahedra; None for scattered points
 
 
 def states(path: Path) -> list[State]:
@@ -60,24 +50,16 @@ def states(path: Path) -> list[State]:
 def read(path: Path, member: int | None) -> Contents:
     """Points, cells and results of one state.
 
-    Points without elements get the tetrahedra of Delaunay, which fill their hull.
-
-    Raises
-    ------
-    InputError
-        The file is damaged, has no header, or is not three-dimensional.
-
-    Warns
-    -----
-    IriftraceWarning
-        Results are NaN at some points, which are then left out.
+    Points without elements get the tetrahedra of Delaunay, which fill their hull; points at which
+    results are NaN are left out with a warning.
     """
     file = text_file(path)
     layouts = {"spreadsheet": _spreadsheet, "sectionwise": _sectionwise, "grid": _grid}
     table = layouts[file.layout](file)
     listed = states_of(table.columns)
     number = state_number(listed, member, path)
-    names, table = _of_state(table, listed[number][0], path)
+    label = listed[number][0]
+    names, table = _of_state(table, label, path)
     table = _without_gaps(table, names, path)
     points, values, cells = table.points, table.values, table.cells
     if cells is None:
@@ -93,7 +75,7 @@ def read(path: Path, member: int | None) -> Contents:
         states=listed,
         length_unit=file.length_unit or _unit_of_coordinates(file),
         units={name: column.unit or "" for name, column in names.items()},
-        origin=file.origin(listed[number][0]),
+        origin=file.origin(label),
         scattered=table.cells is None,
     )
 
@@ -107,10 +89,7 @@ def _unit_of_coordinates(file: TextFile) -> str | None:
 
 
 def _spreadsheet(file: TextFile) -> _Table:
-    """A point and its results in every row.
-
-    Points that fill a regular grid, with NaN where there is no air, get the grid's cells.
-    """
+    """A point and its results in every row; points that fill a regular grid get its cells."""
     columns = spreadsheet_columns(file)
     data = file.numbers([row for section in file.sections for row in section.rows], "rows")
     file.check_count("nodes", len(data))

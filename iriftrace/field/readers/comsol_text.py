@@ -37,17 +37,9 @@ _ASSIGNMENT = re.compile(r"\s*[\w.]+\s*=[^@()]*")
 
 @frozen(eq=False)
 class Section:
-    """Rows that follow each other, with the comments right above them.
+    """Rows that follow each other, with the comments right above them."""
 
-    Attributes
-    ----------
-    comments : list of str
-        Lines that begin with %; for a spreadsheet without %, the line with the names.
-    rows : list of str
-        The lines below, without empty ones.
-    """
-
-    comments: list[str]
+    comments: list[str]  # begin with %, but for the line with the names of a spreadsheet without %
     rows: list[str]
 
     @property
@@ -73,16 +65,7 @@ class Section:
 
 @frozen(eq=False)
 class TextFile:
-    """A text export.
-
-    Attributes
-    ----------
-    path : Path
-    entries : dict
-        Values of the header by key in lower case: ``model``, ``version``, ``nodes``, ...
-    sections : list of Section
-        At least one, all with rows.
-    """
+    """A text export: values of its header by key in lower case, and at least one section."""
 
     path: Path
     entries: dict[str, str]
@@ -118,13 +101,7 @@ class TextFile:
         return [section for section in self.sections if section.kind == kind]
 
     def only(self, kind: str) -> Section:
-        """The one section of a kind.
-
-        Raises
-        ------
-        InputError
-            There is none, or several.
-        """
+        """The one section of a kind; an InputError where there is none, or several."""
         found = self.of_kind(kind)
         if len(found) != 1:
             raise InputError(
@@ -139,13 +116,7 @@ class TextFile:
         return numbers(rows, self.separator, self.path, what)
 
     def count(self, key: str) -> int | None:
-        """A number that the header states, or None.
-
-        Raises
-        ------
-        InputError
-            It is no number.
-        """
+        """A number that the header states, or None; an InputError if it is no number."""
         text = self.entries.get(key)
         try:
             return None if text is None else int(text)
@@ -156,12 +127,7 @@ class TextFile:
             ) from None
 
     def check_count(self, key: str, found: int) -> None:
-        """Refuse a file that has not as many ``"nodes"`` or ``"elements"`` as its header states.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse a file that has not as many ``"nodes"`` or ``"elements"`` as its header states."""
         stated = self.count(key)
         if stated is not None and found != stated:
             raise InputError(
@@ -171,13 +137,7 @@ class TextFile:
 
 
 def text_file(path: Path) -> TextFile:
-    """Read a text export and split it.
-
-    Raises
-    ------
-    InputError
-        It is no text, has no rows of numbers, or is a table that is not three-dimensional.
-    """
+    """Read a text export and split it; an InputError if it is no table in three dimensions."""
     raw = path.read_bytes()
     if b"\0" in raw[:4096]:
         raise InputError(f"{path} is not text; export it again as a text file in UTF-8.")
@@ -214,19 +174,17 @@ def text_file(path: Path) -> TextFile:
 def spreadsheet_columns(file: TextFile) -> list[Column]:
     """All columns of a spreadsheet, coordinates included, in the order of the file.
 
-    Raises
-    ------
-    InputError
-        No line names them, another number is named, or x, y and z are not among them.
+    An InputError if no line names them, or another number, or x, y and z are not among them.
     """
-    if not file.sections[0].titles:
+    first = file.sections[0]
+    if not first.titles:
         raise InputError(
             f"{file.path} has no header line that names its columns (% x y z T (K)), so nothing "
             "tells which is the temperature; export it with its header."
         )
-    line = file.sections[0].titles[-1].strip().removeprefix("%").strip()
-    row, separator = file.sections[0].rows[0], file.separator
-    count = len(row.strip(separator or " ").split(separator))
+    line = first.titles[-1].removeprefix("%").strip()
+    separator = file.separator
+    count = len(first.rows[0].strip(separator or " ").split(separator))
     names = _padded_names(line, count) if separator is None else _separated_names(line, separator)
     if len(names) != count:
         raise InputError(
@@ -269,12 +227,7 @@ def section_columns(file: TextFile) -> list[Column]:
     """Results of a sectionwise or grid file, one a section of data.
 
     Their names stand in the section's title, ``% Data (T (K) @ t=1)``, or in a line below it; else
-    the header's description must tell them, without units.
-
-    Raises
-    ------
-    InputError
-        There is no data, or no name of it.
+    the header's description must tell them, without units, or an InputError says so.
     """
     sections = file.of_kind("data")
     if not sections:

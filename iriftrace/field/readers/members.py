@@ -60,11 +60,8 @@ class Member:
 def kind_of(path: Path) -> str:
     """Format of a field file: ``"vtk"``, ``"openfoam"`` or ``"comsol"``.
 
-    Raises
-    ------
-    InputError
-        The file does not exist, may not be read, is of another type, or is a folder that is no
-        OpenFOAM case.
+    An InputError if the file does not exist, may not be read, is of another type, or is a folder
+    that is no OpenFOAM case.
     """
     if path.is_dir():
         if openfoam.is_case(path):
@@ -92,21 +89,7 @@ def kind_of(path: Path) -> str:
 
 
 def read_state(path: Path, number: int | None, *, flow: bool = False) -> Contents:
-    """Read one state of a field file, the last one when `number` is None.
-
-    Parameters
-    ----------
-    path : Path
-    number : int or None
-    flow : bool, optional
-        Whether velocities are wanted at the points of an OpenFOAM case, which take memory; other
-        files are read whole in any case.
-
-    Raises
-    ------
-    InputError
-        The file is missing, of another type, damaged, or has no such state.
-    """
+    """Read one state of a field file; see `iriftrace.field.read.read_volume`."""
     kind = kind_of(path)
     with _file_errors(path):
         if kind == "openfoam":

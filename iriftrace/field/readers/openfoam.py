@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 from warnings import warn
 
 import numpy as np
@@ -17,7 +16,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of_list
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
-from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_polyhedra
+from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_piece
 from iriftrace.field.readers.states import Contents, State, state_number
 from iriftrace.field.readers.vtk_process import read_case
 
@@ -48,10 +47,7 @@ def states(path: Path) -> list[State]:
 def read(path: Path, member: int | None, *, flow: bool = False) -> Contents:
     """Temperatures, other scalars and, if `flow`, velocities at a case's points, in m and SI units.
 
-    Raises
-    ------
-    InputError
-        The case has no mesh, no time, several regions, or damaged files.
+    An InputError if the case has no mesh, no time, several regions, or damaged files.
     """
     case = _case(path)
     number = state_number(case.states, member, path)
@@ -212,17 +208,13 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
         for name in boundary.keys()
         if boundary[name] is not None and not _NO_VALUES.fullmatch(kinds.get(name, "patch"))
     }
-    for values in (grid, *patches.values()) if flow else ():
-        _put_velocity_over_temperature(values.cell_data)
+    for mesh in (grid, *patches.values()) if flow else ():
+        arrays = mesh.cell_data
+        if VELOCITY in arrays and TEMPERATURE in arrays:
+            kelvin = np.asarray(arrays[TEMPERATURE], dtype=np.float64)[:, None]
+            arrays[VELOCITY_OVER_TEMPERATURE] = np.asarray(arrays[VELOCITY], np.float64) / kelvin
     walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
-    return Piece(grid, split_polyhedra(grid), patches, walls)
-
-
-def _put_velocity_over_temperature(arrays: Any) -> None:
-    if VELOCITY in arrays and TEMPERATURE in arrays:
-        kelvin = np.asarray(arrays[TEMPERATURE], dtype=np.float64)
-        velocity = np.asarray(arrays[VELOCITY], dtype=np.float64)
-        arrays[VELOCITY_OVER_TEMPERATURE] = velocity / kelvin[:, None]
+    return split_piece(grid, patches, walls)
 
 
 def _patch_kinds(folder: Path) -> dict[str, str]:

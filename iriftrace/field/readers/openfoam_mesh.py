@@ -24,14 +24,20 @@ _CELLS, _PATCHES, _WALLS = range(3)
 
 
 @frozen(eq=False)
-class VolumeMesh:
-    """A finite-volume mesh in linear cells.
+class Piece:
+    """A mesh as it was read, whole or from one processor, and in linear cells.
 
     Attributes
     ----------
+    grid : pyvista.UnstructuredGrid
+        With cell data.
+    patches : mapping
+        pyvista.PolyData of the patches that state values, with cell data.
+    walls : frozenset
+        Names of those that are walls.
     points : (n + p, 3) array
         The mesh's n points and the centroids of its p polyhedra.
-    cells : mapping
+    cells : dict
         VTK cell type to (k, corners) point numbers.
     centres : (c, 3) array
         Of the mesh's own cells, where their values belong.
@@ -39,34 +45,29 @@ class VolumeMesh:
         Numbers of the cells that were split.
     """
 
+    grid: Any
+    patches: Mapping[str, Any]
+    walls: frozenset[str]
     points: FloatArray
     cells: dict[int, IntArray]
     centres: FloatArray
     polyhedra: IntArray
 
 
-def split_polyhedra(grid: Any) -> VolumeMesh:
+def split_piece(grid: Any, patches: Mapping[str, Any], walls: frozenset[str]) -> Piece:
     """Split the polyhedra of a grid; its other cells stay.
 
     Faces with four corners become pyramids, triangles tetrahedra, and faces with more corners are
     fanned from their corner with the smallest number, so that both neighbours split them alike.
     The gradients of a cell's parts then start from its own value at its own centroid, whereas
     triangulating by corners alone would drop that value and split all other cells too.
-
-    Parameters
-    ----------
-    grid : pyvista.UnstructuredGrid
-
-    Returns
-    -------
-    VolumeMesh
     """
     points = np.asarray(grid.points, dtype=np.float64)
     centres = np.array(grid.cell_centers().points, dtype=np.float64)
     cells = {kind: corners for kind, (_, corners) in cell_corners(grid).items()}
     polyhedra = np.flatnonzero(np.asarray(grid.celltypes) == _POLYHEDRON)
     if not len(polyhedra):
-        return VolumeMesh(points, cells, centres, polyhedra)
+        return Piece(grid, patches, walls, points, cells, centres, polyhedra)
     owner, starts, sizes, flat = _faces_of(grid, polyhedra)
     triangles, of_triangle = _fans(owner, starts, sizes, flat)
     centroids = _centroids(points, triangles, of_triangle, len(polyhedra))
@@ -83,7 +84,8 @@ def split_polyhedra(grid: Any) -> VolumeMesh:
     for kind, new in ((TETRAHEDRON, tetrahedra), (PYRAMID, pyramids)):
         new = _upright(points, new)
         cells[kind] = np.concatenate((cells[kind], new)) if kind in cells else new
-    return VolumeMesh(points, {kind: c for kind, c in cells.items() if len(c)}, centres, polyhedra)
+    cells = {kind: corners for kind, corners in cells.items() if len(corners)}
+    return Piece(grid, patches, walls, points, cells, centres, polyhedra)
 
 
 def _faces_of(grid: pv.UnstructuredGrid, polyhedra: IntArray) -> tuple[IntArray, ...]:
@@ -119,17 +121,13 @@ def _fans(
 def _centroids(points: FloatArray, triangles: IntArray, owner: IntArray, count: int) -> FloatArray:
     """Centres of volume of closed polyhedra from the triangles of their faces, (count, 3)."""
     corners = points[triangles]
-    weight = np.bincount(owner, minlength=count)
-    inside = np.stack(
-        [np.bincount(owner, c, minlength=count) / weight for c in corners.mean(axis=1).T], axis=1
-    )
+    weight = np.bincount(owner, minlength=count)[:, None]
+    inside = _added(owner, corners.mean(axis=1), count) / weight
     arms = corners - inside[owner][:, None]
     volume = np.abs(np.einsum("ij,ij->i", arms[:, 0], np.cross(arms[:, 1], arms[:, 2])))
-    total = np.maximum(np.bincount(owner, volume, minlength=count), np.finfo(float).tiny)
-    arm = arms.sum(axis=1) / 4.0
-    return inside + np.stack(
-        [np.bincount(owner, volume * a, minlength=count) / total for a in arm.T], axis=1
-    )
+    total = np.maximum(_added(owner, volume, count), np.finfo(float).tiny)[:, None]
+    moment = volume[:, None] * (arms.sum(axis=1) / 4.0)
+    return inside + _added(owner, moment, count) / total
 
 
 def _upright(points: FloatArray, cells: IntArray) -> IntArray:
@@ -143,28 +141,6 @@ def _upright(points: FloatArray, cells: IntArray) -> IntArray:
     return np.where(up[:, None] < 0.0, turned, cells)
 
 
-@frozen(eq=False)
-class Piece:
-    """A mesh as it was read, whole or from one processor.
-
-    Attributes
-    ----------
-    grid : pyvista.UnstructuredGrid
-        With cell data.
-    mesh : VolumeMesh
-        The same, split.
-    patches : mapping
-        pyvista.PolyData of the patches that state values, with cell data.
-    walls : frozenset
-        Names of those that are walls.
-    """
-
-    grid: Any
-    mesh: VolumeMesh
-    patches: Mapping[str, Any]
-    walls: frozenset[str]
-
-
 def joined(pieces: Sequence[Piece], names: Sequence[str]) -> pv.UnstructuredGrid:
     """One grid of all pieces, joined at points that coincide exactly, with values at its points.
 
@@ -172,22 +148,17 @@ def joined(pieces: Sequence[Piece], names: Sequence[str]) -> pv.UnstructuredGrid
     does it. VTK's own translation averages the cells alone, which puts air from half a cell away
     onto the wall. Here points on patches have values of the patches' faces only, and points on
     walls those of the walls' faces only, so a wall of one temperature keeps it to the last digit.
-
-    Parameters
-    ----------
-    pieces : sequence of Piece
-    names : sequence of str
-        Cell arrays, scalars or vectors, that all pieces have.
+    `names` are cell arrays, scalars or vectors, that all pieces have.
     """
-    points = np.concatenate([piece.mesh.points for piece in pieces])
+    points = np.concatenate([piece.points for piece in pieces])
     number = np.arange(len(points))
     if len(pieces) > 1:
         points, number = np.unique(points, axis=0, return_inverse=True)
-    ends = np.cumsum([len(piece.mesh.points) for piece in pieces])
+    ends = np.cumsum([len(piece.points) for piece in pieces])
     numbers = np.split(number.ravel(), ends[:-1])
     cells: dict[int, list[IntArray]] = {}
     for piece, number in zip(pieces, numbers, strict=True):
-        for kind, corners in piece.mesh.cells.items():
+        for kind, corners in piece.cells.items():
             cells.setdefault(kind, []).append(number[corners])
     grid = pv.UnstructuredGrid(
         {kind: np.concatenate(parts) for kind, parts in cells.items()}, points
@@ -202,9 +173,8 @@ def _point_means(
 ) -> dict[str, FloatArray]:
     """Values at `count` points, where `numbers` are those of the points of each piece."""
     weight = np.zeros((3, count))
-    sums = {}
-    for name in names:
-        sums[name] = np.zeros((3, count, *np.shape(pieces[0].grid.cell_data[name])[1:]))
+    first = pieces[0].grid.cell_data
+    sums = {name: np.zeros((3, count, *np.shape(first[name])[1:])) for name in names}
     for piece, number in zip(pieces, numbers, strict=True):
         for source, corner, owner, w, data in _corners(piece):
             at = number[corner]
@@ -215,8 +185,7 @@ def _point_means(
         centroids = number[piece.grid.n_points :]
         weight[_CELLS, centroids] = 1.0
         for name in names:
-            value = np.asarray(piece.grid.cell_data[name], dtype=np.float64)
-            sums[name][_CELLS, centroids] = value[piece.mesh.polyhedra]
+            sums[name][_CELLS, centroids] = piece.grid.cell_data[name][piece.polyhedra]
     best = (_WALLS - (weight[::-1] > 0.0).argmax(axis=0), np.arange(count))
     # Points that no cell uses have no weight and no value.
     total = np.where(weight[best] > 0.0, weight[best], np.nan)
@@ -229,7 +198,7 @@ def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray
     starts = np.asarray(piece.grid.cell_offsets, dtype=np.int64)
     corner = np.asarray(piece.grid.cell_connectivity, dtype=np.int64)
     cell = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    weight = _inverse_length(points[corner] - piece.mesh.centres[cell])
+    weight = _inverse_length(points[corner] - piece.centres[cell])
     yield _CELLS, corner, cell, weight, piece.grid.cell_data
     tree = cKDTree(points) if piece.patches else None
     for name, patch in piece.patches.items():
@@ -240,8 +209,7 @@ def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray
         corner = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
         face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         points = np.asarray(patch.points, dtype=np.float64)
-        sums = np.stack([np.bincount(face, c) for c in points[corner].T], axis=1)
-        centres = sums / np.diff(starts)[:, None]
+        centres = _added(face, points[corner], len(starts) - 1) / np.diff(starts)[:, None]
         weight = _inverse_length(points[corner] - centres[face])
         source = _WALLS if name in piece.walls else _PATCHES
         yield source, tree.query(points)[1][corner], face, weight, patch.cell_data

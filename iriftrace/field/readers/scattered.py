@@ -34,10 +34,7 @@ _ON_WALL = 0.01
 def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArray, FloatArray]:
     """Points that occur several times, once each with the mean of their values.
 
-    Raises
-    ------
-    InputError
-        Values at one place differ by more than 1 % of their range.
+    An InputError if values at one place differ by more than 1 % of their range.
     """
     unique, number = np.unique(points, axis=0, return_inverse=True)
     if len(unique) == len(points):
@@ -67,10 +64,7 @@ def merged(points: FloatArray, values: FloatArray, path: Path) -> tuple[FloatArr
 def tetrahedra_between(points: FloatArray, path: Path) -> IntArray:
     """Delaunay's tetrahedra of points, (k, 4), without those that bridge notches of their outline.
 
-    Raises
-    ------
-    InputError
-        The points lie in a plane, or there are fewer than four.
+    An InputError if the points lie in a plane, or there are fewer than four.
     """
     try:
         # Scaled, since Qhull's tolerances are absolute for coordinates near one.
@@ -134,18 +128,8 @@ def cells_outside(grid: Any, part: Part | None, path: str) -> IntArray:
     below or flat on the surface. Depth is measured against the tetrahedron's size, since chords of
     a curved wall cut into the part a little.
 
-    Parameters
-    ----------
-    grid : pyvista.UnstructuredGrid
-        Tetrahedra, mm, world.
-    part : Part or None
-    path : str
-        For messages.
-
-    Raises
-    ------
-    InputError
-        There is no part, it is not closed, or nothing is left.
+    The grid is of tetrahedra, mm, world. An InputError if there is no part, it is not closed, or
+    nothing is left.
     """
     if part is None:
         raise InputError(

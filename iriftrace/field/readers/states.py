@@ -60,13 +60,7 @@ class Contents:
 
 
 def state_number(states: Sequence[State], member: int | None, path: Path) -> int:
-    """Number of the state that is meant: the last one when none is named.
-
-    Raises
-    ------
-    InputError
-        The file has no such state.
-    """
+    """Number of the state that is meant, which has to exist: the last one when none is named."""
     if member is None:
         return len(states) - 1
     if not 0 <= member < len(states):
@@ -79,21 +73,11 @@ def state_number(states: Sequence[State], member: int | None, path: Path) -> int
 
 @frozen
 class Column:
-    """One column of results.
+    """One column of results."""
 
-    Attributes
-    ----------
-    name : str
-        Expression or description, without unit and state.
-    unit : str or None
-        As written, such as ``"K"``; None where the name states none.
-    state : str
-        Time or parameters, such as ``"t=0.5, P=100"``; "" where it is the same for all.
-    """
-
-    name: str
-    unit: str | None
-    state: str
+    name: str  # expression or description, without unit and state
+    unit: str | None  # as written, such as "K"; None where the name states none
+    state: str  # time or parameters, such as "t=0.5, P=100"; "" where it is the same for all
 
 
 def column_of(text: str) -> Column:

@@ -43,18 +43,16 @@ _to_numpy: Callable[[Any], NDArray[Any]] = vtk_to_numpy
 Request = dict[str, Any]
 
 
-class _Arrays:
-    """Arrays in the order in which they are sent, each known by its number."""
+Arrays = list[NDArray[Any]]
+"""Arrays in the order in which they are sent, each known by its number."""
 
-    def __init__(self) -> None:
-        self.found: list[NDArray[Any]] = []
 
-    def of_vtk(self, array: Any) -> int | None:
-        """Number of an array; None for one that is not there."""
-        if array is None:
-            return None
-        self.found.append(np.ascontiguousarray(_to_numpy(array)))
-        return len(self.found) - 1
+def _number(array: Any, arrays: Arrays) -> int | None:
+    """Number of an array; None for one that is not there."""
+    if array is None:
+        return None
+    arrays.append(np.ascontiguousarray(_to_numpy(array)))
+    return len(arrays) - 1
 
 
 def _read_file(request: Request) -> Any:
@@ -114,7 +112,7 @@ def _read_case(request: Request) -> Any:
 _READERS: dict[str, Callable[[Request], Any]] = {"file": _read_file, "case": _read_case}
 
 
-def _described(data: Any, arrays: _Arrays) -> dict[str, Any] | None:
+def _described(data: Any, arrays: Arrays) -> dict[str, Any] | None:
     """A data set as plain values; its arrays by type and shape."""
     if data is None:
         return None
@@ -144,7 +142,7 @@ def _described(data: Any, arrays: _Arrays) -> dict[str, Any] | None:
     raise ValueError(f"it holds a {data.GetClassName()}, which is no mesh")
 
 
-def _data_of(attributes: Any, arrays: _Arrays) -> dict[str, Any]:
+def _data_of(attributes: Any, arrays: Arrays) -> dict[str, Any]:
     """Arrays of numbers, and as lists arrays of texts, by name."""
     found: dict[str, Any] = {}
     for k in range(attributes.GetNumberOfArrays()):
@@ -153,23 +151,23 @@ def _data_of(attributes: Any, arrays: _Arrays) -> dict[str, Any]:
         if isinstance(array, vtkStringArray):
             found[name] = [array.GetValue(i) for i in range(array.GetNumberOfValues())]
         elif attributes.GetArray(k) is not None:
-            found[name] = arrays.of_vtk(array)
+            found[name] = _number(array, arrays)
     return found
 
 
-def _points(data: Any, arrays: _Arrays) -> int | None:
+def _points(data: Any, arrays: Arrays) -> int | None:
     points = data.GetPoints()
-    return None if points is None else arrays.of_vtk(points.GetData())
+    return None if points is None else _number(points.GetData(), arrays)
 
 
-def _cells(cells: Any, arrays: _Arrays) -> list[Any] | None:
+def _cells(cells: Any, arrays: Arrays) -> list[Any] | None:
     """Offsets and connectivity."""
     if cells is None:
         return None
-    return [arrays.of_vtk(cells.GetOffsetsArray()), arrays.of_vtk(cells.GetConnectivityArray())]
+    return [_number(cells.GetOffsetsArray(), arrays), _number(cells.GetConnectivityArray(), arrays)]
 
 
-def _image(data: Any, arrays: _Arrays) -> dict[str, Any]:
+def _image(data: Any, arrays: Arrays) -> dict[str, Any]:
     directions = data.GetDirectionMatrix()
     return {
         "extent": data.GetExtent(),
@@ -179,22 +177,22 @@ def _image(data: Any, arrays: _Arrays) -> dict[str, Any]:
     }
 
 
-def _rectilinear(data: Any, arrays: _Arrays) -> dict[str, Any]:
+def _rectilinear(data: Any, arrays: Arrays) -> dict[str, Any]:
     axes = (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates())
-    return {"dimensions": data.GetDimensions(), "axes": [arrays.of_vtk(axis) for axis in axes]}
+    return {"dimensions": data.GetDimensions(), "axes": [_number(axis, arrays) for axis in axes]}
 
 
-def _structured(data: Any, arrays: _Arrays) -> dict[str, Any]:
+def _structured(data: Any, arrays: Arrays) -> dict[str, Any]:
     dimensions = [0, 0, 0]
     data.GetDimensions(dimensions)
     return {"dimensions": dimensions, "points": _points(data, arrays)}
 
 
-def _unstructured(data: Any, arrays: _Arrays) -> dict[str, Any]:
+def _unstructured(data: Any, arrays: Arrays) -> dict[str, Any]:
     described = {
         "points": _points(data, arrays),
         "cells": _cells(data.GetCells(), arrays),
-        "types": arrays.of_vtk(data.GetCellTypesArray()),
+        "types": _number(data.GetCellTypesArray(), arrays),
     }
     if data.GetPolyhedronFaces() is not None:
         described["faces"] = _cells(data.GetPolyhedronFaces(), arrays)
@@ -202,12 +200,12 @@ def _unstructured(data: Any, arrays: _Arrays) -> dict[str, Any]:
     return described
 
 
-def _poly(data: Any, arrays: _Arrays) -> dict[str, Any]:
+def _poly(data: Any, arrays: Arrays) -> dict[str, Any]:
     cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
     return {"points": _points(data, arrays), "cells": [_cells(c, arrays) for c in cells]}
 
 
-_KINDS: dict[Any, tuple[str, Callable[[Any, _Arrays], dict[str, Any]]]] = {
+_KINDS: dict[Any, tuple[str, Callable[[Any, Arrays], dict[str, Any]]]] = {
     model.vtkImageData: ("image", _image),
     model.vtkRectilinearGrid: ("rectilinear", _rectilinear),
     model.vtkStructuredGrid: ("structured", _structured),
@@ -217,15 +215,15 @@ _KINDS: dict[Any, tuple[str, Callable[[Any, _Arrays], dict[str, Any]]]] = {
 
 
 def _answer(request: Request, out: BinaryIO) -> None:
-    arrays = _Arrays()
+    arrays: Arrays = []
     try:
         data = _described(_READERS[request["reader"]](request), arrays)
         head: dict[str, Any] = {"data": data, "named": request.get("named", [])}
     except (ValueError, MemoryError) as error:
-        arrays, head = _Arrays(), {"error": str(error) or "it needs more memory than it may take"}
-    head["arrays"] = [(array.dtype.str, array.shape) for array in arrays.found]
+        arrays, head = [], {"error": str(error) or "it needs more memory than it may take"}
+    head["arrays"] = [(array.dtype.str, array.shape) for array in arrays]
     out.write(json.dumps(head).encode("ascii") + b"\n")
-    for array in arrays.found:
+    for array in arrays:
         out.write(array.data if array.size else b"")
 
 

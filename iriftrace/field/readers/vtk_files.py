@@ -45,13 +45,7 @@ def read(path: Path, member: int | None) -> Contents:
 
 
 def _series(path: Path) -> dict[float, list[Path]]:
-    """Files of every time of a .pvd, in the order of time.
-
-    Raises
-    ------
-    InputError
-        It is damaged, names nothing, or names what is no file of VTK.
-    """
+    """Files of every time of a .pvd, in the order of time."""
     text = path.read_bytes()
     if b"<!" in text.replace(b"<!--", b""):
         raise InputError(

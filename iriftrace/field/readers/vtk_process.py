@@ -15,7 +15,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any, BinaryIO
@@ -23,8 +23,6 @@ from typing import Any, BinaryIO
 import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from iriftrace.core.arrays import IntArray
 from iriftrace.core.errors import InputError
@@ -60,23 +58,13 @@ _FEWEST = {
 
 _POLYHEDRON = 42
 
-# VTK's module has no types.
-_to_vtk: Callable[..., Any] = numpy_to_vtk
-_to_ids: Callable[..., Any] = numpy_to_vtkIdTypeArray
-
 _CORNERS_OF_ALL = np.full((2, 256), -1)
 for _row, _numbers in enumerate(({**_SIZES, **_FEWEST}, _SIZES)):
     _CORNERS_OF_ALL[_row, list(_numbers)] = list(_numbers.values())
 
 
 def read_file(path: Path) -> Any:
-    """Data set or blocks of a file of VTK, by its suffix.
-
-    Raises
-    ------
-    InputError
-        It is damaged.
-    """
+    """Data set or blocks of a file of VTK, by its suffix; an InputError if it is damaged."""
     data, _ = _read(path, "file", _size(path), suffix=path.suffix.lower())
     return data
 
@@ -84,10 +72,7 @@ def read_file(path: Path) -> Any:
 def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found there.
 
-    Raises
-    ------
-    InputError
-        Its mesh is damaged.
+    An InputError if its mesh is damaged.
     """
     parts = (folder / "constant/polyMesh", folder / time)
     size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
@@ -104,7 +89,7 @@ def _size(path: Path) -> int:
 
 
 def _read(path: Path, reader: str, size: int, **more: str) -> tuple[Any, list[str]]:
-    request = {
+    request: dict[str, Any] = {
         "reader": reader,
         "path": str(path.absolute()),
         "seconds": _SECONDS + size // _BYTES_A_SECOND,
@@ -112,7 +97,15 @@ def _read(path: Path, reader: str, size: int, **more: str) -> tuple[Any, list[st
         **more,
     }
     try:
-        head, arrays = _asked(request)
+        head, arrays, status = _child.ask(request)
+        if head is None:
+            number = os.waitstatus_to_exitcode(status)
+            if number in (-signal.SIGXCPU, -signal.SIGKILL):
+                raise _Damage(f"VTK is still busy with it after {request['seconds']} s")
+            name = signal.Signals(-number).name if number < 0 else f"exit status {number}"
+            raise _Damage(f"VTK's reader broke down, {name}")
+        if "error" in head:
+            raise _Damage(head["error"])
         return _Checked(arrays).data(head["data"]), head["named"]
     except (_Damage, MemoryError) as error:
         reason = str(error) or "it needs more memory than there is"
@@ -203,19 +196,6 @@ def _received(answer: BinaryIO) -> tuple[Any, list[NDArray[Any]]]:
     return head, arrays
 
 
-def _asked(request: Mapping[str, Any]) -> tuple[Any, list[NDArray[Any]]]:
-    head, arrays, status = _child.ask(request)
-    if head is None:
-        number = os.waitstatus_to_exitcode(status)
-        if number == -signal.SIGXCPU or number == -signal.SIGKILL:
-            raise _Damage(f"VTK is still busy with it after {request['seconds']} s")
-        name = signal.Signals(-number).name if number < 0 else f"exit status {number}"
-        raise _Damage(f"VTK's reader broke down, {name}")
-    if "error" in head:
-        raise _Damage(head["error"])
-    return head, arrays
-
-
 class _Checked:
     """Data sets of a child as pyvista's, after a look at all that others index with."""
 
@@ -285,22 +265,21 @@ class _Checked:
         _refuse_endless(points, corners)
         grid = pv.UnstructuredGrid()
         grid.SetPoints(pv.vtk_points(points))
-        kinds = _to_vtk(types, deep=True)
+        kinds: Any = pv.convert_array(types, deep=True)
         cells = _cell_array(offsets, corners)
-        if "faces" not in told:
+        polyhedral = types == _POLYHEDRON
+        # VTK's reader of .pvtu hands over empty faces at random where there are no polyhedra.
+        if "faces" not in told or not (polyhedral.any() or len(self._array(told["faces"][1]))):
             grid.SetCells(kinds, cells)
             return grid
         face_offsets, face_corners = self._cells(told["faces"], len(points))
         place_offsets, places = self._cells(told["face_places"], len(face_offsets) - 1)
         if len(place_offsets) != len(offsets) or (np.diff(face_offsets) < 3).any():
             raise _Damage("the faces of its polyhedra do not fit its cells")
-        if (np.diff(place_offsets)[types == _POLYHEDRON] < 4).any():
+        if (np.diff(place_offsets)[polyhedral] < 4).any():
             raise _Damage("some of its polyhedra have less than four faces")
-        faces, of_cells = (
-            _cell_array(face_offsets, face_corners),
-            _cell_array(place_offsets, places),
-        )
-        grid.SetPolyhedralCells(kinds, cells, of_cells, faces)
+        of_cells = _cell_array(place_offsets, places)
+        grid.SetPolyhedralCells(kinds, cells, of_cells, _cell_array(face_offsets, face_corners))
         return grid
 
     def _poly(self, told: Any) -> Any:
@@ -365,7 +344,5 @@ def _refuse_endless(points: NDArray[Any], used: Any) -> None:
         raise _Damage(f"{wrong.sum()} of its points have coordinates that are not finite numbers")
 
 
-def _cell_array(offsets: IntArray, corners: IntArray) -> Any:
-    cells = vtkCellArray()
-    cells.SetData(_to_ids(offsets, deep=True), _to_ids(corners, deep=True))
-    return cells
+def _cell_array(offsets: Any, corners: Any) -> Any:
+    return pv.CellArray.from_arrays(offsets, corners, deep=True)
