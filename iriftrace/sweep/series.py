@@ -56,8 +56,8 @@ def all_series(
     Raises
     ------
     InputError
-        As `check_comparable`, or the camera has no focal length to change; cameras to be moved out
-        of the air, or all of them, stand in the part.
+        The camera has no focal length to change; cameras to be moved out of the air, or all of
+        them, stand in the part.
 
     Warns
     -----
@@ -73,7 +73,6 @@ def all_series(
             for camera in _cameras(scene.camera, focal_lengths_mm)
             for stand_off, one in placed.items()
         ]
-        check_comparable(series)
     return series
 
 
