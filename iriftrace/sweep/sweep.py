@@ -32,7 +32,7 @@ from iriftrace.sweep.series import (
     series_variables,
     sources_of,
 )
-from iriftrace.sweep.store import pose_variables, read_sweep, to_dataset, write_sweep
+from iriftrace.sweep.store import WHOLE_PART, pose_variables, read_sweep, to_dataset, write_sweep
 from iriftrace.sweep.warned import VARIABLE, warned_variable
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.shell_convergence import warn_of_coarse_poses
@@ -277,15 +277,17 @@ def _dataset(
 
 def _warn_of_empty_poses(dataset: xr.Dataset) -> None:
     """Give the main reason if more than half of the poses are empty."""
-    good = dataset["rays_good"].sel(region="part").values
+    good, hits, blurred, hidden = (
+        dataset[f"rays_{key}"].sel(region=WHOLE_PART).values
+        for key in ("good", "hit", "out_of_focus", "blocked")
+    )
     empty: BoolArray = good < FEWEST_RAYS
     if 2 * empty.sum() <= len(empty):
         return
-    hits = dataset["rays_hit"].sel(region="part").values
     reasons = {
         "the camera stands in the hot air or the part, or failed": (good < 0).sum(),
-        "the part is out of focus": _most(dataset, "rays_out_of_focus", empty),
-        "the part is hidden by another object": _most(dataset, "rays_blocked", empty),
+        "the part is out of focus": (empty & (blurred >= FEWEST_RAYS)).sum(),
+        "the part is hidden by another object": (empty & (hidden >= FEWEST_RAYS)).sum(),
         "the part is out of the picture": (empty & (hits == 0)).sum(),
         f"the part covers fewer than {FEWEST_RAYS} pixels": (
             empty & (hits > 0) & (hits < FEWEST_RAYS)
@@ -299,8 +301,3 @@ def _warn_of_empty_poses(dataset: xr.Dataset) -> None:
         IriftraceWarning,
         stacklevel=4,
     )
-
-
-def _most(dataset: xr.Dataset, name: str, empty: BoolArray) -> int:
-    counts = dataset[name].sel(region="part").values
-    return int((empty & (counts >= FEWEST_RAYS)).sum())
