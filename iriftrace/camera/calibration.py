@@ -260,9 +260,7 @@ class _File:
             )
 
     def views(self) -> int:
-        if self.named(_VIEWS) is None:
-            return 0
-        return len(self.array(_VIEWS)) // 6
+        return 0 if self.named(_VIEWS) is None else len(self.array(_VIEWS)) // 6
 
     def pose(self, length_mm: float) -> FloatArray | None:
         """Camera to world, (4, 4) array, mm."""

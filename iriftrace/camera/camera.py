@@ -27,6 +27,7 @@ from iriftrace.camera.distortion import (
     seen_field,
     undistorted,
 )
+from iriftrace.camera.pose_set import fixed
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
@@ -46,12 +47,6 @@ def _distortion(value: Distortion | None) -> Distortion | None:
 def _resolution(value: Sequence[int]) -> tuple[int, int]:
     width, height = value
     return int(width), int(height)
-
-
-def _pose(value: ArrayLike) -> FloatArray:
-    matrix = np.array(value, dtype=np.float64)
-    matrix.setflags(write=False)
-    return matrix
 
 
 @frozen(eq=False, kw_only=True)
@@ -91,16 +86,15 @@ class Camera:
     resolution: tuple[int, int] = field(converter=_resolution)
     principal_point_px: tuple[float, float] = field(default=None)
     focus_mm: tuple[float, float] = field(default=(0.0, math.inf), converter=_pair)
-    matrix: FloatArray = field(factory=lambda: np.eye(4), converter=_pose)
+    matrix: FloatArray = field(factory=lambda: np.eye(4), converter=fixed)
     projection: str = "pinhole"
     distortion: Distortion | None = field(default=None, converter=_distortion)
 
     def __attrs_post_init__(self) -> None:
-        if self.principal_point_px is None:
-            centre = (self.resolution[0] / 2, self.resolution[1] / 2)
-            object.__setattr__(self, "principal_point_px", centre)
-        else:
-            object.__setattr__(self, "principal_point_px", _pair(self.principal_point_px))
+        point = self.principal_point_px
+        if point is None:
+            point = (self.resolution[0] / 2, self.resolution[1] / 2)
+        object.__setattr__(self, "principal_point_px", _pair(point))
         _check(self)
         if self.distortion is not None:
             _ = self.seen_field  # refuses a picture that the lens folds
@@ -154,6 +148,11 @@ class Camera:
                 "picture to what the calibration covered, or calibrate with fewer coefficients."
             )
         return field
+
+    def _pixel_centres(self) -> FloatArray:
+        """(n, 2) centres of all pixels, px, row by row."""
+        columns, rows = np.meshgrid(*(np.arange(n) + 0.5 for n in self.resolution))
+        return np.stack((columns.ravel(), rows.ravel()), axis=1)
 
     def _normalised(self, pixels: FloatArray) -> FloatArray:
         """(n, 2) image positions, px, as x/z and y/z of the distorted picture."""
@@ -226,8 +225,7 @@ class Camera:
         origins, directions : (n, 3) arrays, mm and unit vectors, world
         """
         if pixels is None:
-            columns, rows = np.meshgrid(*(np.arange(n) + 0.5 for n in self.resolution))
-            position = np.stack((columns.ravel(), rows.ravel()), axis=1)
+            position = self._pixel_centres()
         else:
             position = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         on_sensor = self._without_distortion(position)
@@ -317,13 +315,12 @@ class Camera:
         return angle
 
     def _distorted_solid_angle(self, distortion: Distortion) -> FloatArray:
-        columns, rows = np.meshgrid(*(np.arange(n) + 0.5 for n in self.resolution))
-        centres = np.stack((columns.ravel(), rows.ravel()), axis=1)
-        x, y = np.ascontiguousarray(undistorted(self._normalised(centres), distortion).T)
+        places = self._normalised(self._pixel_centres())
+        x, y = np.ascontiguousarray(undistorted(places, distortion).T)
         xx, xy, yy = jacobian(x, y, distortion.coefficients)
         stretch = (xx * yy - xy * xy) * np.sqrt(x * x + y * y + 1.0) ** 3
         angle: FloatArray = self.pixel_area_mm2 / self.focal_length_mm**2 / stretch
-        return angle.reshape(rows.shape)
+        return angle.reshape(self.resolution[::-1])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; an unlimited far focus is None."""

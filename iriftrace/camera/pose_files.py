@@ -378,14 +378,16 @@ def _named(rows: _Rows, names: list[str]) -> dict[str, Any]:
         raise InputError(
             f"The header of {rows.path} ({', '.join(names)}) {fault}; name the columns {_NAMES}."
         )
-    read: dict[str, Any] = {"aimed": False}
+    read: dict[str, Any] = {"aimed": complete[2]}
     if complete[0]:
         read["matrices"] = columns(MATRIX).reshape(-1, 4, 4)
     elif complete[1]:
         read["matrices"] = _from_quaternions(columns(_ORIGIN), columns(_QUATERNION), rows)
     else:
-        read["matrices"] = _aimed(columns(_ORIGIN), columns(_TARGET), rows)
-        read["aimed"] = True
+        try:
+            read["matrices"] = aimed(columns(_ORIGIN), columns(_TARGET))
+        except InputError as error:
+            raise InputError(f"{rows.path}: {error}") from error
     for name in (name for name in ANGLES if name in names):
         place = names.index(name)
         read[name] = [
@@ -396,13 +398,6 @@ def _named(rows: _Rows, names: list[str]) -> dict[str, Any]:
         stated = {row[names.index("convention")] for row in rows.cells[1:]}
         read["convention"] = ", ".join(sorted(stated))
     return read
-
-
-def _aimed(origins: FloatArray, targets: FloatArray, rows: _Rows) -> FloatArray:
-    try:
-        return aimed(origins, targets)
-    except InputError as error:
-        raise InputError(f"{rows.path}: {error}") from error
 
 
 def _from_quaternions(origins: FloatArray, quaternions: FloatArray, rows: _Rows) -> FloatArray:

@@ -12,6 +12,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
 _FARTHEST_PUSH_MM = 10_000.0
+_STEP_MM = 5.0
 _RIGID_TOLERANCE = 1e-6  # that of iriftrace.camera.Camera
 
 
@@ -140,17 +141,15 @@ def aimed(origins: ArrayLike, targets: ArrayLike) -> FloatArray:
 
 
 def push_out(
-    poses: PoseSet, is_hot: Callable[[FloatArray], NDArray[np.bool_]], step_mm: float = 5.0
+    poses: PoseSet, is_hot: Callable[[FloatArray], NDArray[np.bool_]]
 ) -> tuple[PoseSet, NDArray[np.bool_]]:
-    """Move cameras back along their optical axes until they are outside the hot air.
+    """Move cameras back along their optical axes, by 5 mm at a time, out of the hot air.
 
     Parameters
     ----------
     poses : PoseSet
     is_hot : callable
         Takes (n, 3) points, mm, world, and says for each whether no camera may stand there.
-    step_mm : float, mm
-        A camera stops at most this far outside.
 
     Returns
     -------
@@ -161,14 +160,12 @@ def push_out(
     Raises
     ------
     InputError
-        If the step is not positive or there is no way out within 10 m.
+        If there is no way out within 10 m.
     """
-    if not (np.isfinite(step_mm) and step_mm > 0):
-        raise InputError(f"A step of {step_mm:g} mm leads nowhere; give a positive length.")
     matrices = np.array(poses.matrices)
     hot = np.asarray(is_hot(poses.origins), dtype=bool)
     moved = hot.copy()
-    back = step_mm
+    back = _STEP_MM
     while hot.any():
         if back > _FARTHEST_PUSH_MM:
             number = int(np.argmax(hot))
@@ -179,7 +176,7 @@ def push_out(
         inside = np.flatnonzero(hot)
         matrices[inside, :3, 3] = poses.origins[inside] - back * poses.forward[inside]
         hot[inside] = is_hot(matrices[inside, :3, 3])
-        back += step_mm
+        back += _STEP_MM
     return evolve(poses, matrices=matrices), moved
 
 

@@ -140,12 +140,11 @@ class AovImage:
         A channel is missing, unknown, not float32 or of another size.
     """
 
-    channels: dict[str, FloatImage] = field()
+    channels: dict[str, FloatImage]
     header: dict[str, Any] = field(factory=dict)
 
-    @channels.validator
-    def _validate_channels(self, _attribute: Any, value: dict[str, FloatImage]) -> None:
-        _check_channels(value)
+    def __attrs_post_init__(self) -> None:
+        _check_channels(self.channels)
 
     def __repr__(self) -> str:
         width, height = self.resolution
@@ -398,7 +397,8 @@ def _refuse_not_finite(image: AovImage, consequence: str) -> None:
 
 
 def _encode(key: str, value: Any) -> str:
-    if isinstance(value, str) and not _is_json(value):
+    # What JSON cannot read comes back as it is.
+    if isinstance(value, str) and _decode(value) is value:
         return value
     try:
         return json.dumps(value, allow_nan=False, ensure_ascii=False)
@@ -411,11 +411,3 @@ def _decode(text: Any) -> Any:
         return json.loads(text)
     except (TypeError, ValueError):
         return text
-
-
-def _is_json(text: str) -> bool:
-    try:
-        json.loads(text)
-    except ValueError:
-        return False
-    return True

@@ -162,8 +162,7 @@ def compare(
     image.require("camera")
     if not isinstance(measured, MeasuredShift):
         measured = read_measured_shift(measured)
-    if measured.resolution not in (None, image.resolution):
-        assert measured.resolution is not None
+    if measured.resolution is not None and measured.resolution != image.resolution:
         theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
         raise InputError(
             f"{measured.path} is a map of {theirs} pixels, but the rendering has {ours}, so pixels "

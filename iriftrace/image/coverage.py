@@ -61,44 +61,6 @@ class Coverage:
     visible_faces: int
 
 
-def footprint_areas(
-    camera: Camera, pixels: IntArray, distance: FloatArray, incidence: FloatArray
-) -> FloatArray:
-    """Area of the surface that each pixel sees.
-
-    Parameters
-    ----------
-    camera
-        The camera.
-    pixels
-        (n,) row-major pixel numbers.
-    distance
-        (n,) distances from the camera to the hits along the ray, mm.
-    incidence
-        (n,) angles between the rays and the surface's normals, rad.
-
-    Returns
-    -------
-    (n,) array, mm^2
-    """
-    # The angle is float32; at most 1e-7 short of grazing, so that nothing is divided by zero.
-    cosine = np.maximum(np.cos(incidence), 1e-7)
-    if camera.projection == "orthographic":
-        return camera.pixel_area_mm2 / cosine
-    solid_angle = _solid_angles(
-        camera.focal_length_mm,
-        camera.sensor_mm,
-        camera.resolution,
-        camera.principal_point_px,
-        camera.distortion,
-    )
-    areas: FloatArray = solid_angle[pixels]
-    areas *= distance
-    areas *= distance
-    areas /= cosine
-    return areas
-
-
 def seen_areas(
     image: AovImage, part: Part, include: Collection[int] = (Status.GOOD,)
 ) -> FloatArray:
@@ -127,37 +89,18 @@ def seen_areas(
     InputError
         `include` names rays without a displacement, or a ray has no face.
     """
-    rays = rays_that_count(image, image.camera, include)
-    return pose_coverage(part, image.camera, rays).face_footprints
+    return pose_coverage(part, image.camera, rays_that_count(image, include)).face_footprints
 
 
 def pose_coverage(part: Part, camera: Camera, rays: PoseRays) -> Coverage:
-    """Coverage by the rays of one pose."""
-    footprints = footprint_areas(camera, rays.pixels, rays.distance, rays.incidence)
-    return measure_coverage(part, camera, rays.face, footprints)
-
-
-def measure_coverage(part: Part, camera: Camera, face: IntArray, footprint: FloatArray) -> Coverage:
-    """Add up what the rays see, for each face and region.
-
-    Parameters
-    ----------
-    part
-        The part.
-    camera
-        The camera that sees it.
-    face
-        (n,) face numbers of the rays' hits.
-    footprint
-        (n,) areas, mm^2.
-    """
+    """Add up what the rays of one pose see, for each face and region."""
     count = len(part.region_names)
     region = part.region_of_face
     areas = part.face_areas
     seen = np.zeros(len(areas), dtype=np.bool_)
-    seen[face] = True
+    seen[rays.face] = True
     on_face = share_out(
-        _summed(face, footprint, len(areas)),
+        _summed(rays.face, _footprints(camera, rays), len(areas)),
         areas,
         seen | _facing(part, camera),
         part.face_blocks,
@@ -169,6 +112,26 @@ def measure_coverage(part: Part, camera: Camera, face: IntArray, footprint: Floa
         total=part.region_areas,
         visible_faces=int(np.count_nonzero(seen)),
     )
+
+
+def _footprints(camera: Camera, rays: PoseRays) -> FloatArray:
+    """(n,) area of the surface that each ray's pixel sees, mm^2."""
+    # The angle is float32; at most 1e-7 short of grazing, so that nothing is divided by zero.
+    cosine = np.maximum(np.cos(rays.incidence), 1e-7)
+    if camera.projection == "orthographic":
+        return camera.pixel_area_mm2 / cosine
+    solid_angle = _solid_angles(
+        camera.focal_length_mm,
+        camera.sensor_mm,
+        camera.resolution,
+        camera.principal_point_px,
+        camera.distortion,
+    )
+    areas: FloatArray = solid_angle[rays.pixels]
+    areas *= rays.distance
+    areas *= rays.distance
+    areas /= cosine
+    return areas
 
 
 def _facing(part: Part, camera: Camera) -> BoolArray:

@@ -18,8 +18,8 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
 from iriftrace.image.aov_image import MEMBERS_CHANNEL, AovImage, Status
 from iriftrace.image.coverage import Coverage, pose_coverage
-from iriftrace.image.rays import Bending, PoseRays, bending, rays_that_count
-from iriftrace.image.resolution import Spacing, nearest_spacing, step_spacing
+from iriftrace.image.rays import PoseRays, bending, rays_that_count
+from iriftrace.image.resolution import nearest_spacing, step_spacing
 from iriftrace.part.part import Part
 
 FEWEST_RAYS = 100
@@ -283,15 +283,6 @@ def _plain(value: Any) -> Any:
     return asdict(value) if hasattr(value, "__attrs_attrs__") else value
 
 
-@frozen(eq=False)
-class _Values:
-    """Values of each good ray that metrics need, (n,) arrays in the order of the pixels."""
-
-    bending: Bending
-    incidence: FloatArray
-    spacing: dict[str, Spacing]
-
-
 def pose_metrics(
     image: AovImage,
     part: Part | None = None,
@@ -330,7 +321,7 @@ def pose_metrics(
     hits = np.flatnonzero(face_plus_one > 0)
     hit_face = np.rint(face_plus_one[hits]).astype(np.int64) - 1
     _check_part(image, part, hit_face)
-    rays = rays_that_count(image, image.camera, include)
+    rays = rays_that_count(image, include)
     coverage = pose_coverage(part, image.camera, rays)
     _check_sampling(len(rays.face), coverage.visible_faces)
     values = _values(image, part, rays, nearest) if len(rays.face) >= FEWEST_RAYS else None
@@ -356,6 +347,7 @@ def pose_metrics(
     counts = image.header.get("counts") or {}
     times = image.header.get("time_s") or {}
     included = [Status(code).key for code in sorted(include)]
+    full = image.header.get("full_resolution")
     return PoseMetrics(
         rays=RayCounts(
             hit=len(hits),
@@ -371,7 +363,7 @@ def pose_metrics(
         camera=image.camera,
         assumptions={**(image.header.get("assumptions") or {}), "included_rays": included},
         regions=regions,
-        full_resolution=_whole_pixels(image.header.get("full_resolution")),
+        full_resolution=None if full is None else (int(full[0]), int(full[1])),
     )
 
 
@@ -416,33 +408,25 @@ def write_metrics(path: str | Path, metrics: PoseMetrics) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> _Values:
+def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> dict[str, FloatArray]:
+    """Values of each ray that counts, (n,) arrays by the metrics that they give."""
     points, group = rays.position.T, part.smooth_group[rays.face]
     spacing = {"": step_spacing(points, rays.pixels, image.resolution, group)}
     if nearest:
         spacing |= {"_nn3d": nearest_spacing(points, 3), "_nnxy": nearest_spacing(points, 2)}
-    return _Values(bending(image, image.camera, rays), np.degrees(rays.incidence), spacing)
+    values = bending(image, rays) | {"incidence_angle_deg": np.degrees(rays.incidence)}
+    for reading, steps in spacing.items():
+        values[f"lateral_resolution_mm{reading}"] = steps.lateral
+        values[f"axial_resolution_mm{reading}"] = steps.axial
+    return values
 
 
-def _numbers(values: _Values, members: IntArray) -> dict[str, Any]:
+def _numbers(values: dict[str, FloatArray], members: IntArray) -> dict[str, Any]:
     """Metrics of some of the rays."""
-    resolution = {
-        f"{direction}_resolution_mm{reading}": _mean(getattr(spacing, direction)[members])
-        for reading, spacing in values.spacing.items()
-        for direction in ("lateral", "axial")
-    }
     return {
-        "displacement_mm": Statistics.of(values.bending.norm[members]),
-        "displacement_lateral_mm": float(values.bending.lateral[members].mean()),
-        "displacement_axial_mm": float(values.bending.axial[members].mean()),
-        "shift_px": Statistics.of(values.bending.shift[members]),
-        **resolution,
-        "incidence_angle_deg": float(values.incidence[members].mean()),
+        key: (Statistics.of if key in ("displacement_mm", "shift_px") else _mean)(column[members])
+        for key, column in values.items()
     }
-
-
-def _whole_pixels(stated: Any) -> tuple[int, int] | None:
-    return None if stated is None else (int(stated[0]), int(stated[1]))
 
 
 def _hits_at_border(image: AovImage) -> int:

@@ -11,7 +11,6 @@ from collections.abc import Collection
 import numpy as np
 from attrs import frozen
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage
@@ -43,25 +42,7 @@ class PoseRays:
     incidence: FloatArray
 
 
-@frozen(eq=False)
-class Bending:
-    """Effect of hot air on n rays, (n,) arrays.
-
-    Attributes
-    ----------
-    norm, lateral, axial
-        Length of the displacement, and of its parts across and along the line of sight, mm.
-    shift
-        Length of the pixel shift, px.
-    """
-
-    norm: FloatArray
-    lateral: FloatArray
-    axial: FloatArray
-    shift: FloatArray
-
-
-def rays_that_count(image: AovImage, camera: Camera, include: Collection[int]) -> PoseRays:
+def rays_that_count(image: AovImage, include: Collection[int]) -> PoseRays:
     """Take the rays of some status codes out of an image.
 
     Raises
@@ -77,6 +58,7 @@ def rays_that_count(image: AovImage, camera: Camera, include: Collection[int]) -
             f"{lost} good rays have no face in the channel part.face, so the "
             "image is damaged; render it again."
         )
+    camera = image.camera
     offset = _components(image, "straight", pixels)
     offset -= camera.origin[:, None]
     position = _product(camera.matrix[:3, :3].T, offset)
@@ -90,8 +72,13 @@ def rays_that_count(image: AovImage, camera: Camera, include: Collection[int]) -
     )
 
 
-def bending(image: AovImage, camera: Camera, rays: PoseRays) -> Bending:
-    """Displacement of the rays, split at their lines of sight, and pixel shift."""
+def bending(image: AovImage, rays: PoseRays) -> dict[str, FloatArray]:
+    """Lengths of n rays' displacements, of their parts at the line of sight, and of shifts, (n,).
+
+    The keys are those of the metrics: ``displacement_mm``, across and along the line of sight
+    ``displacement_lateral_mm`` and ``displacement_axial_mm``, and ``shift_px``.
+    """
+    camera = image.camera
     vector = _product(camera.matrix[:3, :3].T, _components(image, "displacement", rays.pixels))
     if camera.projection == "orthographic":
         along, across = vector[2], vector[:2]
@@ -101,12 +88,12 @@ def bending(image: AovImage, camera: Camera, rays: PoseRays) -> Bending:
         sight *= along
         vector -= sight
         across = vector
-    return Bending(
-        norm=_channel(image, "displacement.norm", rays.pixels),
-        lateral=_length(across),
-        axial=np.abs(along),
-        shift=_length(_components(image, "shift.px", rays.pixels)),
-    )
+    return {
+        "displacement_mm": _channel(image, "displacement.norm", rays.pixels),
+        "displacement_lateral_mm": _length(across),
+        "displacement_axial_mm": np.abs(along),
+        "shift_px": _length(_components(image, "shift.px", rays.pixels)),
+    }
 
 
 def _channel(image: AovImage, name: str, pixels: IntArray) -> FloatArray:

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from iriftrace.core.arrays import Float32Array, FloatArray, Int32Array
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.aov_image import AovImage, Status
-from iriftrace.image.displacement import good_mask
+from iriftrace.image.displacement import good_mask, lines_of_sight
 from iriftrace.part.part import Part
 
 if TYPE_CHECKING:
@@ -119,28 +118,22 @@ def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> F
     angle = np.full(len(rays), np.inf, dtype=np.float32)
     np.minimum.at(angle, row, image.channels["incidence.angle"][good])
     seen = np.flatnonzero(rays)
-    offset = [
-        (np.bincount(row, column)[seen] / rays[seen]).astype(np.float32)
-        for column in _offsets(image, good).T
-    ]
     return FaceSightings(
-        face=(seen + first).astype(np.int32),
-        rays=rays[seen].astype(np.int32),
-        displacement=(moved[seen] / rays[seen]).astype(np.float32),
-        incidence=np.degrees(angle[seen].astype(np.float64)).astype(np.float32),
-        offset_x=offset[0],
-        offset_y=offset[1],
-        offset_z=offset[2],
+        (seen + first).astype(np.int32),
+        rays[seen].astype(np.int32),
+        (moved[seen] / rays[seen]).astype(np.float32),
+        np.degrees(angle[seen].astype(np.float64)).astype(np.float32),
+        *(
+            (np.bincount(row, column)[seen] / rays[seen]).astype(np.float32)
+            for column in _offsets(image, good).T
+        ),
     )
 
 
 def _offsets(image: AovImage, good: NDArray[np.bool_]) -> FloatArray:
     """(n, 3) array, mm: from the refracted hits to the straight lines of sight."""
-    camera, moved = image.camera, image.vector("displacement", good)
-    if camera.projection == "orthographic":
-        sight = np.broadcast_to(camera.forward, moved.shape)
-    else:
-        sight = unit_vectors(image.vector("straight", good) - camera.origin)
+    moved = image.vector("displacement", good)
+    sight = lines_of_sight(image.camera, image.vector("straight", good))
     along = np.einsum("ij,ij->i", moved, sight)
     offsets: FloatArray = sight * along[:, None] - moved
     return offsets

@@ -18,9 +18,6 @@ from iriftrace.sweep.warned import VARIABLE, warned_variable
 if TYPE_CHECKING:
     import xarray as xr
 
-TraceAgain = Callable[["xr.Dataset", int], "xr.Dataset"]
-"""Gives a sweep with the numbers of one pose (its number) traced once more."""
-
 
 def traced_through_field(dataset: xr.Dataset) -> BoolArray:
     """Mask (n,) of the poses whose numbers come from the continuous engine."""
@@ -32,10 +29,11 @@ def traced_through_field(dataset: xr.Dataset) -> BoolArray:
     return found | (dataset["through_field"].values == 1) if "through_field" in dataset else found
 
 
-def field_tracer(dataset: xr.Dataset) -> TraceAgain:
+def field_tracer(dataset: xr.Dataset) -> Callable[[xr.Dataset, int], xr.Dataset]:
     """What traces poses of a sweep through the field; loads each scene when it is first needed.
 
-    It replaces the metrics of the part and its regions, and the rays' ends; what the pose sees of
+    Called with the sweep and a pose's number, it gives the sweep with that pose's numbers anew. It
+    replaces the metrics of the part and its regions, and the rays' ends; what the pose sees of
     each face stays what the sweep saw.
 
     Raises

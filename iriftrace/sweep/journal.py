@@ -30,14 +30,7 @@ Progress = Callable[[int, int], None]
 class Piece:
     """One finished piece of a work: a pose of a sweep, a case of a study.
 
-    Attributes
-    ----------
-    number : int
-        From 0.
-    entry : dict
-        Plain JSON values.
-    rows : array, optional
-        Of numbers, or structured.
+    Its entry is plain JSON values; its rows are of numbers, or structured.
     """
 
     number: int

@@ -24,15 +24,11 @@ from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.trace.render import render_scene
 
-_KEPT = (
-    "rays",
-    "time_s",
-    "hits_at_border",
-    "shell_triangles_in_view",
-    "regions",
-    "ensemble",
-    "every_second_shell",
+_OF_ALL_POSES = (
+    *("schema", "full_camera", "wavelength_nm", "camera", "pose", "assumptions"),
+    "shells_against_field",
 )
+"""Keys of a pose's metrics that the sweep states for all poses, or not at all."""
 
 SAMPLE = 1000
 """Rays of each pose by which its shells are judged: enough to find poses, not to measure them."""
@@ -153,19 +149,10 @@ def fingerprint(*pieces: Any) -> str:
 
 
 def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
-    """Render one pose and reduce it; the same in every process.
+    """Render one pose of a scene that was loaded from the task's source; the same in every process.
 
-    Parameters
-    ----------
-    task : PoseTask
-    scene : LoadedScene
-        Loaded from the task's source.
-
-    Returns
-    -------
-    Piece
-        Its entry has ``metrics`` (None if the pose failed) and ``failure`` (why, else empty); its
-        rows are those of `FaceSightings`.
+    The piece's entry has ``metrics`` (None if the pose failed) and ``failure`` (why, else empty);
+    its rows are those of `FaceSightings`.
 
     Raises
     ------
@@ -188,14 +175,7 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
             return Piece(task.number, {"metrics": None, "failure": str(error)})
     if task.exr:
         rendering.save(task.exr)
-    measured = {
-        key: value
-        for key, value in rendering.metrics.as_dict().items()
-        if key in _KEPT or _is_measure(key)
-    }
+    metrics = rendering.metrics.as_dict()
+    measured = {key: value for key, value in metrics.items() if key not in _OF_ALL_POSES}
     seen = sight_faces(rendering.image, task.include).as_rows()
     return Piece(task.number, {"metrics": measured, "failure": ""}, seen)
-
-
-def _is_measure(key: str) -> bool:
-    return key.endswith(("_mm", "_px", "_deg", "_nn3d", "_nnxy")) or key.startswith("coverage")

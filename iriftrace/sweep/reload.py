@@ -6,7 +6,7 @@ import json
 import math
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -161,21 +161,17 @@ class Surroundings:
 
 def surroundings_of(dataset: xr.Dataset) -> Surroundings:
     """Read part and outermost shell, as far as their files are still what was swept."""
+    found: dict[str, Any] = {}
     missing = []
-    part, shell = None, None
-    try:
-        part = swept_part(dataset)
-    except InputError as error:
-        missing.append(f"the part ({_reason(error)})")
-    try:
-        shell = _shell(dataset)
-    except InputError as error:
-        missing.append(f"the outermost shell ({_reason(error)})")
-    return Surroundings(part, shell, tuple(missing))
-
-
-def _reason(error: InputError) -> str:
-    return str(error).rstrip(".")
+    for key, name, read in (
+        ("part", "the part", swept_part),
+        ("shell", "the outermost shell", _shell),
+    ):
+        try:
+            found[key] = read(dataset)
+        except InputError as error:
+            missing.append(f"{name} ({str(error).rstrip('.')})")
+    return Surroundings(**found, missing=tuple(missing))
 
 
 def swept_part(dataset: xr.Dataset) -> Part:

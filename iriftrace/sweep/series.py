@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,8 +55,8 @@ def all_series(
     Raises
     ------
     InputError
-        As `check_comparable`, or the camera has no focal length to change; cameras to be moved out
-        of the air, or all of them, stand in the part.
+        The camera has no focal length to change; cameras to be moved out of the air, or all of
+        them, stand in the part.
 
     Warns
     -----
@@ -73,7 +72,6 @@ def all_series(
             for camera in _cameras(scene.camera, focal_lengths_mm)
             for stand_off, one in placed.items()
         ]
-        check_comparable(series)
     return series
 
 
@@ -168,13 +166,11 @@ def _sensor(camera: Camera) -> dict[str, Any]:
 
 def sources_of(series: Sequence[Series]) -> list[SceneSource]:
     """Where the scene of each series lies; each scene is read once."""
-    known: dict[int, SceneSource] = {}
-    for one in series:
-        scene = one.scene
-        if id(scene) not in known:
-            known[id(scene)] = source_of(
-                scene.path, scene.variables, scene.variant, scene.wanted_engine
-            )
+    scenes = {id(one.scene): one.scene for one in series}
+    known = {
+        key: source_of(scene.path, scene.variables, scene.variant, scene.wanted_engine)
+        for key, scene in scenes.items()
+    }
     return [known[id(one.scene)] for one in series]
 
 
@@ -211,23 +207,19 @@ def scenes_attribute(
     series: Sequence[Series], sources: Sequence[SceneSource]
 ) -> list[dict[str, Any]]:
     """Every scene once: path as given, absolute path, SHA-256, files, parameters and field."""
-    scenes = {str(one.scene.path): one.scene for one in series}
-    files = {str(one.scene.path): source.files for one, source in zip(series, sources, strict=True)}
-    return [
-        {
+    scenes: dict[str, dict[str, Any]] = {}
+    for one, source in zip(series, sources, strict=True):
+        scene, name = one.scene, str(one.scene.path)
+        scenes[name] = {
             "scene": name,
-            "path": str(Path(name).resolve()),
+            "path": source.path,
             "sha256": sha256_of(scene.path),
-            "files": files[name],
+            "files": source.files,
             "variables": scene.variables,
             "variant": scene.variant,
             "engine": scene.engine,
             "field": scene.shells_table.get("source"),
-            **(
-                {}
-                if scene.ensemble is None
-                else {"members": [member.as_dict() for member in scene.ensemble.members]}
-            ),
         }
-        for name, scene in scenes.items()
-    ]
+        if scene.ensemble is not None:
+            scenes[name]["members"] = [member.as_dict() for member in scene.ensemble.members]
+    return list(scenes.values())

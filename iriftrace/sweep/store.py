@@ -47,14 +47,7 @@ _LEVEL = 4
 
 
 def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
-    """Where the camera stood, as variables of a dataset.
-
-    Parameters
-    ----------
-    poses : PoseSet
-    target : (3,) array, mm, world
-        Point from which ``distance`` is measured.
-    """
+    """Where the cameras stood, as variables; ``distance`` is that to the target, mm, world."""
     distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
     origins = {
         f"origin_{axis}": (
@@ -194,20 +187,17 @@ def read_sweep(path: str | Path) -> xr.Dataset:
                 variable.load()
     except Exception as error:  # xarray decodes what a damaged file states, with any error
         raise InputError(f"{path} is damaged or no netCDF file ({error}); give a sweep.") from error
-    fault = _fault(dataset)
-    if fault:
-        dataset.close()
-        raise InputError(f"{path} {fault}; run the sweep again.")
-    return dataset
-
-
-def _fault(dataset: xr.Dataset) -> str:
-    if dataset.attrs.get("schema") != SCHEMA:
-        return (
-            f"has schema {dataset.attrs.get('schema')!r} instead of {SCHEMA!r}, so it is no "
-            "sweep of this version of iriftrace"
+    schema = dataset.attrs.get("schema")
+    if schema == SCHEMA and dataset.sizes.get("pose", 0):
+        return dataset
+    dataset.close()
+    fault = "holds no pose"
+    if schema != SCHEMA:
+        fault = (
+            f"has schema {schema!r} instead of {SCHEMA!r}, so it is no sweep of this version of "
+            "iriftrace"
         )
-    return "" if dataset.sizes.get("pose", 0) else "holds no pose"
+    raise InputError(f"{path} {fault}; run the sweep again.")
 
 
 def _attribute(value: Any) -> Any:
@@ -231,13 +221,7 @@ def scene_of_pose(dataset: xr.Dataset, pose: int) -> dict[str, Any]:
 
 
 def check_unchanged(path: str | Path, sha256: str) -> None:
-    """Refuse a file that is not what was swept.
-
-    Raises
-    ------
-    InputError
-        Half a sentence, to go on with.
-    """
+    """Refuse, in half a sentence to go on with, a file that is not what was swept."""
     file = Path(path)
     if not file.is_file():
         raise InputError(f"{file} is gone")

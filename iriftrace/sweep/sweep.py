@@ -32,7 +32,7 @@ from iriftrace.sweep.series import (
     series_variables,
     sources_of,
 )
-from iriftrace.sweep.store import pose_variables, read_sweep, to_dataset, write_sweep
+from iriftrace.sweep.store import WHOLE_PART, pose_variables, read_sweep, to_dataset, write_sweep
 from iriftrace.sweep.warned import VARIABLE, warned_variable
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.shell_convergence import warn_of_coarse_poses
@@ -78,6 +78,13 @@ def run_sweep(
     """Render scenes from many poses and keep the metrics in one netCDF file.
 
     Every combination of scene, focal length and set of poses is swept, in this order of nesting.
+    All poses are equals: one `iriftrace.planning.rank.rank_poses` normalises and ranks them
+    together, so that fields, focal lengths and distances compete.
+
+    Every finished pose goes into a journal beside the file, so that a sweep that was interrupted
+    or killed loses the poses in flight at most: the same call goes on where it stopped, and its
+    result is the same but for the times. Memory does not grow with the number of poses but for the
+    metrics, some kilobytes a pose.
 
     Parameters
     ----------
@@ -92,56 +99,6 @@ def run_sweep(
     move_out : bool
         Move cameras that stand in the hot air back along their line of sight. Otherwise such a
         pose is recorded as failed.
-    target, options, progress, render
-        See `run_series`.
-
-    Returns
-    -------
-    xarray.Dataset
-        See `run_series`.
-
-    Raises
-    ------
-    InputError
-        As `run_series`, or the camera has no focal length to change, or cameras stand in the part.
-    """
-    several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
-    loaded = [one if isinstance(one, LoadedScene) else load_scene(one) for one in several]
-    return run_series(
-        all_series(loaded, poses, focal_lengths_mm, move_out=move_out),
-        path,
-        target=target,
-        options=options,
-        progress=progress,
-        render=render,
-    )
-
-
-def run_series(
-    series: Sequence[Series],
-    path: str | Path,
-    *,
-    target: ArrayLike | None = None,
-    options: SweepOptions = STANDARD,
-    progress: Progress | None = None,
-    render: RenderPoses | None = None,
-) -> xr.Dataset:
-    """Render every pose of every series and keep the metrics in one netCDF file.
-
-    Every finished pose goes into a journal beside the file, so that a sweep that was interrupted
-    or killed loses the poses in flight at most: the same call goes on where it stopped, and its
-    result is the same but for the times. Memory does not grow with the number of poses but for the
-    metrics, some kilobytes a pose.
-
-    All poses of all series are equals: one `iriftrace.planning.rank.rank_poses` normalises and
-    ranks them together, so that fields, focal lengths and distances compete.
-
-    Parameters
-    ----------
-    series : sequence of Series
-        Scenes of the same part, and cameras that differ in nothing but focal length and pose.
-    path : path
-        The netCDF file.
     target : (3,) array, mm, world, optional
         Point from which ``distance`` is measured; the part's centre by default.
     options : SweepOptions, optional
@@ -159,15 +116,34 @@ def run_series(
     Raises
     ------
     InputError
-        If there is no pose, the scenes cannot be compared, the file cannot be written, or it
-        belongs to another sweep.
+        If there is no pose, the scenes cannot be compared, the camera has no focal length to
+        change, cameras stand in the part, the file cannot be written, or it belongs to another
+        sweep.
 
     Warns
     -----
     IriftraceWarning
-        If more than half of the poses are empty, naming the main reason; and if there are poses
-        for whose single rays the shells are too few.
+        If cameras were moved; if more than half of the poses are empty, naming the main reason;
+        and if there are poses for whose single rays the shells are too few.
     """
+    several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
+    loaded = [one if isinstance(one, LoadedScene) else load_scene(one) for one in several]
+    series = all_series(loaded, poses, focal_lengths_mm, move_out=move_out)
+    return run_series(
+        series, path, target=target, options=options, progress=progress, render=render
+    )
+
+
+def run_series(
+    series: Sequence[Series],
+    path: str | Path,
+    *,
+    target: ArrayLike | None = None,
+    options: SweepOptions = STANDARD,
+    progress: Progress | None = None,
+    render: RenderPoses | None = None,
+) -> xr.Dataset:
+    """Sweep any series that can be compared, as `run_sweep` does."""
     check_comparable(series)
     out = Path(path)
     sources = sources_of(series)
@@ -301,15 +277,17 @@ def _dataset(
 
 def _warn_of_empty_poses(dataset: xr.Dataset) -> None:
     """Give the main reason if more than half of the poses are empty."""
-    good = dataset["rays_good"].sel(region="part").values
+    good, hits, blurred, hidden = (
+        dataset[f"rays_{key}"].sel(region=WHOLE_PART).values
+        for key in ("good", "hit", "out_of_focus", "blocked")
+    )
     empty: BoolArray = good < FEWEST_RAYS
     if 2 * empty.sum() <= len(empty):
         return
-    hits = dataset["rays_hit"].sel(region="part").values
     reasons = {
         "the camera stands in the hot air or the part, or failed": (good < 0).sum(),
-        "the part is out of focus": _most(dataset, "rays_out_of_focus", empty),
-        "the part is hidden by another object": _most(dataset, "rays_blocked", empty),
+        "the part is out of focus": (empty & (blurred >= FEWEST_RAYS)).sum(),
+        "the part is hidden by another object": (empty & (hidden >= FEWEST_RAYS)).sum(),
         "the part is out of the picture": (empty & (hits == 0)).sum(),
         f"the part covers fewer than {FEWEST_RAYS} pixels": (
             empty & (hits > 0) & (hits < FEWEST_RAYS)
@@ -323,8 +301,3 @@ def _warn_of_empty_poses(dataset: xr.Dataset) -> None:
         IriftraceWarning,
         stacklevel=4,
     )
-
-
-def _most(dataset: xr.Dataset, name: str, empty: BoolArray) -> int:
-    counts = dataset[name].sel(region="part").values
-    return int((empty & (counts >= FEWEST_RAYS)).sum())

@@ -23,20 +23,12 @@ SHARE = 0.05
 
 @frozen
 class Flag:
-    """One thing that is warned of.
-
-    Attributes
-    ----------
-    name : str
-        As in the file's ``flag_meanings`` (CF conventions 1.11, section 3.5).
-    letter : str
-        For tables.
-    text : str
-        In words.
-    """
+    """One thing that is warned of."""
 
     name: str
+    """As in the file's ``flag_meanings`` (CF conventions 1.11, section 3.5)."""
     letter: str
+    """For tables."""
     text: str
 
 

@@ -225,21 +225,7 @@ def _result(future: Any) -> Piece:
 
 
 def render_on_worker(task: PoseTask, workers_of_host: Mapping[str, int]) -> Piece:
-    """Render one pose in this worker.
-
-    Parameters
-    ----------
-    task : PoseTask
-    workers_of_host : mapping
-        Number of workers on each host, by the host's name in their addresses.
-
-    Raises
-    ------
-    InputError
-        If this worker does not see the same scene, or runs another version of iriftrace.
-    SetupError
-        If no usable LLVM or CUDA is there.
-    """
+    """Render one pose in this worker; hosts are named as in the workers' addresses."""
     with _one_at_a_time:
         _share_cores(task.source.variant, workers_of_host)
         return render_pose(task, _scene(task.source))
