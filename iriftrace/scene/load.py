@@ -19,6 +19,7 @@ from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import check_readable
+from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.geometry.ply import read_ply
 from iriftrace.part.part import Part, read_part
@@ -35,12 +36,7 @@ from iriftrace.scene.air import (
 )
 from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, members_of
 from iriftrace.scene.file import read_scene_file, readable
-from iriftrace.scene.wavelength import (
-    of_the_file,
-    set_shells,
-    table_at,
-    wanted_wavelength,
-)
+from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells, table_at
 
 KEPT_TRIANGLES = 10_000_000
 """Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
@@ -165,14 +161,7 @@ class LoadedScene:
 
 
 class LoadedEnsemble:
-    """Members of an ensemble's scene, ready to be traced one after the other.
-
-    Parameters
-    ----------
-    members : tuple of FieldMember
-    load : callable
-        Loads the scene of one member, by its number.
-    """
+    """Members of an ensemble's scene, loaded by their numbers and traced one after the other."""
 
     def __init__(
         self, members: tuple[FieldMember, ...], load: Callable[[int], LoadedScene]
@@ -279,8 +268,8 @@ def _load_one(
     if not scene.sensors():
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
     table = shells_table_of(file)
-    wavelength = wanted_wavelength(values)
-    if wavelength is not None:
+    if WAVELENGTH in values:
+        wavelength = parse_quantity(values[WAVELENGTH], "nm")
         if integrator.engine == "continuous":
             integrator.wavelength_nm = wavelength
         else:
