@@ -36,16 +36,11 @@ _DERIVATIVES = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k 
 
 @frozen
 class PartFile:
-    """The part's file beside which shells are written.
-
-    path : where it will be
-    sha256 : of its content
-    source : name of the user's file that it was made of
-    """
+    """The part's file beside which shells are written."""
 
     path: Path
     sha256: str
-    source: str
+    source: str  # name of the user's file that it was made of
 
     @classmethod
     def of(cls, path: Path, part: Part) -> PartFile:
@@ -198,13 +193,7 @@ def write_ply(
 def read_ply(
     path: str | Path,
 ) -> tuple[Float32Array, AnyIntArray, Float32Array | None, Float32Array | None]:
-    """Vertices, faces, normals and derivatives (or None) of a PLY that :func:`write_ply` wrote.
-
-    Raises
-    ------
-    InputError
-        The file is missing, cut short or has another layout.
-    """
+    """Vertices, faces, normals and derivatives (or None) of a PLY that :func:`write_ply` wrote."""
     path = Path(path)
     try:
         mesh = ply.read_ply(path)
@@ -271,7 +260,11 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
     target = folder / PARAVIEW
     pieces = folder / target.stem
     pieces.mkdir(exist_ok=True)
-    lines = []
+    lines = [
+        '<?xml version="1.0"?>',
+        '<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">',
+        "  <vtkMultiBlockDataSet>",
+    ]
     for i, (shell, temperature) in enumerate(zip(stack.shells, stack.temperature_k, strict=True)):
         mesh = polydata(shell.vertices, shell.faces)
         if shell.normals is not None:
@@ -294,21 +287,9 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
             writer.Write()
         file = quoteattr(f"{pieces.name}/{name}.vtp")
         lines.append(f'    <DataSet index="{i}" name="{name}" file={file}/>')
+    lines += ["  </vtkMultiBlockDataSet>", "</VTKFile>"]
     with whole_file(target) as temporary:
-        temporary.write_text(
-            "\n".join(
-                (
-                    '<?xml version="1.0"?>',
-                    '<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">',
-                    "  <vtkMultiBlockDataSet>",
-                    *lines,
-                    "  </vtkMultiBlockDataSet>",
-                    "</VTKFile>",
-                    "",
-                )
-            ),
-            encoding="utf-8",
-        )
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return target
 
 
