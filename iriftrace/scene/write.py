@@ -91,9 +91,7 @@ def write_scene(
     InputError
         If the folder cannot be written or a camera is not a pinhole camera.
     """
-    for device in (camera, second):
-        if device is not None:
-            require_pinhole(device)
+    require_pinhole(camera, second)
     target = Path(folder)
     with written_together(target) as building:
         save_part(part, building / PART_FILE)
@@ -203,9 +201,9 @@ def _sealed(head: str, rest: str) -> str:
     return f"{head}{_SEAL}{sha256((head + rest).encode()).hexdigest()} -->\n{rest}"
 
 
-def require_pinhole(camera: Camera) -> None:
-    """Refuse a camera that ``calibrated_camera`` is not."""
-    if camera.projection != "pinhole":
+def require_pinhole(*cameras: Camera | None) -> None:
+    """Refuse cameras that ``calibrated_camera`` is not."""
+    if any(camera is not None and camera.projection != "pinhole" for camera in cameras):
         raise InputError(
             "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
             "hand."
