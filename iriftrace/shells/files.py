@@ -47,14 +47,6 @@ class PartFile:
         """The file to which a part was written."""
         return cls(path, sha256_of(path), Path(part.path).name)
 
-    def seen_from(self, folder: Path) -> dict[str, str]:
-        """As the table of shells in that folder names it."""
-        return {
-            "file": Path(os.path.relpath(self.path, folder)).as_posix(),
-            "sha256": self.sha256,
-            "source": self.source,
-        }
-
 
 def save_shells(
     stack: ShellStack,
@@ -105,8 +97,10 @@ def save_shells(
     if paraview:
         written.append(_write_paraview(folder, stack))
     remove_stale(folder, stack, paraview)
-    table = _table(stack, written, report, notes or {})
-    table["part"] = None if part is None else part.seen_from(folder)
+    table = {**_table(stack, written, report, notes or {}), "part": None}
+    if part is not None:
+        place = Path(os.path.relpath(part.path, folder)).as_posix()
+        table["part"] = {"file": place, "sha256": part.sha256, "source": part.source}
     with whole_file(folder / TABLE) as temporary:
         temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
     return [*written, folder / TABLE]
