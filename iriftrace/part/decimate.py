@@ -63,15 +63,10 @@ def decimate_part(part: Part, faces: int) -> DecimatedPart:
     made = Surface(thinned.points, thinned.regular_faces)
     middles = made.vertices[made.faces].mean(axis=1)
     region = part.region_of_face[part.surface.nearest(middles)[1]]
-    kept = np.unique(region)
+    kept, number = np.unique(region, return_inverse=True)
+    regions = Regions(number, tuple(part.region_names[index] for index in kept))
     small = part_of_mesh(
-        made.vertices,
-        made.faces,
-        name=part.path,
-        length_unit=part.length_unit,
-        regions=Regions(
-            np.searchsorted(kept, region), tuple(part.region_names[number] for number in kept)
-        ),
+        made.vertices, made.faces, name=part.path, length_unit=part.length_unit, regions=regions
     )
     places = (
         (part.surface, np.concatenate((made.corners, middles))),

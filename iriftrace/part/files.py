@@ -30,26 +30,17 @@ WRITTEN_SUFFIXES = (".ply", ".stl")
 
 @frozen(eq=False)
 class MeshFile:
-    """One triangle mesh as its file has it: (n, 3) vertices, (m, 3) faces in the file's order.
+    """One triangle mesh as its file has it."""
 
-    `unit` is the length unit that the file itself declares, or None.
-    """
-
-    vertices: FloatArray
-    faces: IntArray
+    vertices: FloatArray  # (n, 3)
+    faces: IntArray  # (m, 3), in the file's order
     regions: Regions | None
-    unit: str | None
+    unit: str | None  # of length, where the file itself declares one
     sha256: str
 
 
 def load_mesh_file(path: Path) -> MeshFile:
-    """Read a mesh file; the parts of a scene (``.glb``) are put together.
-
-    Raises
-    ------
-    InputError
-        The file is missing, of an unknown format, damaged or without triangles.
-    """
+    """Read a mesh file; the parts of a scene (``.glb``) are put together."""
     if not path.is_file():
         raise InputError(f"there is no part file {path}; give an existing mesh.")
     suffix = path.suffix.removeprefix(".").lower()
@@ -120,12 +111,7 @@ def _region_names(path: Path) -> dict[int, str]:
 
 
 def check_part_name(path: Path) -> None:
-    """Refuse a name that is none of a part's file.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a name that is none of a part's file."""
     if path.suffix.lower() not in WRITTEN_SUFFIXES:
         proposed = path.with_name((path.stem or "part") + ".ply")
         raise InputError(
@@ -139,11 +125,6 @@ def write_mesh_file(path: Path, vertices: FloatArray, faces: IntArray, regions: 
 
     Regions are the face property ``region_0`` (a float, so that Mitsuba reads it as the mesh
     attribute ``face_region``) and one comment ``region NUMBER NAME`` for each.
-
-    Raises
-    ------
-    InputError
-        The name has another ending, or the folder does not exist.
     """
     check_part_name(path)
     if path.suffix.lower() == ".stl":

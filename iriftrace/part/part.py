@@ -381,11 +381,6 @@ def refuse_unlikely_size(part: Part) -> None:
 
     Where there is a field already, its size tells (`iriftrace.field.part_fit`); air that is made
     for the part would be of the wrong size too, and nothing would show it.
-
-    Raises
-    ------
-    InputError
-        The part is smaller or larger than `PLAUSIBLE_SIZE_MM`.
     """
     size = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
     if _is_unlikely(size):

@@ -17,13 +17,7 @@ from iriftrace.scene.file import SceneFile
 
 
 def shells_table_of(file: SceneFile) -> dict[str, Any]:
-    """The table beside the shells; empty when there is none.
-
-    Raises
-    ------
-    InputError
-        It is damaged.
-    """
+    """The table beside the shells; empty when there is none, refused when it is damaged."""
     table = _table_file(file)
     if table is None:
         return {}
@@ -62,13 +56,7 @@ def _check_kinds(table: Any) -> None:
 
 
 def other_shells(file: SceneFile, table: dict[str, Any]) -> tuple[str, ...]:
-    """Shells whose files are not those that were written with the table.
-
-    Warns
-    -----
-    IriftraceWarning
-        There are some.
-    """
+    """Shells, warned of, whose files are not those that were written with the table."""
     place = _table_file(file)
     rows = [row for row in table.get("shells", []) if "sha256" in row]
     if place is None or not rows:

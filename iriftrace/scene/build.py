@@ -223,15 +223,12 @@ def build_ensemble(
         for member in members:
             of_fit: dict[str, str] = {}
             with named(member.label):
-                if member.field is not None:
-                    fit = fit_part_to_field(
-                        member.field, part, wall_temperature_k=wall_temperature_k
-                    )
+                air = member.field
+                if air is not None:
+                    fit = fit_part_to_field(air, part, wall_temperature_k=wall_temperature_k)
                     told.update(dict.fromkeys(fit.warnings))
                     of_fit = _note_of(fit)
-                shells, report = _shells_for(
-                    camera, second, part, member.shells, member.field, trim_mm
-                )
+                shells, report = _shells_for(camera, second, part, member.shells, air, trim_mm)
             reports.append(report)
             yield evolve(member, shells=shells, report=report, notes=of_fit)
 

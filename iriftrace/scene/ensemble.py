@@ -88,32 +88,24 @@ def read_members(scene: Path) -> tuple[FieldMember, ...]:
     if len(members) < 2:
         raise InputError(f"{path} lists {len(members)} members, but scatter needs at least two.")
     for member in members:
-        if not (member_folder(scene, member.number) / INCLUDED).is_file():
+        shells = member_folder(scene, member.number) / INCLUDED
+        if not shells.is_file():
             raise InputError(
-                f"{path} lists the member {member.number}, but "
-                f"{member_folder(scene, member.number) / INCLUDED} is missing; write the scene "
-                "again."
+                f"{path} lists the member {member.number}, but {shells} is missing; write the "
+                "scene again."
             )
     return members
 
 
 def write_members(folder: Path, members: tuple[FieldMember, ...]) -> None:
     """Write the table that `read_members` reads into the folder of the members."""
-    rows = [member.as_dict() for member in members]
+    table = {"schema": SCHEMA, "members": [member.as_dict() for member in members]}
     with whole_file(folder / TABLE) as temporary:
-        text = json.dumps({"schema": SCHEMA, "members": rows}, indent=2)
-        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
 
 
 def members_of(scene: Path, values: Mapping[str, str]) -> tuple[FieldMember, ...]:
     """Members that are to be traced together; none where one was chosen or the scene has one field.
-
-    Parameters
-    ----------
-    scene : Path
-        The XML file.
-    values : mapping of str
-        Values for its ``<default>`` parameters.
 
     Raises
     ------

@@ -30,32 +30,16 @@ _NAMED_FILES = {"calibrated_camera": ("calibration", None), "gradient_path": ("f
 
 @frozen(eq=False)
 class SceneFile:
-    """Files and placement of the meshes of a scene.
+    """Files and placement of the meshes of a scene."""
 
-    Attributes
-    ----------
-    part_path : Path
-        Mesh file of the shape with id ``part``.
-    part_to_world : (4, 4) array
-    shell_paths : tuple of Path
-    file_paths : tuple of Path
-        All files that the scene names: meshes of the part, shells and other objects, fields.
-    """
-
-    part_path: Path
-    part_to_world: NDArray[np.float64]
+    part_path: Path  # mesh of the shape with id ``part``
+    part_to_world: NDArray[np.float64]  # (4, 4)
     shell_paths: tuple[Path, ...]
-    file_paths: tuple[Path, ...]
+    file_paths: tuple[Path, ...]  # all that it names: meshes of any object, fields
 
 
 def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
     """Parse a scene's XML without loading it, and refuse or warn of what would spoil the result.
-
-    Parameters
-    ----------
-    path : Path
-    values : mapping of str
-        Values for the file's ``<default>`` parameters.
 
     Raises
     ------
@@ -106,8 +90,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         # Mitsuba also looks in the current folder.
         if mesh is not None and not os.path.isfile(str(props["filename"])):
             _check_there(mesh, path)
-    shell_paths = []
-    flat = []
+    shell_paths, flat = [], []
     for props in shapes:
         if not _is_shell(props, nodes):
             continue
@@ -152,12 +135,7 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
 
 
 def require_scene(path: Path) -> None:
-    """Refuse the name of a scene that is not there.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse the name of a scene that is not there."""
     if not path.is_file():
         raise InputError(f"There is no scene file {path}; `iriftrace scene` writes one.")
 
@@ -210,12 +188,9 @@ def _flag(props: Any, name: str) -> bool:
 def _is_shell(props: Any, nodes: list[Any]) -> bool:
     import mitsuba as mi
 
-    children = [props[key] for key in list(props.keys())]
-    return any(
-        isinstance(child, mi.Properties.ResolvedReference)
-        and _plugin(nodes[child.index()]) in SHELL_BSDFS
-        for child in children
-    )
+    children = (props[key] for key in list(props.keys()))
+    linked = (c for c in children if isinstance(c, mi.Properties.ResolvedReference))
+    return any(_plugin(nodes[child.index()]) in SHELL_BSDFS for child in linked)
 
 
 def _mesh_file(props: Any, scene: Path) -> Path | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -19,6 +19,7 @@ from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import check_readable
+from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.geometry.ply import read_ply
 from iriftrace.part.part import Part, read_part
@@ -35,12 +36,7 @@ from iriftrace.scene.air import (
 )
 from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, members_of
 from iriftrace.scene.file import read_scene_file, readable
-from iriftrace.scene.wavelength import (
-    of_the_file,
-    set_shells,
-    table_at,
-    wanted_wavelength,
-)
+from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells, table_at
 
 KEPT_TRIANGLES = 10_000_000
 """Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
@@ -165,14 +161,7 @@ class LoadedScene:
 
 
 class LoadedEnsemble:
-    """Members of an ensemble's scene, ready to be traced one after the other.
-
-    Parameters
-    ----------
-    members : tuple of FieldMember
-    load : callable
-        Loads the scene of one member, by its number.
-    """
+    """Members of an ensemble's scene, loaded by their numbers and traced one after the other."""
 
     def __init__(
         self, members: tuple[FieldMember, ...], load: Callable[[int], LoadedScene]
@@ -276,11 +265,12 @@ def _load_one(
     loaded = time.perf_counter()
     air = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
     integrator = _integrator(scene.integrator(), engine, path, air / FIELD_FILE)
-    if not scene.sensors():
+    sensors = scene.sensors()
+    if not sensors:
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
     table = shells_table_of(file)
-    wavelength = wanted_wavelength(values)
-    if wavelength is not None:
+    if WAVELENGTH in values:
+        wavelength = parse_quantity(values[WAVELENGTH], "nm")
         if integrator.engine == "continuous":
             integrator.wavelength_nm = wavelength
         else:
@@ -291,8 +281,6 @@ def _load_one(
     warn_of_another_part(file, part, table)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
-    sensor = camera_of(scene.sensors()[0])
-    second, second_id = _second_device(scene.sensors())
     continuous = integrator.engine == "continuous"
     if continuous:
         table = field_table(integrator.air.cells, table, path)
@@ -300,8 +288,8 @@ def _load_one(
         path=path,
         part=part,
         part_to_world=file.part_to_world,
-        camera=_seen_by(scene.sensors()[0].film(), Camera.from_dict(sensor.description())),
-        full_resolution=sensor.full_resolution(),
+        camera=_camera(sensors[0]),
+        full_resolution=camera_of(sensors[0]).full_resolution(),
         variables=values,
         engine=integrator.engine,
         wanted_engine=engine,
@@ -318,19 +306,9 @@ def _load_one(
         variant=chosen,
         mitsuba_scene=scene,
         integrator=integrator,
-        second=second,
-        second_id=second_id,
+        second=_camera(sensors[1]) if len(sensors) > 1 else None,
+        second_id=str(sensors[1].id()) if len(sensors) > 1 else "",
     )
-
-
-def _second_device(sensors: Sequence[Any]) -> tuple[Camera | None, str]:
-    """The second sensor of a scene, with which points are triangulated, and its id."""
-    from iriftrace.plugins.aov_integrator import camera_of
-
-    if len(sensors) < 2:
-        return None, ""
-    camera = Camera.from_dict(camera_of(sensors[1]).description())
-    return _seen_by(sensors[1].film(), camera), str(sensors[1].id())
 
 
 def _check_meshes(files: Iterable[Path]) -> None:
@@ -345,9 +323,12 @@ def _check_meshes(files: Iterable[Path]) -> None:
             raise InputError(f"{mesh} is damaged ({error}); write the scene again.") from error
 
 
-def _seen_by(film: Any, camera: Camera) -> Camera:
-    """The camera, of the film's crop window alone."""
-    (left, top), (width, height) = film.crop_offset(), film.crop_size()
+def _camera(sensor: Any) -> Camera:
+    """The camera that a sensor is, of its film's crop window alone."""
+    from iriftrace.plugins.aov_integrator import camera_of
+
+    camera = Camera.from_dict(camera_of(sensor).description())
+    (left, top), (width, height) = sensor.film().crop_offset(), sensor.film().crop_size()
     if (width, height) == camera.resolution:
         return camera
     return camera.cropped(int(left), int(top), int(width), int(height))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from iriftrace.camera.pose import look_at
 from iriftrace.core.arrays import BoolArray, FloatArray
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
-    from iriftrace.shells.stack import Shell, ShellStack
+    from iriftrace.shells.stack import ShellStack
 
 
 DIAGONAL = np.array((0.62, -0.42, 0.66))
@@ -39,24 +39,10 @@ _DOUBLINGS = 20
 """A camera that does not see the part from a million times as far never does."""
 
 
-def is_in_hot_air(
-    points: ArrayLike, field: IndexField, hottest_allowed: float
-) -> NDArray[np.bool_]:
-    """Mask of points that lie in air thinner than a refractivity.
-
-    Parameters
-    ----------
-    points : (n, 3) array, mm, world
-    field : IndexField
-    hottest_allowed : float
-        n - 1 below which air counts as hot; outside the data the air is ambient.
-
-    Returns
-    -------
-    (n,) array of bool
-    """
-    refractivity = field.sample(np.asarray(points, dtype=np.float64))
-    return np.asarray(np.nan_to_num(refractivity, nan=np.inf) < hottest_allowed)
+def _in_hot_air(points: FloatArray, field: IndexField, hottest_allowed: float) -> BoolArray:
+    """(n,) mask of points (n, 3), mm, in air thinner than a refractivity; ambient beside data."""
+    # NaN, outside the data, compares as ambient.
+    return np.asarray(field.sample(points) < hottest_allowed)
 
 
 def default_viewpoint(
@@ -96,15 +82,20 @@ def default_viewpoint(
         return look_at(part.centre + distance_mm * direction, aim, up)
 
     nearest = max(diagonal, camera.focus_mm[0] + 0.5 * diagonal)
-    first = _nearest_with(lambda far: _holds(camera.at(pose(far)), part), nearest)
+
+    def holds(distance_mm: float) -> bool:
+        """True if all of the part lies well inside the picture."""
+        return bool(_in_picture(camera.at(pose(distance_mm)), part.surface.corners, FILLED).all())
+
+    first = _nearest_with(holds, nearest)
     distances = np.linspace(first, first + 5.0 * diagonal, 101)
     points = part.centre + distances[:, None] * direction
     if field is None:
-        low, high = _box(stack)
-        cold = np.any((points < low) | (points > high), axis=1)
+        vertices = np.concatenate([shell.vertices for shell in stack.shells])
+        cold = np.any((points < vertices.min(axis=0)) | (points > vertices.max(axis=0)), axis=1)
     else:
         ambient, hottest = field.ambient_refractivity, field.hottest_refractivity
-        cold = ~is_in_hot_air(points, field, ambient - 0.02 * (ambient - hottest))
+        cold = ~_in_hot_air(points, field, ambient - 0.02 * (ambient - hottest))
     return pose(float(distances[int(np.argmax(cold))]))
 
 
@@ -121,11 +112,6 @@ def _nearest_with(holds: Callable[[float], bool], nearest_mm: float) -> float:
         middle = 0.5 * (near + far)
         near, far = (near, middle) if holds(middle) else (middle, far)
     return far
-
-
-def _holds(camera: Camera, part: Part) -> bool:
-    """True if all of the part lies well inside the picture."""
-    return bool(_in_picture(camera, part.surface.corners, FILLED).all())
 
 
 def _in_picture(camera: Camera, points: FloatArray, filled: float = 1.0) -> BoolArray:
@@ -229,7 +215,8 @@ def refuse_camera_inside(
     if part.closed and part.surface.inside(point)[0]:
         raise InputError(f"{place} in the part, where there is nothing to see; move it outside.")
     if field is None:
-        layers = [s.layer for s in stack.shells if _encloses(s, point)]
+        closed = [shell for shell in stack.shells if len(open_edges(shell.faces)) == 0]
+        layers = [s.layer for s in closed if Surface(s.vertices, s.faces).inside(point)[0]]
         if layers:
             raise InputError(
                 f"{place} inside shell {max(layers)}, in the hot air, where the bending along its "
@@ -237,7 +224,7 @@ def refuse_camera_inside(
             )
         return
     outermost = max(shell.refractivity for shell in stack.shells)
-    if is_in_hot_air(point, field, outermost)[0]:
+    if _in_hot_air(point, field, outermost)[0]:
         temperature = float(field.air.temperature(field.sample(point))[0]) - ZERO_CELSIUS_K
         raise InputError(
             f"{place} in the hot air (about {temperature:.0f} degC), where the bending along its "
@@ -246,25 +233,8 @@ def refuse_camera_inside(
 
 
 def refuse_one_place(camera: Camera, second: Camera) -> None:
-    """Refuse two devices whose lines of sight meet nowhere but at themselves.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse two devices whose lines of sight meet nowhere but at themselves."""
     if np.linalg.norm(camera.origin - second.origin) < 1e-3:
         raise InputError(
             "Both devices stand at one place, so their lines meet nowhere else; move one of them."
         )
-
-
-def _encloses(shell: Shell, point: NDArray[np.float64]) -> bool:
-    closed = len(open_edges(shell.faces)) == 0
-    return closed and bool(Surface(shell.vertices, shell.faces).inside(point)[0])
-
-
-def _box(stack: ShellStack) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest corner of the box around all shells, mm."""
-    low = np.min([shell.vertices.min(axis=0) for shell in stack.shells], axis=0)
-    high = np.max([shell.vertices.max(axis=0) for shell in stack.shells], axis=0)
-    return low.astype(np.float64), high.astype(np.float64)

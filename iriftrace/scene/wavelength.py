@@ -12,21 +12,9 @@ from typing import Any
 
 from iriftrace.air.refractivity import dispersion
 from iriftrace.core.errors import InputError
-from iriftrace.core.units import parse_quantity
 
 WAVELENGTH = "wavelength"
 """Parameter that every scene has, whatever its file says."""
-
-
-def wanted_wavelength(values: Mapping[str, str]) -> float | None:
-    """Wavelength that a scene's parameters ask for, nm; None for the scene's own.
-
-    Raises
-    ------
-    InputError
-        If it is no length.
-    """
-    return parse_quantity(values[WAVELENGTH], "nm") if WAVELENGTH in values else None
 
 
 def of_the_file(values: Mapping[str, str]) -> dict[str, str]:
@@ -45,13 +33,7 @@ def table_at(table: Mapping[str, Any], wavelength_nm: float) -> dict[str, Any]:
 
 
 def set_shells(scene: Any, factor: float) -> None:
-    """Multiply n - 1 on both sides of all shells of a Mitsuba scene.
-
-    Raises
-    ------
-    InputError
-        If a shell is Mitsuba's dielectric, whose indices cannot be told apart.
-    """
+    """Multiply n - 1 on both sides of all shells of a Mitsuba scene."""
     from iriftrace.plugins.kernels.tables import shell_indices
 
     shells = {}

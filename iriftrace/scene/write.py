@@ -91,9 +91,7 @@ def write_scene(
     InputError
         If the folder cannot be written or a camera is not a pinhole camera.
     """
-    for device in (camera, second):
-        if device is not None:
-            require_pinhole(device)
+    require_pinhole(camera, second)
     target = Path(folder)
     with written_together(target) as building:
         save_part(part, building / PART_FILE)
@@ -172,21 +170,8 @@ def save_air(
 ) -> list[str]:
     """Write the shells, and the field for the continuous engine, of one state of the air.
 
-    Parameters
-    ----------
-    folder : Path
-        Where `SHELLS_FOLDER` and `field.npz` go.
-    shown : str
-        The shells' folder, seen from the scene's file.
-    part : PartFile
-        The scene's part; another one in its place is noticed.
-    shells, field, report, notes, paraview
-        As for `write_scene`.
-
-    Returns
-    -------
-    list of str
-        Lines of the shells for the scene's XML.
+    `shown` is the shells' folder, seen from the scene's file; what is given back are the lines of
+    its shells.
     """
     files = save_shells(
         shells, folder / SHELLS_FOLDER, report, notes=notes, paraview=paraview, part=part
@@ -197,17 +182,7 @@ def save_air(
 
 
 def refuse_edited(xml: Path) -> None:
-    """Refuse to replace a scene's file that somebody wrote or has changed since it was written.
-
-    Parameters
-    ----------
-    xml : Path
-        Need not exist.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse to replace a scene's file that somebody wrote or has changed since it was written."""
     if xml.is_file() and not _is_as_written(xml.read_text(encoding="utf-8", errors="replace")):
         raise InputError(
             f"{xml} has been changed since it was written, which would be lost; render it as it "
@@ -226,14 +201,9 @@ def _sealed(head: str, rest: str) -> str:
     return f"{head}{_SEAL}{sha256((head + rest).encode()).hexdigest()} -->\n{rest}"
 
 
-def require_pinhole(camera: Camera) -> None:
-    """Refuse a camera that ``calibrated_camera`` is not.
-
-    Raises
-    ------
-    InputError
-    """
-    if camera.projection != "pinhole":
+def require_pinhole(*cameras: Camera | None) -> None:
+    """Refuse cameras that ``calibrated_camera`` is not."""
+    if any(camera is not None and camera.projection != "pinhole" for camera in cameras):
         raise InputError(
             "calibrated_camera is a pinhole camera; put an orthographic sensor into the XML by "
             "hand."
@@ -254,24 +224,8 @@ def scene_xml(
 ) -> str:
     """XML of a scene: integrator, camera, part and what bends the light.
 
-    Parameters
-    ----------
-    camera : Camera
-        At its full resolution.
-    scale : float
-        Default of the parameter ``scale``.
-    normals : str
-        Default of the parameter ``normals``.
-    shapes : sequence of str
-        Lines after the part: shells, or what includes them.
-    remark : str
-        Shown at the top as a comment.
-    parameters : mapping of str, optional
-        Further parameters that the shapes use, and their defaults.
-    inside_hit : str
-        Of the integrator ``first_hit``; said only where it is not the usual ``"refract"``.
-    second, second_id
-        See `write_scene`.
+    `shapes` are the lines after the part: shells, or what includes them; `parameters` what else the
+    shapes use, with defaults; `remark` is a comment at the top. The rest is as for `write_scene`.
     """
     head = [
         '<?xml version="1.0" encoding="utf-8"?>',
@@ -348,16 +302,7 @@ def sensor_lines(camera: Camera, name: str) -> list[str]:
 
 
 def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list[str]:
-    """Lines of the shells.
-
-    Parameters
-    ----------
-    stack : ShellStack
-    meshes : sequence of Path
-        Their files, in the same order.
-    folder : str
-        Where these lie, seen from the scene's file.
-    """
+    """Lines of the shells, whose meshes lie in a folder as seen from the scene's file."""
     lines = []
     for shell, mesh in zip(stack.shells, meshes, strict=True):
         lines += [

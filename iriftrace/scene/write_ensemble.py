@@ -97,9 +97,7 @@ def write_ensemble_scene(
         There are fewer than two members, one has no source, or the folder cannot be written or
         holds files of somebody else where the members are to go.
     """
-    for device in (camera, second):
-        if device is not None:
-            require_pinhole(device)
+    require_pinhole(camera, second)
     scene = Path(folder) / name
     _refuse_files_of_others(scene.parent / FOLDER)
     with written_together(scene.parent) as building:

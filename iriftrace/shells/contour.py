@@ -137,10 +137,7 @@ def _bare_grid(field: IndexField) -> pv.UnstructuredGrid:
 def _contour(
     grid: pv.UnstructuredGrid, level: float
 ) -> tuple[Float32Array, IntArray, FloatArray, FloatArray]:
-    """One surface, welded, without degenerate triangles.
-
-    Vertices, faces, and at the vertices the gradient and the Hessian.
-    """
+    """One surface, welded: vertices, sound faces, and at the vertices gradient and Hessian."""
     surface = grid.contour([level], scalars="refractivity", method="contour")
     if surface.n_cells == 0:
         nothing = np.zeros((0, 3))

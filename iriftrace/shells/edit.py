@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from attrs import evolve
 from scipy.sparse import csr_array
@@ -55,14 +53,12 @@ def trim_to_frustum(stack: ShellStack, camera: Camera, margin_mm: float) -> Shel
         if not kept.any():
             return None
         used, faces = used_vertices(len(points), shell.faces[kept])
-        normals = None if shell.normals is None else shell.normals[used]
-        derivatives = None if shell.derivatives is None else shell.derivatives[used]
         return evolve(
             shell,
             vertices=shell.vertices[used],
             faces=faces,
-            normals=normals,
-            derivatives=derivatives,
+            normals=None if shell.normals is None else shell.normals[used],
+            derivatives=None if shell.derivatives is None else shell.derivatives[used],
         )
 
     shells = [shell for shell in map(trimmed, stack.shells) if shell is not None]
@@ -147,7 +143,7 @@ def smooth_taubin(
                 points += factor * free * (mean @ points - points)
         return evolve(shell, vertices=points, normals=None, derivatives=None)
 
-    return _with_each(stack, smoothed)
+    return evolve(stack, shells=map(smoothed, stack.shells))
 
 
 def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
@@ -174,12 +170,8 @@ def subdivide_midpoint(stack: ShellStack, times: int = 1) -> ShellStack:
     if times < 0:
         raise InputError(f"Shells cannot be subdivided {times} times; give 0 or more.")
     for _ in range(times):
-        stack = _with_each(stack, _subdivided)
+        stack = evolve(stack, shells=map(_subdivided, stack.shells))
     return stack
-
-
-def _with_each(stack: ShellStack, change: Callable[[Shell], Shell]) -> ShellStack:
-    return evolve(stack, shells=[change(shell) for shell in stack.shells])
 
 
 def _sides_of_view(camera: Camera) -> tuple[FloatArray, FloatArray]:
@@ -197,10 +189,7 @@ def _sides_of_view(camera: Camera) -> tuple[FloatArray, FloatArray]:
     sides = unit_vectors(np.cross(np.roll(tips, -1, axis=0) - tips, directions))
     middle = tips.mean(axis=0)
     inward = np.sign(np.einsum("ij,ij->i", middle - tips, sides))[:, None]
-    return (
-        np.vstack((origins, camera.origin)),
-        np.vstack((sides * inward, camera.forward)),
-    )
+    return np.vstack((origins, camera.origin)), np.vstack((sides * inward, camera.forward))
 
 
 def _neighbour_mean(faces: AnyIntArray, count: int) -> csr_array:

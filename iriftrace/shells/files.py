@@ -36,29 +36,16 @@ _DERIVATIVES = tuple(f"{name}_{k + 1}" for name, n in PLY_COLUMNS.items() for k 
 
 @frozen
 class PartFile:
-    """The part's file beside which shells are written.
-
-    path : where it will be
-    sha256 : of its content
-    source : name of the user's file that it was made of
-    """
+    """The part's file beside which shells are written."""
 
     path: Path
     sha256: str
-    source: str
+    source: str  # name of the user's file that it was made of
 
     @classmethod
     def of(cls, path: Path, part: Part) -> PartFile:
         """The file to which a part was written."""
         return cls(path, sha256_of(path), Path(part.path).name)
-
-    def seen_from(self, folder: Path) -> dict[str, str]:
-        """As the table of shells in that folder names it."""
-        return {
-            "file": Path(os.path.relpath(self.path, folder)).as_posix(),
-            "sha256": self.sha256,
-            "source": self.source,
-        }
 
 
 def save_shells(
@@ -110,8 +97,10 @@ def save_shells(
     if paraview:
         written.append(_write_paraview(folder, stack))
     remove_stale(folder, stack, paraview)
-    table = _table(stack, written, report, notes or {})
-    table["part"] = None if part is None else part.seen_from(folder)
+    table = {**_table(stack, written, report, notes or {}), "part": None}
+    if part is not None:
+        place = Path(os.path.relpath(part.path, folder)).as_posix()
+        table["part"] = {"file": place, "sha256": part.sha256, "source": part.source}
     with whole_file(folder / TABLE) as temporary:
         temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
     return [*written, folder / TABLE]
@@ -198,13 +187,7 @@ def write_ply(
 def read_ply(
     path: str | Path,
 ) -> tuple[Float32Array, AnyIntArray, Float32Array | None, Float32Array | None]:
-    """Vertices, faces, normals and derivatives (or None) of a PLY that :func:`write_ply` wrote.
-
-    Raises
-    ------
-    InputError
-        The file is missing, cut short or has another layout.
-    """
+    """Vertices, faces, normals and derivatives (or None) of a PLY that :func:`write_ply` wrote."""
     path = Path(path)
     try:
         mesh = ply.read_ply(path)
@@ -271,7 +254,11 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
     target = folder / PARAVIEW
     pieces = folder / target.stem
     pieces.mkdir(exist_ok=True)
-    lines = []
+    lines = [
+        '<?xml version="1.0"?>',
+        '<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">',
+        "  <vtkMultiBlockDataSet>",
+    ]
     for i, (shell, temperature) in enumerate(zip(stack.shells, stack.temperature_k, strict=True)):
         mesh = polydata(shell.vertices, shell.faces)
         if shell.normals is not None:
@@ -294,21 +281,9 @@ def _write_paraview(folder: Path, stack: ShellStack) -> Path:
             writer.Write()
         file = quoteattr(f"{pieces.name}/{name}.vtp")
         lines.append(f'    <DataSet index="{i}" name="{name}" file={file}/>')
+    lines += ["  </vtkMultiBlockDataSet>", "</VTKFile>"]
     with whole_file(target) as temporary:
-        temporary.write_text(
-            "\n".join(
-                (
-                    '<?xml version="1.0"?>',
-                    '<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">',
-                    "  <vtkMultiBlockDataSet>",
-                    *lines,
-                    "  </vtkMultiBlockDataSet>",
-                    "</VTKFile>",
-                    "",
-                )
-            ),
-            encoding="utf-8",
-        )
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return target
 
 

@@ -43,28 +43,14 @@ _FLAT_CELLS = (5, 6, 7, 8, 9)
 
 @frozen(eq=False)
 class Soup:
-    """Triangles of all surfaces of a file together.
+    """Triangles of all surfaces of a file together, or of one of them."""
 
-    Parameters
-    ----------
-    vertices : (n, 3) array of float32, mm, world
-    faces : (m, 3) array
-    refractivity : (m,) array
-        n - 1 of every triangle's surface.
-    gradient : (n, 3) array or None
-        Along grad(n) at the vertices; its length has no meaning.
-    choice : Choice
-        The array that was used.
-    origin : str
-        What the file says of its own making; "" where it says nothing.
-    """
-
-    vertices: Float32Array
-    faces: IntArray
-    refractivity: FloatArray
-    gradient: FloatArray | None
-    choice: arrays.Choice
-    origin: str
+    vertices: Float32Array  # (n, 3), mm, world
+    faces: IntArray  # (m, 3)
+    refractivity: FloatArray  # (m,), n - 1 of every triangle's surface
+    gradient: FloatArray | None  # (n, 3), along grad(n) at the vertices, of no certain length
+    choice: arrays.Choice  # the array that was used
+    origin: str  # what the file says of its own making; "" where it says nothing
 
 
 def import_shells(
@@ -124,15 +110,9 @@ def import_shells(
     """
     path = Path(path)
     air = Air() if air is None else air
+    factor = length_factor(length_unit)
     soup = _read_triangles(
-        path,
-        array,
-        quantity,
-        gradient,
-        temperature_unit,
-        length_factor(length_unit),
-        air,
-        transform,
+        path, array, quantity, gradient, temperature_unit, factor, air, transform
     )
     surfaces, of_triangle = _split(soup.refractivity, soup.choice.name, path)
     _, e = layers_between(surfaces, air.ambient_refractivity)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from attrs import Attribute, field, frozen
+from attrs.converters import optional
 from numpy.typing import ArrayLike
 
 from iriftrace.air.refractivity import Air
@@ -26,12 +27,8 @@ def _float32(values: ArrayLike) -> Float32Array:
     return np.ascontiguousarray(values, dtype=np.float32).reshape(-1, 3)
 
 
-def _optional_float32(values: ArrayLike | None) -> Float32Array | None:
-    return None if values is None else _float32(values)
-
-
-def _optional_rows(values: ArrayLike | None) -> Float32Array | None:
-    return None if values is None else np.ascontiguousarray(values, dtype=np.float32)
+def _rows(values: ArrayLike) -> Float32Array:
+    return np.ascontiguousarray(values, dtype=np.float32)
 
 
 def _shells(values: Iterable[Shell]) -> tuple[Shell, ...]:
@@ -80,8 +77,8 @@ class Shell:
     int_: float
     vertices: Float32Array = field(converter=_float32, repr=False)
     faces: AnyIntArray = field(converter=_int32, repr=False)
-    normals: Float32Array | None = field(default=None, converter=_optional_float32, repr=False)
-    derivatives: Float32Array | None = field(default=None, converter=_optional_rows, repr=False)
+    normals: Float32Array | None = field(default=None, converter=optional(_float32), repr=False)
+    derivatives: Float32Array | None = field(default=None, converter=optional(_rows), repr=False)
 
     @vertices.validator
     def _check_vertices(self, _: Attribute[Float32Array], vertices: Float32Array) -> None:

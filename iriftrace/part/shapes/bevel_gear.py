@@ -43,13 +43,7 @@ class Involute:
 
     The flanks are involutes of the base circle (radius of the pitch circle times the cosine of the
     pressure angle) from the pitch circle to the tip. Below the pitch circle they widen towards the
-    root, and below the base circle they are radial besides.
-
-    Attributes
-    ----------
-    teeth : int
-    pitch_radius, root_radius, tip_radius : float, mm
-    pressure_angle : float, rad
+    root, and below the base circle they are radial besides. Lengths in mm, angles in rad.
     """
 
     teeth: int
@@ -88,14 +82,8 @@ class Involute:
         tip = np.linspace(-half[-1], half[-1], TIP_STEPS + 1)[1:-1]
         root = half[0] + np.linspace(0.0, 1.0, ROOT_STEPS + 1)[1:-1] * (pitch - 2.0 * half[0])
         angle = np.concatenate((-half, tip, half[::-1], root))
-        radius = np.concatenate(
-            (
-                radii,
-                np.full_like(tip, self.tip_radius),
-                radii[::-1],
-                np.full_like(root, self.root_radius),
-            )
-        )
+        on_tip, in_root = np.full_like(tip, radii[-1]), np.full_like(root, radii[0])
+        radius = np.concatenate((radii, on_tip, radii[::-1], in_root))
         turns = pitch * np.repeat(np.arange(self.teeth), len(radius))
         return np.column_stack((np.tile(radius, self.teeth), np.tile(angle, self.teeth) + turns))
 

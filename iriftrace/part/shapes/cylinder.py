@@ -8,7 +8,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
-from iriftrace.part.shapes.rings import between_rings, check_count, check_positive, circle, fan
+from iriftrace.part.shapes.rings import between_poles, check_count, check_positive, circle
 
 _HEAD_RINGS = 3
 """Rings of triangles on a head."""
@@ -132,11 +132,7 @@ def _turned(
         *(circle(radius, x, angle) for x in ends),
         *(circle(r, ends[-1], angle) for r in inner[::-1]),
     ]
-    vertices, faces = between_rings(rings, closed=False)
-    first, last = len(vertices), len(vertices) + 1
-    vertices = np.vstack((vertices, (0.0, 0.0, ends[0]), (0.0, 0.0, ends[-1])))
-    near = np.arange(segments)
-    faces = np.vstack((faces, fan(first, near[::-1]), fan(last, first - segments + near)))
+    vertices, faces = between_poles(rings, ends[0], ends[-1])
     strip = np.repeat(np.arange(len(rings) - 1), 2 * segments) - len(inner)
     row = np.concatenate((strip, np.full(segments, -1), np.full(segments, len(ends))))
     # Circles were drawn around z; cyclic exchange of the axes keeps the orientation.

@@ -8,12 +8,11 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.part.shapes.rings import (
-    between_rings,
+    between_poles,
     check_count,
     check_less,
     check_positive,
     circle,
-    fan,
 )
 
 
@@ -137,8 +136,4 @@ def _ball(part: str, diameter: float, segments: int) -> tuple[FloatArray, IntArr
     rows = segments // 2
     latitude = np.pi * (np.arange(1, rows) / rows - 0.5)
     rings = [circle(radius * np.cos(b), radius * np.sin(b), angle) for b in latitude]
-    vertices, faces = between_rings(rings, closed=False)
-    count = len(vertices)
-    near = np.arange(segments)
-    faces = np.vstack((faces, fan(count, near[::-1]), fan(count + 1, count - segments + near)))
-    return np.vstack((vertices, (0.0, 0.0, -radius), (0.0, 0.0, radius))), faces
+    return between_poles(rings, -radius, radius)

@@ -54,18 +54,25 @@ def between_rings(rings: Sequence[FloatArray], *, closed: bool) -> tuple[FloatAr
     return vertices, faces.reshape(-1, 3)
 
 
-def fan(centre: int, ring: IntArray) -> IntArray:
-    """(n, 3) array: triangles from one vertex to a ring of n, counter-clockwise as the ring is."""
-    return np.column_stack((np.full(len(ring), centre), ring, np.roll(ring, -1)))
+def between_poles(
+    rings: Sequence[FloatArray], first_z: float, last_z: float
+) -> tuple[FloatArray, IntArray]:
+    """Closed surface of rings about z that rise from one pole to another, at heights in mm.
+
+    As `between_rings`, with the two poles as the last vertices, and as the last faces those around
+    the first pole and those around the last.
+    """
+    vertices, faces = between_rings(rings, closed=False)
+    count, ring = len(vertices), np.arange(len(rings[0]))
+    fans = (
+        np.column_stack((np.full(len(ring), pole), around, np.roll(around, -1)))
+        for pole, around in ((count, ring[::-1]), (count + 1, count - len(ring) + ring))
+    )
+    return np.vstack((vertices, (0.0, 0.0, first_z), (0.0, 0.0, last_z))), np.vstack((faces, *fans))
 
 
 def check_positive(part: str, **lengths: float) -> None:
-    """Refuse lengths (mm) that are not positive.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse lengths (mm) that are not positive."""
     for name, value in lengths.items():
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(
@@ -75,12 +82,7 @@ def check_positive(part: str, **lengths: float) -> None:
 
 
 def check_less(part: str, smaller: tuple[str, float], larger: tuple[str, float], why: str) -> None:
-    """Refuse two lengths (name, mm) of which the first is not the smaller one.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse two lengths (name, mm) of which the first is not the smaller one."""
     if not smaller[1] < larger[1]:
         raise InputError(
             f"The {part}'s {smaller[0]} of {smaller[1]:.4g} mm must be less than its {larger[0]} "
@@ -89,12 +91,7 @@ def check_less(part: str, smaller: tuple[str, float], larger: tuple[str, float],
 
 
 def check_count(part: str, name: str, count: int, least: int, most: int) -> None:
-    """Refuse a number of pieces that makes no such part, or more triangles than are of use.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a number of pieces that makes no such part, or more triangles than are of use."""
     if not least <= count <= most:
         raise InputError(
             f"A {part} with {count} {name} cannot be made; give {least} to {most} {name}."

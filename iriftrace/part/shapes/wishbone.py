@@ -54,28 +54,14 @@ def _rounded_cylinder(
 
 @frozen
 class WishboneShape:
-    """Signed distance of a wishbone, symmetric about x = 0; lengths in mm.
+    """Signed distance of a wishbone, symmetric about x = 0; lengths in mm."""
 
-    Attributes
-    ----------
-    bush_distance
-        Between the middles of the bushes, which lie along x.
-    depth
-        From the ball hub, whose axis is z, to the bushes' axis, along y.
-    rise
-        Height of the arms' control points above the hubs.
-    thickness
-        Factor on the arms' section.
-    hub_radius, hub_bore, bush_radius, bush_bore
-        Outer and bore radii.
-    """
-
-    bush_distance: float
-    depth: float
-    rise: float
-    thickness: float
+    bush_distance: float  # between the middles of the bushes, which lie along x
+    depth: float  # from the ball hub, whose axis is z, to the bushes' axis, along y
+    rise: float  # height of the arms' control points above the hubs
+    thickness: float  # factor on the arms' section
     hub_radius: float
-    hub_bore: float
+    hub_bore: float  # radius, as that of the bush
     bush_radius: float
     bush_bore: float
 
