@@ -88,9 +88,9 @@ def view(file: Path, *, picture: Path | None = None) -> None:
     ----------
     file
         A scene (.xml) with part, shells cut open and devices; a pose (.exr) with its hits, coloured
-        by displacement; a sweep (.nc) with its cameras, coloured by score; a cloud (.vtp) that
-        ``measure``, ``correct`` or ``render --surface`` wrote, coloured by the error; a field (.vtu
-        ...), cut open; a part (.ply .stl .obj .glb) with its regions.
+        by displacement; a sweep (.nc) with its cameras, coloured by score; a cloud (.vtp, .ply)
+        that ``measure``, ``correct`` or ``render --surface`` wrote, coloured by the error; a field
+        (.vtu ...), cut open; a part (.ply .stl .obj .glb) with its regions.
     picture
         Draw without a window into this PNG.
     """

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 from matplotlib import colormaps
+from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
@@ -48,8 +49,8 @@ def view(path: str | Path, picture: str | Path | None = None) -> None:
     """Show a file in space, in a window that stays open until it is closed.
 
     Scenes (.xml) with part, shells cut open and devices; poses (.exr) with their hits, coloured by
-    displacement; sweeps (.nc) with their cameras, coloured by score; clouds (.vtp) of `measure`,
-    `correct` and ``render --surface``, coloured by the error; fields (.vtu and what else
+    displacement; sweeps (.nc) with their cameras, coloured by score; clouds (.vtp, .ply) of
+    `measure`, `correct` and ``render --surface``, coloured by the error; fields (.vtu and what else
     `iriftrace.read_field` reads), cut open; parts (.ply .stl .obj .glb) with their regions.
 
     Parameters
@@ -204,23 +205,29 @@ def _cloud(path: Path) -> Draw:
     if not path.is_file():
         raise InputError(f"there is no file {path}; give an existing one.")
     cloud = pv.wrap(read_file(path))
-    name = next((name for name in CLOUD_COLUMNS if name in cloud.point_data), None)
-    parts = [f"correction_{axis}" for axis in "xyz"]
-    if name is not None:
-        values = np.asarray(cloud.point_data[name], dtype=np.float64)
-    elif all(part in cloud.point_data for part in parts):
-        name, values = "correction", np.stack([cloud.point_data[part] for part in parts], axis=1)
-    else:
+    columns = {name: np.asarray(cloud.point_data[name]) for name in cloud.point_data}
+    return _coloured(path, np.asarray(cloud.points, dtype=np.float64), columns)
+
+
+def _coloured(path: Path, places: FloatArray, columns: Mapping[str, NDArray[Any]]) -> Draw:
+    """Points in the colours of the first column that is known, or of a vector's length."""
+    known = dict(columns)
+    for vector in CLOUD_COLUMNS:
+        parts = [columns[key] for key in (f"{vector}_{axis}" for axis in "xyz") if key in columns]
+        if len(parts) == 3:
+            known.setdefault(vector, np.stack(parts, axis=1))
+    name = next((name for name in CLOUD_COLUMNS if name in known), None)
+    if name is None:
         raise InputError(
             f"{path} has no column {', '.join(CLOUD_COLUMNS)}; give a cloud of iriftrace measure, "
             "correct or render --surface."
         )
-    values = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1))
-    points = pv.PolyData(np.asarray(cloud.points, dtype=np.float64))
-    title = CLOUD_COLUMNS[name]
+    values, title = known[name], CLOUD_COLUMNS[name]
+    um = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1)).astype(np.float64)
+    points = pv.PolyData(places)
 
     def draw(plotter: pv.Plotter) -> None:
-        _add_points(plotter, points, values, title)
+        _add_points(plotter, points, um, title)
 
     return draw
 
@@ -241,8 +248,16 @@ def _field(path: Path) -> Draw:
 
 
 def _part(path: Path) -> Draw:
+    from iriftrace.geometry.ply import read_ply
     from iriftrace.part.part import read_part
 
+    if path.suffix.lower() == ".ply" and path.is_file():
+        try:
+            mesh = read_ply(path)
+        except Exception as error:  # its reader lets any through that a damaged file causes
+            raise InputError(f"{path} is damaged ({error}); write it again.") from error
+        if not len(mesh.faces):
+            return _coloured(path, mesh.vertices, mesh.vertex_columns)
     part = read_part(path)
     surface = polydata(part.vertices, part.faces)
     surface.cell_data["region"] = np.array(part.region_names)[part.region_of_face]

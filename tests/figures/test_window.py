@@ -48,6 +48,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("render", scene, "-o", str(folder / "pose.exr"), "--no-figures", *SCALE),
         ("sweep", scene, "-o", str(folder / "sweep.nc"), *angles, *SCALE),
         ("measure", fringe, "-o", str(folder / "scan.vtp"), "-D", "scale=0.1"),
+        ("measure", fringe, "-o", str(folder / "scan.ply"), "-D", "scale=0.1"),
         ("correct", str(folder / "scan.vtp"), fringe, "-o", str(folder / "corrected.vtp")),
     ):
         assert main(list(command)) == 0
@@ -79,6 +80,7 @@ def test_a_scene_shows_part_shells_and_both_devices(tmp_path: Path) -> None:
         ("sweep.nc", "#fde725"),
         # Hot air makes the cylinder too small: errors are below 0, and red.
         ("scan.vtp", "#f09c7b"),
+        ("scan.ply", "#f09c7b"),
         ("corrected.vtp", "#21918c"),
     ],
 )
@@ -103,6 +105,10 @@ def test_what_cannot_be_shown_says_why(results: Path, tmp_path: Path) -> None:
     pv.PolyData(np.zeros((3, 3))).save(other)
     with pytest.raises(InputError, match="no column"):
         view(other, tmp_path / "view.png")
+    damaged = tmp_path / "scan.ply"
+    damaged.write_bytes((results / "scan.ply").read_bytes()[:500])
+    with pytest.raises(InputError, match="damaged"):
+        view(damaged, tmp_path / "view.png")
     with pytest.raises(InputError, match="there is no file"):
         view(tmp_path / "gone.vtp", tmp_path / "view.png")
     text = tmp_path / "notes.md"
