@@ -197,8 +197,10 @@ def correct(
     say(
         f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
         f"{_um(error['median'])} (median; 95th percentile {_um(error['p95'])}). As measured stay "
-        f"{counts['far_from_part']:,} far from the part, {counts['hidden']:,} hidden from a device "
-        f"and {counts['several_images']:,} with several images."
+        f"{counts['far_from_part']:,} far from the part, {counts['hidden']:,} hidden from a "
+        f"device, {counts['several_images']:,} with several images, {counts['outside_field']:,} "
+        f"outside the field and {counts['uncertain']:,} whose correction is uncertain by more than "
+        "itself."
     )
     _say_features(features, "corrected", "measured", "as measured through hot air")
     if found.u_normal is None:

@@ -64,12 +64,18 @@ COVERAGE_FACTOR = 2
 
 
 class CorrectionStatus(PointStatus):
-    """Outcome of a measured point."""
+    """Outcome of a measured point.
+
+    Outside the field neither line of sight meets hot air of which anything is known; uncertain is
+    an air's share that scatters over an ensemble's members by more than itself.
+    """
 
     CORRECTED = 0
     FAR_FROM_PART = 1
     HIDDEN = 2
     SEVERAL_IMAGES = 3
+    OUTSIDE_FIELD = 4
+    UNCERTAIN = 5
 
 
 @frozen(eq=False)
@@ -247,13 +253,20 @@ def correct(
         ]
         found.append(_joined(pieces, order))
     status = np.max([one.status for one in found], axis=0)
+    if len(found) > 1:
+        shares = np.array([one.error for one in found])
+        scatter, mean = shares.std(axis=0, ddof=1), shares.mean(axis=0)
+        vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
+        status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
     if not (status == CorrectionStatus.CORRECTED).any():
         counts = CorrectionStatus.counts(status)
         raise InputError(
             f"None of the {len(status):,} points can be corrected: {counts['far_from_part']:,} are "
-            f"far from the part, {counts['hidden']:,} hidden from a device and "
-            f"{counts['several_images']:,} have several images; check the frame of the cloud "
-            "(--cloud-to-part) and where the scene has the devices."
+            f"far from the part, {counts['hidden']:,} hidden from a device, "
+            f"{counts['several_images']:,} have several images, {counts['outside_field']:,} lie "
+            f"outside the field and of {counts['uncertain']:,} the correction is uncertain by more "
+            "than itself; check the frame of the cloud (--cloud-to-part) and where the scene has "
+            "the devices."
         )
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, [e.error for e in found], 0.0)
     first = found[0]
@@ -305,7 +318,7 @@ def _air_share(
     offsets = np.zeros((2, *measured.shape))
     lacking = np.full((len(measured), 2), np.nan)
     face = np.full(len(measured), -1)
-    found = np.zeros(len(measured), dtype=bool)
+    found, in_air = np.zeros((2, len(measured)), dtype=bool)
     for _ in range(ROUNDS):
         rows = np.flatnonzero(~found)
         if len(rows) == 0:
@@ -319,6 +332,7 @@ def _air_share(
         offsets[:, rows] = aimed
         lacking[rows] = np.column_stack((one.lacking, other.lacking))
         face[rows] = one.face
+        in_air[rows] = one.in_air | other.in_air
         a, b = (
             unit_vectors(place[rows] + offset - device.origin)
             for device, offset in zip((camera, second), aimed, strict=True)
@@ -333,8 +347,13 @@ def _air_share(
         far = ~(lacking >= -REACH_MM).all(axis=1)
         hidden = (lacking > REACH_MM).any(axis=1)
     status = np.select(
-        [~found, far, hidden],
-        [CorrectionStatus.SEVERAL_IMAGES, CorrectionStatus.FAR_FROM_PART, CorrectionStatus.HIDDEN],
+        [~found, far, hidden, ~in_air],
+        [
+            CorrectionStatus.SEVERAL_IMAGES,
+            CorrectionStatus.FAR_FROM_PART,
+            CorrectionStatus.HIDDEN,
+            CorrectionStatus.OUTSIDE_FIELD,
+        ],
         CorrectionStatus.CORRECTED,
     )
     return _AirShare(measured - place, status, face, loaded)

@@ -92,6 +92,8 @@ class LinesOfSight:
         between the device and the point; NaN where the ray meets no part.
     face : (n,) array of int
         Of the part, under the ray's end; -1 where it meets none.
+    in_air : (n,) array of bool
+        The ray met hot air: shells, or cells of the field.
     """
 
     direction: FloatArray
@@ -99,6 +101,7 @@ class LinesOfSight:
     found: BoolArray
     lacking: FloatArray
     face: IntArray
+    in_air: BoolArray
 
 
 def lines_of_sight(
@@ -133,6 +136,7 @@ def lines_of_sight(
     miss = np.full(len(points), np.inf)
     lacking = np.full(len(points), np.nan)
     face = np.full(len(points), -1)
+    in_air = np.zeros(len(points), dtype=bool)
     active = np.arange(len(points))
     for _ in range(rounds):
         if len(active) == 0:
@@ -146,7 +150,8 @@ def lines_of_sight(
         miss[active] = np.linalg.norm(off, axis=1)
         lacking[active] = np.where(np.isfinite(hits.path_length), along, np.nan)
         face[active] = hits.refracted_face
+        in_air[active] = hits.crossings > 0
         unsettled = ~(miss[active] <= MISS_MM)
         active = active[unsettled]
         aim[active] -= off[unsettled]
-    return LinesOfSight(direction, aim - points, miss <= MISS_MM, lacking, face)
+    return LinesOfSight(direction, aim - points, miss <= MISS_MM, lacking, face, in_air)

@@ -17,13 +17,18 @@ import pyvista as pv
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.read import read_field
 from iriftrace.geometry.ply import read_ply
+from iriftrace.part.part import read_part
 from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
+from iriftrace.shells.contour import contour_shells
 from iriftrace.triangulation.cloud import read_cloud
 from iriftrace.triangulation.correct import CorrectionStatus, correct
 from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.scan import Scan, ScanStatus, measure
+from validation.inputs import hot_block
 
 DEVICES = [
     Camera(
@@ -106,6 +111,38 @@ def test_order_and_number_of_the_points_do_not_matter(
     np.testing.assert_array_equal(other.status, one.status[order])
     np.testing.assert_array_equal(other.face, one.face[order])
     np.testing.assert_allclose(other.error, one.error[order], rtol=0, atol=1e-9)
+
+
+def test_where_the_field_does_not_reach_points_stay(variant: str, tmp_path: Path) -> None:
+    """A file with the half y > 0 of the air around a block: lines to its other side meet none."""
+    camera, second = (
+        Camera(
+            focal_length_mm=20.0,
+            sensor_mm=(6.0, 5.0),
+            resolution=(48, 40),
+            matrix=look_at((x, -60.0, 90.0), (0.0, 0.0, 0.0)),
+        )
+        for x in (-25.0, 25.0)
+    )
+    air, part_file = hot_block.save(tmp_path)
+    part, whole = read_part(part_file), pv.read(air)
+    behind = np.flatnonzero(np.asarray(whole.cell_centers().points)[:, 1] > 0)
+    whole.extract_cells(behind).save(tmp_path / "half.vtu")
+    scenes = [
+        load_scene(
+            write_scene(tmp_path / name, part, contour_shells(read_field(file), 4), camera),
+            variant=variant,
+        )
+        for name, file in (("whole", air), ("half", tmp_path / "half.vtu"))
+    ]
+    scan = measure(scenes[0], camera, second, system="stereo")
+    found = correct(scan.points, scenes[1], camera, second, system="stereo")
+    front, top = scan.normal[:, 1] < -0.5, scan.true[:, 1] > 4.0
+    assert front.sum() > 50
+    assert top.sum() > 20
+    assert (found.status[front] == CorrectionStatus.OUTSIDE_FIELD).all()
+    assert (found.status[top] == CorrectionStatus.CORRECTED).mean() > 0.9
+    np.testing.assert_array_equal(found.points[front], scan.points[front])
 
 
 def test_a_cloud_of_the_other_side_is_refused(scene: LoadedScene) -> None:

@@ -90,6 +90,20 @@ def test_a_correction_is_the_mean_of_the_members(three: LoadedScene) -> None:
     assert "3 fields" in found.provenance["assumptions"]["ensemble"]
 
 
+def test_what_scatters_by_more_than_itself_is_not_taken_out(
+    variant: str, tmp_path: Path, three: LoadedScene
+) -> None:
+    """Contrasts of -1, 0.1 and 1.2: their mean is 0.1, their standard deviation 1.1."""
+    part, stack = slab(5)
+    airs = (MemberAir(f"{share}", None, scaled(stack, share)) for share in (-2.0, -0.9, 0.2))
+    xml, _ = write_ensemble_scene(
+        tmp_path / "vague", part, airs, CAMERA, paraview=False, second=PROJECTOR
+    )
+    points = measure(three).points
+    with pytest.raises(InputError, match=f"of {len(points)} the correction is uncertain"):
+        correct(points, load_scene(xml, variant=variant))
+
+
 def test_nothing_is_known_of_one_field_alone(three: LoadedScene) -> None:
     one = member(three, 2)
     assert measure(one).scatter_normal is None
