@@ -158,7 +158,18 @@ def simulation_progress() -> Iterator[Display]:
         def watch(state: State) -> None:
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 
-        yield Display(describe, watch)
+        yield Display(describe, _say_expected, watch)
+
+
+def _say_expected(cells: int, seconds: float) -> None:
+    """Say how large the mesh is and how long the solver will take."""
+    minutes = round(seconds / 60.0)
+    time = f"{seconds / 3600.0:.2g} hours" if minutes > 90 else f"some {minutes} minutes"
+    if seconds > 0.0:
+        say(
+            f"{cells:,} cells; the solver takes {time if minutes > 1 else 'a minute or two'} "
+            "(right to a factor of two)."
+        )
 
 
 def flow_text(state: State) -> str:

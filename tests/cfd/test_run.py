@@ -8,16 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from attrs import evolve
 
 from iriftrace.cfd.openfoam.case import Case, Times
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError
-from iriftrace.cfd.openfoam.run import judge_steadiness, last_time, solve
+from iriftrace.cfd.openfoam.run import expected_seconds, judge_steadiness, last_time, solve
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
-from iriftrace.part.part import Part
+from iriftrace.part.part import Part, part_of_mesh, read_part
+from iriftrace.scenes import folder_of
 
 FILES = (
     *("T", "U", "p", "p_rgh", "phi", "uniform/time", "rhoMean", "UMean", "rhoUMean"),
@@ -39,6 +41,22 @@ for f in {files}; do echo '// **** //' > "$end/$f"; done
 def case(cylinder: Part) -> Case:
     size = mesh_size("coarse", np.ptp(cylinder.bounds, axis=0))
     return Case(cylinder, WallTemperatures(1373.15), size, Times(2.0, 0.5), mirrors="xy")
+
+
+def test_the_expected_time_is_that_of_three_runs_to_a_factor_of_two(case: Case) -> None:
+    """The solver's clock on one core: a cylinder's quarter, a sphere's, a whole gear."""
+    mesh = trimesh.creation.icosphere(4, 25.0)
+    sphere = part_of_mesh(mesh.vertices, mesh.faces, name="sphere")
+    gear = read_part(folder_of("bevel_gear") / "part.ply")
+    sizes = [mesh_size("coarse", np.ptp(part.bounds, axis=0)) for part in (sphere, gear)]
+    warm = Case(sphere, WallTemperatures(873.15), sizes[0], Times(0.8, 0.2), mirrors="xy")
+    hot = Case(gear, WallTemperatures(1373.15), sizes[1], Times(0.3, 0.1))
+    for one, cells, seconds in ((case, 28_556, 110), (warm, 12_636, 22), (hot, 93_108, 114)):
+        assert 0.5 < expected_seconds(one, cells) / seconds < 2.0
+    # What is known already takes no time, and two processes half of it.
+    found = expected_seconds(hot, 93_108)
+    assert expected_seconds(hot, 93_108, since=0.2) == pytest.approx(found / 3)
+    assert expected_seconds(evolve(hot, processes=2), 93_108) == pytest.approx(found / 2)
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import trimesh
 
 from iriftrace.cfd.openfoam import programs as installation
 from iriftrace.cli import main
+from iriftrace.cli.simulate import simulation_progress
 
 WALL = "--wall-temperature=1100 degC"
 
@@ -49,6 +50,17 @@ def test_case_is_written_without_openfoam(folder: Path, capsys: pytest.CaptureFi
     assert (folder / "case/system/controlDict").is_file()
     assert main(["field", "simulate", *words, "--transition=5mm", "--write-only"]) == 0
     assert "is there already" in capsys.readouterr().out
+
+
+def test_the_expected_time_is_said_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    with simulation_progress() as display:
+        for seconds in (20.0, 170.0, 90_000.0, 0.0):
+            display.expect(12_636, seconds)
+    said = capsys.readouterr().out.splitlines()
+    assert [line.partition("takes ")[2] for line in said] == [
+        f"{time} (right to a factor of two)."
+        for time in ("a minute or two", "some 3 minutes", "25 hours")
+    ]
 
 
 def test_symmetric_part_is_pointed_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

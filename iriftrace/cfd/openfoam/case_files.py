@@ -71,6 +71,10 @@ def write_case(case: Case, folder: Path) -> None:
     write_control(case, folder, averaging=False)
 
 
+COURANT = 2
+"""Largest Courant number of a step."""
+
+
 def write_start(case: Case, folder: Path, wall: str) -> None:
     """Write the fields at time 0; `wall` is the temperature of the wall as OpenFOAM reads it."""
     for name in START_FILES:
@@ -92,6 +96,7 @@ def write_control(
         "times_kept": max(times.snapshots, 1) + 1 if averaging else 2,
         "start_time": f"{start:.9g}",
         "first_step": _NEXT_STEP if start else _FIRST_STEP,
+        "courant": COURANT,
         "averaging": averaging,
         "averaged": AVERAGED,
         "density_rate": DENSITY_RATE,

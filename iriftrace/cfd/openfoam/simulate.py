@@ -15,7 +15,15 @@ from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.mesh import make_mesh
 from iriftrace.cfd.openfoam.programs import MEND, Installation
 from iriftrace.cfd.openfoam.result import write_mean, write_snapshots
-from iriftrace.cfd.openfoam.run import State, Steadiness, judge_steadiness, solve
+from iriftrace.cfd.openfoam.run import (
+    State,
+    Steadiness,
+    expected_seconds,
+    judge_steadiness,
+    last_time,
+    pieces_of,
+    solve,
+)
 from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, try_solver
 from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.errors import SetupError
@@ -55,9 +63,10 @@ class Simulation:
 
 @frozen
 class Display:
-    """Callbacks to the caller while it runs."""
+    """Callbacks to the caller while it runs: `expect` gets cells and seconds of the solver."""
 
     say: Callable[[str], None] = field(default=lambda text: None)
+    expect: Callable[[int, float], None] = field(default=lambda cells, seconds: None)
     watch: Callable[[State], None] = field(default=lambda state: None)
 
 
@@ -104,6 +113,7 @@ def simulate(
     check_solver(installation)
     begun = time.monotonic()
     cells = make_mesh(case, folder, installation, display.say)
+    display.expect(cells, expected_seconds(case, cells, last_time(pieces_of(folder))))
     display.say(f"Solver: {cells:,} cells")
     averaged = solve(case, folder, installation, display.watch)
     seconds = time.monotonic() - begun
