@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -31,7 +31,7 @@ from iriftrace.planning.stability import close_alternative, stability
 from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
 from iriftrace.sweep.faces import faces_seen
 from iriftrace.sweep.store import attribute, scene_of
-from iriftrace.sweep.warned import FLAGS, warned_of
+from iriftrace.sweep.warned import FLAGS, Flag, warned_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -363,7 +363,7 @@ def front_table(summary: SweepSummary) -> RankingTable:
 
 def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
     ranks = {pose: str(rank) for rank, pose in enumerate(summary.plan.order.tolist(), start=1)}
-    flagged = bool(summary.warned[list(poses)].any())
+    flags = _flags_met(np.asarray(summary.warned[list(poses)].any(axis=0)))
     rows = [
         (
             ranks.get(pose, ""),
@@ -373,11 +373,12 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
             *(one.values[pose] for one in summary.varied),
             f"{summary.score.values[pose]:.3f}" if pose in ranks else "",
             *(summary.value_text(quantity, pose) for quantity in summary.metrics),
-            *((_letters(summary.warned[pose].tolist()),) if flagged else ()),
+            *(("".join(f.letter for f in _flags_met(summary.warned[pose])),) if flags else ()),
         )
         for pose in poses
     ]
     frontal = any(map(summary.sees_frontally, poses))
+    legend = ", ".join(f"{flag.letter} {flag.text}" for flag in flags)
     short = (summary.plan.criteria.statistic, "cover", "axial", "lat.")
     return RankingTable(
         (
@@ -385,32 +386,27 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
             *(one.name for one in summary.varied),
             "score",
             *(quantity.label for quantity in summary.metrics),
-            *(("warned",) if flagged else ()),
+            *(("warned",) if flags else ()),
         ),
         (
             *("rank", "pose", "az. °", "el. °"),
             *(one.short_name for one in summary.varied),
             "score",
             *(f"{name} {metric.unit}" for name, metric in zip(short, summary.metrics, strict=True)),
-            *(("warn",) if flagged else ()),
+            *(("warn",) if flags else ()),
         ),
         tuple(rows),
         " ".join(
             (
                 *((f"Axial resolution 0: {FRONTAL}.",) if frontal else ()),
-                *((f"Warned of: {_legend(summary.warned[list(poses)])}.",) if flagged else ()),
+                *((f"Warned of: {legend}.",) if flags else ()),
             )
         ),
     )
 
 
-def _letters(given: Iterable[bool]) -> str:
-    return "".join(flag.letter for flag, met in zip(FLAGS, given, strict=True) if met)
-
-
-def _legend(flags: BoolArray) -> str:
-    met = np.any(flags, axis=0).tolist()
-    return ", ".join(f"{f.letter} {f.text}" for f, given in zip(FLAGS, met, strict=True) if given)
+def _flags_met(given: BoolArray) -> list[Flag]:
+    return [flag for flag, met in zip(FLAGS, given.tolist(), strict=True) if met]
 
 
 def stability_text(summary: SweepSummary) -> str:
@@ -441,8 +437,7 @@ def other_statistics_text(summary: SweepSummary) -> str | None:
 
 def warned_text(summary: SweepSummary) -> str | None:
     """Warnings of the best pose, one sentence; None if there are none."""
-    given = summary.warned[summary.plan.best].tolist()
-    found = [flag.text for flag, met in zip(FLAGS, given, strict=True) if met]
+    found = [flag.text for flag in _flags_met(summary.warned[summary.plan.best])]
     return f"The sweep warns of the best pose: {'; '.join(found)}." if found else None
 
 
