@@ -257,9 +257,7 @@ def trace_rays(
         import drjit as dr
         import mitsuba as mi
 
-        from iriftrace.plugins.kernels.tables import aligned
-
-        places, headings = (mi.Float64(aligned(rows.ravel())) for rows in (start, heading))
+        places, headings = _on_device(start), _on_device(heading)
         trace = loaded.integrator.trace(
             loaded.mitsuba_scene,
             lambda ray: (
@@ -295,6 +293,68 @@ def trace_rays(
             status=np.array(trace.status, dtype=np.int64),
             ray=np.array(trace.ray, dtype=np.int64),
         )
+
+
+@frozen(eq=False)
+class BentEnds:
+    """Ends of bent rays.
+
+    Attributes
+    ----------
+    last_point, direction : (n, 3) arrays, mm and unit vectors, world
+        Where the ray hit or was last bent, and its direction from there.
+    face : (n,) array of int
+        Face of the part under the hit; -1 where the ray ends elsewhere.
+    crossings : (n,) array of int
+        Shells, or pieces of the field, that the ray met.
+    """
+
+    last_point: FloatArray
+    direction: FloatArray
+    face: IntArray
+    crossings: IntArray
+
+
+def bent_ends(scene: LoadedScene, origin: FloatArray, directions: FloatArray) -> BentEnds:
+    """Trace neighbouring rays from one point along their bent lines alone.
+
+    Parameters
+    ----------
+    scene : LoadedScene
+        Of one field.
+    origin : (3,) array, mm, world
+    directions : (n, 3) array, world
+        Unit vectors.
+    """
+    with runtime.using(scene.variant):
+        import drjit as dr
+        import mitsuba as mi
+
+        from iriftrace.plugins.kernels.queries import HIT_PART
+
+        prepared = scene.integrator.prepare(scene.mitsuba_scene)
+        bend = scene.integrator.bender(prepared, coherent=True)
+        rays = dr.arange(mi.UInt32, len(directions))
+        heading = dr.gather(mi.Vector3d, _on_device(directions), rays)
+        start = mi.Point3d(*(dr.opaque(mi.Float64, float(value)) for value in origin))
+        ends = bend(start, heading)
+        dr.eval(*ends)
+        face = np.array(ends.face, dtype=np.int64) - prepared.tables.part_first_face
+        return BentEnds(
+            last_point=np.array(ends.point, dtype=np.float64).T,
+            direction=np.array(ends.direction, dtype=np.float64).T,
+            face=np.where(np.array(ends.outcome) == HIT_PART, face, -1),
+            crossings=np.array(ends.crossings, dtype=np.int64),
+        )
+
+
+def _on_device(vectors: FloatArray) -> Any:
+    """Coordinates one after the other (Float64), of which Dr.Jit gathers vectors."""
+    import mitsuba as mi
+
+    from iriftrace.plugins.kernels.tables import aligned
+
+    return mi.Float64(aligned(vectors.ravel()))
 
 
 def _no_hits() -> RayHits:

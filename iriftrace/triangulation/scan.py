@@ -385,6 +385,10 @@ def _check(camera: Camera, second: Camera, system: str, phase: str | None) -> No
 def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:
     forward, solved = (second, camera) if system == "laser" else (camera, second)
     pixels, number, shape = _pixels(forward, sheet=system == "laser")
+    towards = _towards_part(forward, scene.part, pixels)
+    pixels, number = pixels[towards], number[towards]
+    if len(pixels) == 0:
+        raise InputError(_nothing_in_common(np.empty(0, np.int64), np.empty(0, np.int64)))
     origin, direction = forward.rays(pixels)
     hits = trace_rays(
         scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
@@ -394,7 +398,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         serving = field_where_needed(scene, (forward, solved), hits.refracted[seen])
         if serving is not scene:
             return _scan(serving, camera, second, system, phase)
-    status = np.full(len(pixels), ScanStatus.NOT_SEEN, dtype=np.int64)
+    status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
     normals = scene.part.surface.normals
     candidates = hits.ray[seen]
     place = number[candidates]
@@ -475,6 +479,16 @@ def _pixels(device: Camera, sheet: bool) -> tuple[FloatArray, NDArray[np.uint32]
     number = pixels_in_tiles(len(columns), height)
     row, column = np.divmod(number, len(columns))
     return np.column_stack((columns[column], row + 0.5)), number, (height, len(columns))
+
+
+def _towards_part(device: Camera, part: Part, pixels: FloatArray) -> NDArray[np.bool_]:
+    """Mask of the places in a picture, px, at which the part may be seen along straight lines."""
+    places = device.project(part.vertices)
+    # A distorting lens bends the outline beyond its corners; behind the device there are none.
+    if device.distortion is not None or not np.isfinite(places).all():
+        return np.ones(len(pixels), dtype=np.bool_)
+    low, high = places.min(axis=0), places.max(axis=0)
+    return np.asarray(((pixels >= low - 1.0) & (pixels <= high + 1.0)).all(axis=1))
 
 
 def _in_picture(device: Camera, points: FloatArray) -> NDArray[np.bool_]:

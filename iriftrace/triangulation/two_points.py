@@ -26,7 +26,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.aov_image import Status
 from iriftrace.scene.load import LoadedScene
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.render import bent_ends, trace_rays
 from iriftrace.trace.shell_convergence import (
     SAMPLE,
     resolution_of_rays,
@@ -117,6 +117,7 @@ def lines_of_sight(
     Parameters
     ----------
     scene : LoadedScene
+        Of one field.
     origin : (3,) array, mm, world
         Of the device.
     points : (n, 3) array, mm, world
@@ -125,11 +126,6 @@ def lines_of_sight(
         First guess of `LinesOfSight.offset`.
     rounds : int
         Most traces of a point.
-
-    Raises
-    ------
-    InputError
-        If the scene is an ensemble.
     """
     aim = points + (np.zeros(3) if offset is None else offset)
     direction = unit_vectors(aim - origin)
@@ -142,15 +138,14 @@ def lines_of_sight(
         if len(active) == 0:
             break
         direction[active] = unit_vectors(aim[active] - origin)
-        starts = np.broadcast_to(origin, (len(active), 3))
-        hits = trace_rays(scene, starts, direction[active], coherent=True)
-        beyond = points[active] - hits.last_point
-        along = np.einsum("ij,ij->i", beyond, hits.direction)
-        off = along[:, None] * hits.direction - beyond
+        ends = bent_ends(scene, origin, direction[active])
+        beyond = points[active] - ends.last_point
+        along = np.einsum("ij,ij->i", beyond, ends.direction)
+        off = along[:, None] * ends.direction - beyond
         miss[active] = np.linalg.norm(off, axis=1)
-        lacking[active] = np.where(np.isfinite(hits.path_length), along, np.nan)
-        face[active] = hits.refracted_face
-        in_air[active] = hits.crossings > 0
+        lacking[active] = np.where(ends.face >= 0, along, np.nan)
+        face[active] = ends.face
+        in_air[active] = ends.crossings > 0
         unsettled = ~(miss[active] <= MISS_MM)
         active = active[unsettled]
         aim[active] -= off[unsettled]

@@ -19,11 +19,13 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
 from iriftrace.geometry.ply import read_ply
+from iriftrace.image.aov_image import Status
 from iriftrace.part.part import read_part
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.render import trace_rays
 from iriftrace.triangulation.cloud import read_cloud
 from iriftrace.triangulation.correct import CorrectionStatus, correct
 from iriftrace.triangulation.features import fit_feature
@@ -49,6 +51,19 @@ def scene(request: pytest.FixtureRequest, variant: str) -> LoadedScene:
 @pytest.fixture(scope="module", params=["stereo", "fringe"])
 def scan(request: pytest.FixtureRequest, scene: LoadedScene) -> Scan:
     return measure(scene, *DEVICES, system=request.param)
+
+
+def test_no_pixel_that_sees_the_part_is_left_out(scan: Scan, scene: LoadedScene) -> None:
+    """Rays beside the part's outline are not traced; here all of the picture's are."""
+    camera = DEVICES[0]
+    width, height = camera.resolution
+    row, column = np.divmod(np.arange(width * height), width)
+    hits = trace_rays(
+        scene, *camera.rays(np.column_stack((column, row)) + 0.5), trace_all=False, coherent=True
+    )
+    seen = np.zeros(width * height, dtype=bool)
+    seen[hits.ray[np.isin(hits.status, (Status.GOOD, Status.INDEX_MISMATCH))]] = True
+    np.testing.assert_array_equal(scan.status.ravel() != ScanStatus.NOT_SEEN, seen)
 
 
 def test_what_was_simulated_is_taken_out(scan: Scan, scene: LoadedScene) -> None:
