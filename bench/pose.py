@@ -28,11 +28,11 @@ def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
 
 
 def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
-    """Median of the time of a pose without files and neighbour searches over its two traces'."""
+    """Median of the time of a pose without files over its two traces'."""
     ratios = []
     for _ in range(repeats + 1):
         started = time.perf_counter()
-        rendering = render_scene(scene, nearest=False)
+        rendering = render_scene(scene)
         shell_resolution(scene, rendering.image, sample=SAMPLE)
         seconds = time.perf_counter() - started
         time_s = rendering.metrics.time_s
@@ -48,7 +48,7 @@ def continuous_over_shells(continuous: LoadedScene, shells: LoadedScene, repeats
         seconds = []
         for scene in (continuous, shells):
             started = time.perf_counter()
-            render_scene(scene, nearest=False)
+            render_scene(scene)
             seconds.append(time.perf_counter() - started)
         ratios.append(seconds[0] / seconds[1])
     # The first pair compiles the kernels.

@@ -102,6 +102,7 @@ def metrics(
     part: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     include: Statuses = None,
+    nearest: Annotated[bool, Parameter(negative=())] = False,
     wavelength: Wavelength | None = None,
 ) -> None:
     """Reduce an AOV EXR to metrics again.
@@ -118,6 +119,8 @@ def metrics(
         The JSON file; by default beside the EXR.
     include
         Further status codes whose rays the metrics use, such as 5.
+    nearest
+        Add the two nearest-neighbour readings of the resolution, which takes longer.
     wavelength
         Wavelength that the EXR must be of, "450 nm"; one of other light is refused.
     """
@@ -134,7 +137,7 @@ def metrics(
     shown = pixels.part_from(part)
     started = time.perf_counter()
     with working("Reducing"):
-        result = pose_metrics(pixels, shown, include=statuses(include))
+        result = pose_metrics(pixels, shown, include=statuses(include), nearest=nearest)
     result.time_s["metrics"] = time.perf_counter() - started
     with suppress(OSError, ValueError, AttributeError):
         # There may be no report of this image yet.

@@ -288,7 +288,7 @@ def pose_metrics(
     part: Part | None = None,
     *,
     include: Collection[int] = (Status.GOOD,),
-    nearest: bool = True,
+    nearest: bool = False,
 ) -> PoseMetrics:
     """Reduce the image of one pose to metrics.
 

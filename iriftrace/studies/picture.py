@@ -111,4 +111,4 @@ def rendered(scene: LoadedScene) -> Rendering:
     with warnings.catch_warnings():
         # A study has odd cases on purpose, and its table says what became of the rays.
         warnings.simplefilter("ignore", IriftraceWarning)
-        return render_scene(scene, nearest=False, empty=True)
+        return render_scene(scene, empty=True)

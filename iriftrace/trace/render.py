@@ -98,7 +98,7 @@ def render_scene(
     *,
     camera: Camera | None = None,
     include: Collection[int] = (0,),
-    nearest: bool = True,
+    nearest: bool = False,
     empty: bool = False,
     check_shells: int = 0,
     check_field: bool = False,

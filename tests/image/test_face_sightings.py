@@ -43,7 +43,7 @@ def poses(scene: LoadedScene) -> PoseSet:
 def images(scene: LoadedScene, poses: PoseSet) -> list[AovImage]:
     """Of all poses but the one in the part."""
     return [
-        render_scene(scene, camera=scene.camera.at(matrix), nearest=False, empty=True).image
+        render_scene(scene, camera=scene.camera.at(matrix), empty=True).image
         for matrix in poses.matrices[:-1]
     ]
 

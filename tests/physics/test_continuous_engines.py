@@ -85,9 +85,7 @@ def test_thirteen_gradient_shells_agree_with_the_continuous_solution(
     both_engines: dict[str, LoadedScene], origin: tuple[float, float, float]
 ) -> None:
     camera = CAMERA.at(look_at(origin, (0.0, 0.0, 0.0)))
-    shells, field = (
-        render_scene(scene, camera=camera, nearest=False).image for scene in both_engines.values()
-    )
+    shells, field = (render_scene(scene, camera=camera).image for scene in both_engines.values())
     good = (shells.status == Status.GOOD) & (field.status == Status.GOOD)
     exact = field.vector("displacement", good)
     norm = np.linalg.norm(exact, axis=1)

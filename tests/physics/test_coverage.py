@@ -134,7 +134,7 @@ def test_ball_shows_the_cap_below_its_horizon(distance: float, error: float) -> 
     shares = []
     for origin in distance * towards / np.linalg.norm(towards, axis=1, keepdims=True):
         image = look(camera(306, 256, tuple(origin)), part)
-        share = pose_metrics(image, part, nearest=False).coverage_area
+        share = pose_metrics(image, part).coverage_area
         assert share * part.area <= area_facing(part, origin) * (1 + 1e-12)
         shares.append(share / ((1 - 20 / distance) / 2))
     assert min(shares) > 1 - error
@@ -217,7 +217,7 @@ def test_area_does_not_depend_on_the_tessellation(
         image = image_of_hits(view, part, distance, face)
         seen = seen_areas(image, part)
         assert (seen <= part.face_areas).all()
-        results.append(pose_metrics(image, part, nearest=False))
+        results.append(pose_metrics(image, part))
         assert seen.sum() == pytest.approx(results[-1].coverage_area * part.area, rel=1e-12)
         part, face = finer(part, face, points)
     areas = [metrics.coverage_area for metrics in results]
@@ -236,10 +236,10 @@ def test_paper_coverage_depends_on_the_tessellation() -> None:
     distance, face = rasterise(view, part)
     origins, directions = view.rays()
     points = origins + np.where(face >= 0, distance, 0)[:, None] * directions
-    before = pose_metrics(image_of_hits(view, part, distance, face), part, nearest=False)
+    before = pose_metrics(image_of_hits(view, part, distance, face), part)
     for _ in range(2):
         part, face = finer(part, face, points)
-    after = pose_metrics(image_of_hits(view, part, distance, face), part, nearest=False)
+    after = pose_metrics(image_of_hits(view, part, distance, face), part)
     assert after.coverage < 0.5 * before.coverage
 
 

@@ -407,7 +407,7 @@ def test_sweep_has_the_scatter_of_each_pose(ten: Path, tmp_path: Path) -> None:
     dataset = run_sweep(scene, poses, path, progress=lambda done, total: rendered.append(done))
     assert rendered == [1, 2]
     for number, matrix in enumerate(poses.matrices):
-        rendering = render_scene(scene, camera=scene.camera.at(matrix), nearest=False)
+        rendering = render_scene(scene, camera=scene.camera.at(matrix))
         metrics = rendering.metrics.as_dict()
         part = dataset.sel(region="part").isel(pose=number)
         for key in ("mean", "median", "p95", "max", "rms"):

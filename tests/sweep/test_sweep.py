@@ -65,7 +65,7 @@ def test_each_pose_holds_the_metrics_of_its_own_rendering(
     assert dataset.sizes["pose"] == len(poses) == 7
     for number, matrix in enumerate(poses.matrices):
         rendering = render_scene(
-            scene, check_shells=SAMPLE, camera=scene.camera.at(matrix), nearest=False, empty=True
+            scene, check_shells=SAMPLE, camera=scene.camera.at(matrix), empty=True
         )
         metrics = rendering.metrics.as_dict()
         for name, measure in MEASURES.items():

@@ -570,6 +570,18 @@ def test_metrics_again(run: Run, hot: HotBlock, tmp_path: Path) -> None:
     assert without_times(metrics_of("b.json")) == without_times(written)
 
 
+def test_metrics_again_with_the_nearest_neighbours(run: Run, hot: HotBlock, tmp_path: Path) -> None:
+    """No hit is nearer across the axis than the nearest one there; not searched unasked."""
+    shutil.copy(hot.image, tmp_path / "a.exr")
+    readings = [f"lateral_resolution_mm{reading}" for reading in ("_nn3d", "_nnxy")]
+    written = metrics_of(hot.image.with_suffix(".json"))
+    assert [written[key] for key in readings] == [None, None]
+    run("metrics", "a.exr", "--nearest")
+    again = metrics_of("a.json")
+    in_space, across = (again[key] for key in readings)
+    assert 0 < across <= in_space
+
+
 def test_metrics_again_keep_the_times_of_the_rendering(
     run: Run, hot: HotBlock, tmp_path: Path
 ) -> None:

@@ -32,7 +32,7 @@ def test_it_is_the_difference_of_two_renderings(hot: HotBlock) -> None:
     width, height = shells.camera.resolution
     found = shell_error(shells, sample=width * height)
     images = [
-        render_scene(load_scene(hot.scene, engine=engine), nearest=False).image
+        render_scene(load_scene(hot.scene, engine=engine)).image
         for engine in ("shells", "continuous")
     ]
     good = [image.status == 0 for image in images]

@@ -81,7 +81,7 @@ def every_second(stack: ShellStack) -> ShellStack:
 
 def found_in(scene: LoadedScene) -> ShellResolution | None:
     """Of the scene's own picture."""
-    return shell_resolution(scene, render_scene(scene, nearest=False).image)
+    return shell_resolution(scene, render_scene(scene).image)
 
 
 def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path)
         for k, shells in enumerate((stack, every_second(stack)))
     ]
     assert [len(s.shells_table["shells"]) for s in scenes] == [13, 7]
-    image = render_scene(scenes[0], nearest=False).image
+    image = render_scene(scenes[0]).image
     good = image.status == 0
     assert 1000 < good.sum() < 5000
     rows, columns = np.nonzero(good)
@@ -200,7 +200,7 @@ def test_the_field_is_traced_where_shells_are_too_few_and_nothing_else_is_asked_
     instead = engine == "continuous"
     assert json.loads(exr.with_suffix(".json").read_text())[KEY]["through_field"] == instead
     if instead:
-        asked = render_scene(load_scene(xml, engine="continuous"), nearest=False).image
+        asked = render_scene(load_scene(xml, engine="continuous")).image
         for name, plane in image.channels.items():
             np.testing.assert_array_equal(plane, asked.channels[name])
 
@@ -248,8 +248,7 @@ def test_a_plan_confirms_its_best_poses_through_the_field(
         swept = run_sweep(load_scene(xml, engine="shells"), poses, file)
     exact = load_scene(xml, engine="continuous")
     truth = [
-        render_scene(exact, camera=exact.camera.at(matrix), nearest=False).metrics
-        for matrix in poses.matrices
+        render_scene(exact, camera=exact.camera.at(matrix)).metrics for matrix in poses.matrices
     ]
     criteria = Criteria(1, 0, 0, 0, statistic="p95")
     by_shells = rank_poses(swept, criteria).metrics["displacement"][1]

@@ -306,10 +306,7 @@ def test_a_crop_window_is_a_piece_of_the_whole_picture(tmp_path: Path) -> None:
 def test_a_scaled_picture_states_shifts_and_steps_of_the_full_camera() -> None:
     """Computed from a quarter of the pixels across, and measured with all of them."""
     xml = folder_of("cylinder") / "scene.xml"
-    small, large = (
-        render_scene(load_scene(xml, {"scale": scale}), nearest=False).metrics
-        for scale in (0.1, 0.4)
-    )
+    small, large = (render_scene(load_scene(xml, {"scale": scale})).metrics for scale in (0.1, 0.4))
     stated = evolve(small, full_resolution=large.camera.resolution).full_camera
     assert stated["resolution"] == list(large.camera.resolution)
     assert stated["shift_px"]["median"] == pytest.approx(large.shift_px.median, rel=0.03)
@@ -322,5 +319,5 @@ def test_a_scaled_picture_states_shifts_and_steps_of_the_full_camera() -> None:
 
 def test_the_time_of_the_check_is_counted() -> None:
     scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
-    times = render_scene(scene, nearest=False, check_shells=1000).metrics.time_s
+    times = render_scene(scene, check_shells=1000).metrics.time_s
     assert 0 < times["check"] < times["total"]
