@@ -49,20 +49,19 @@ def index_check(prepared: PreparedScene, refracted: RefractedHits) -> tuple[Any,
     dr.eval(layer, missing, fits, silent)
     suspects = dr.compress(hit & (~fits | silent))
     if dr.width(suspects) > 0:
-        number = np.array(suspects)
-        quiet, found = np.array(silent)[number], np.array(layer)[number]
-        points, normals = _hits(prepared, refracted, number)
+        points, normals, found, quiet = _records(prepared, refracted, layer, silent, suspects)
         right = ~quiet
         right[right] = _touches(prepared, points[right], normals[right], found[right], 1)[0]
         rest = np.flatnonzero(~right)
         right[rest], near = _touches(prepared, points[rest], normals[rest], found[rest], LINES)
         # It has come all its way in the air before the wall then, through an open end.
         unmet = quiet[rest] & ~right[rest]
-        steps, exact = np.array(missing), np.array(fits)
-        steps[number[rest[unmet]]] = np.abs(near[unmet] - tables.ambient)
-        exact[number] = right
-        exact[number[rest[unmet]]] = True
-        missing, fits = mi.Float64(aligned(steps)), mi.Bool(aligned(exact))
+        right[rest[unmet]] = True
+        dr.scatter(fits, mi.Bool(aligned(right)), suspects)
+        if unmet.any():
+            steps = mi.Float64(aligned(np.abs(near[unmet] - tables.ambient)))
+            number = mi.UInt32(aligned(rest[unmet].astype(np.uint32)))
+            dr.scatter(missing, steps, dr.gather(mi.UInt32, suspects, number))
     return fits & (missing < open_steps + slack), missing < open_step
 
 
@@ -76,12 +75,21 @@ def _touches(
     return (np.abs(layer - near) < prepared.tables.half_step).any(axis=0), near[0]
 
 
-def _hits(prepared: PreparedScene, refracted: RefractedHits, number: Any) -> tuple[Any, Any]:
-    """Points (n, 3) and outward normals (n, 3) of some of the refracted hits."""
-    vertices, faces = prepared.tables.part_arrays()
-    face = np.array(refracted.face)[number] - prepared.tables.part_first_face
-    a, b, c = np.moveaxis(vertices[faces[face]], 1, 0)
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    # Axis by axis: Dr.Jit compiles a kernel for every length when it interleaves them.
-    return np.stack([np.array(axis)[number] for axis in refracted.point], axis=1), normals
+def _records(
+    prepared: PreparedScene, refracted: RefractedHits, layer: Any, silent: Any, rays: Any
+) -> tuple[Any, Any, Any, Any]:
+    """Points (n, 3), outward normals (n, 3), layers and `silent` of some rays, in one copy."""
+    import drjit as dr
+    import mitsuba as mi
+
+    _, normal = prepared.tables.plane(dr.gather(mi.UInt32, refracted.face, rays), mi.Bool(True))
+    of_rays = (dr.gather(mi.Float64, values, rays) for values in (*refracted.point, layer))
+    quiet = dr.select(dr.gather(mi.Bool, silent, rays), mi.Float64(1), 0)
+    columns = (*normal, quiet, *of_rays)
+    count = dr.width(rays)
+    # Row after row: Dr.Jit compiles a kernel for every length when it interleaves them.
+    table, place = dr.zeros(mi.Float64, len(columns) * count), dr.arange(mi.UInt32, count)
+    for number, column in enumerate(columns):
+        dr.scatter(table, column, place + dr.opaque(mi.UInt32, number * count))
+    rows = np.array(table).reshape(-1, count)
+    return rows[4:7].T, rows[:3].T, rows[7], rows[3] != 0

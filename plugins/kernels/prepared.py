@@ -108,9 +108,10 @@ class PreparedScene:
         on_part = found & (self.tables.kind(shape, found) == PART)
         _, normal = self.tables.plane(self.tables.face(shape, hit.prim_index, on_part), on_part)
         behind = on_part & (dr.dot(normal, direction) > 0)
-        if np.mean(np.array(behind)) > 0.5:
+        seen = np.array(dr.select(behind, mi.UInt32(1), 0) + dr.select(enclosed, mi.UInt32(2), 0))
+        if np.mean(seen & 1) > 0.5:
             return "part"
-        return "hot air" if np.mean(np.array(enclosed)) > 0.5 else None
+        return "hot air" if np.mean(seen >> 1) > 0.5 else None
 
     def _wall_layers(self) -> NDArray[np.float64]:
         """Index of the layer that usually touches each face of the part, (m,) array.
@@ -147,13 +148,16 @@ class PreparedScene:
         import mitsuba as mi
 
         directions = _around(normals, lines)
-        direction = mi.Vector3d(*(aligned(x) for x in directions.reshape(-1, 3).T))
-        counted = []
-        for shift in (WALL_STEPS * self.step, -WALL_STEPS * self.step):
-            start = np.broadcast_to(points + shift * normals, directions.shape).reshape(-1, 3)
-            origin = mi.Point3d(*(aligned(x) for x in start.T))
-            index = crossed_steps(self.scene, self.tables, origin, direction, self.step)[0]
-            counted.append(np.array(index).reshape(lines, -1))
+        apart = WALL_STEPS * self.step * normals
+        starts = np.stack((points + apart, points - apart))[:, None]
+        start, way = (
+            (aligned(x) for x in np.broadcast_to(v, (2, *directions.shape)).reshape(-1, 3).T)
+            for v in (starts, directions)
+        )
+        index, _ = crossed_steps(
+            self.scene, self.tables, mi.Point3d(*start), mi.Vector3d(*way), self.step
+        )
+        counted = np.array(index).reshape(2, lines, -1)
         return np.array([self._majority(index) for index in counted])
 
     def _majority(self, index: NDArray[np.float64]) -> NDArray[np.float64]:
