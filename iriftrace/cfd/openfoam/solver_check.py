@@ -32,13 +32,12 @@ from iriftrace.cfd.openfoam.programs import (
     SOLVER,
     Installation,
     OpenFoamError,
-    identity,
     read_steps,
     run_program,
     tail,
 )
 from iriftrace.core.errors import SetupError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import sha256_of, whole_file
 
 TRIAL_PASSED = ""
 
@@ -55,7 +54,6 @@ _PATCHES = (
     ("top", "patch", "(4 5 6 7)"),
 )
 
-
 PACKAGE = "openfoam"
 _SOLVER_FOLDER = f"applications/solvers/heatTransfer/{SOLVER}"
 # What every program of OpenFOAM includes, besides what the solver's own Make/options names.
@@ -71,13 +69,7 @@ _LIBRARIES = ("-Wl,--no-as-needed", "-lOpenFOAM", "-lPstream", "-ldl", "-lm")
 
 
 def try_solver(installation: Installation) -> str:
-    """Run the solver for three steps; a solver that has passed once is not tried again.
-
-    Returns
-    -------
-    str
-        What is wrong, or `TRIAL_PASSED`.
-    """
+    """Run the solver for three steps, but not again once it has passed: verdict as of `judge`."""
     passed = _passed_file(installation)
     if passed.is_file():
         return TRIAL_PASSED
@@ -146,19 +138,15 @@ def write_trial(folder: Path) -> None:
 def _passed_file(installation: Installation) -> Path:
     """Says by its presence that this very program has passed."""
     cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(cache) / "iriftrace" / "openfoam" / f"{identity(installation.solver)}.passed"
+    return Path(cache) / "iriftrace" / "openfoam" / f"{sha256_of(Path(installation.solver))}.passed"
 
 
 def build_solver(target: Path) -> None:
     """Fetch the source of the installed package, compile the solver, put it at `target`.
 
     Needs ``g++`` and apt, but no root: apt works in a folder of its own with a list of sources of
-    its own, so its configuration stays as it is.
-
-    Raises
-    ------
-    SetupError
-        The package is not there, or a step failed.
+    its own, so its configuration stays as it is. A SetupError if the package is not there, or a
+    step failed.
     """
     if shutil.which("g++") is None:
         raise SetupError("g++ is missing, which compiles the solver: sudo apt-get install g++")
@@ -221,13 +209,7 @@ def _fetched(folder: Path) -> Path:
 
 
 def source_lines() -> list[str]:
-    """Lines ``deb-src`` for the places from which this machine's own packages come.
-
-    Raises
-    ------
-    SetupError
-        There is no apt.
-    """
+    """Lines ``deb-src`` for the places of this machine's own packages; SetupError without apt."""
     layout = "$(REPO_URI) $(RELEASE) $(COMPONENT)"
     text = _output(["apt-get", "indextargets", "--format", layout, "Created-By: Packages"])
     return sorted({f"deb-src {line}" for line in text.splitlines() if line.strip()})
