@@ -33,7 +33,6 @@ _DISTRIBUTION = Path("/usr/share/openfoam")
 _TIME = re.compile(r"^Time = (\S+)", re.M)
 _COURANT = re.compile(r"^Courant Number mean: \S+ max: (\S+)", re.M)
 _FATAL = re.compile(r"FOAM FATAL (?:IO )?ERROR.*?\n(?P<text>.*?)(?:\n\s*\n|\Z)", re.S)
-_TAIL = 20_000
 _POLL = 0.5  # s
 
 
@@ -146,13 +145,13 @@ def read_steps(text: str) -> Steps:
     return Steps(_numbers(_TIME.findall(text)), _numbers(_COURANT.findall(text)))
 
 
-def tail(path: Path) -> str:
-    """The last lines of a log that another process is writing; "" before it is there."""
+def tail(path: Path, length: int = 20_000) -> str:
+    """The last bytes of a file that another process may be writing; "" before it is there."""
     if not path.is_file():
         return ""
     with path.open("rb") as file:
         file.seek(0, 2)
-        file.seek(max(0, file.tell() - _TAIL))
+        file.seek(max(0, file.tell() - length))
         return file.read().decode(errors="replace")
 
 

@@ -70,11 +70,20 @@ _LIBRARIES = ("-Wl,--no-as-needed", "-lOpenFOAM", "-lPstream", "-ldl", "-lm")
 
 def try_solver(installation: Installation) -> str:
     """Run the solver for three steps, but not again once it has passed: verdict as of `judge`."""
-    passed = _passed_file(installation)
+    # Says by its presence that this very program has passed.
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    digest = sha256_of(Path(installation.solver))
+    passed = Path(cache) / "iriftrace" / "openfoam" / f"{digest}.passed"
     if passed.is_file():
         return TRIAL_PASSED
     with tempfile.TemporaryDirectory(prefix="iriftrace-trial-") as name:
-        verdict = _trial(installation, Path(name))
+        folder = Path(name)
+        write_trial(folder)
+        run_program(installation, folder, "blockMesh")
+        try:
+            verdict = judge(tail(run_program(installation, folder, SOLVER)))
+        except OpenFoamError:
+            verdict = "it stopped in the first time steps on a mesh with inclined faces"
     if verdict == TRIAL_PASSED:
         # Where nothing may be written the next call tries again.
         with suppress(OSError):
@@ -82,16 +91,6 @@ def try_solver(installation: Installation) -> str:
             with whole_file(passed) as temporary:
                 temporary.write_text(f"{installation.solver}\n")
     return verdict
-
-
-def _trial(installation: Installation, folder: Path) -> str:
-    write_trial(folder)
-    run_program(installation, folder, "blockMesh")
-    try:
-        log = run_program(installation, folder, SOLVER)
-    except OpenFoamError:
-        return "it stopped in the first time steps on a mesh with inclined faces"
-    return judge(tail(log))
 
 
 def judge(log: str) -> str:
@@ -135,12 +134,6 @@ def write_trial(folder: Path) -> None:
         write_file(folder, file, entries)
 
 
-def _passed_file(installation: Installation) -> Path:
-    """Says by its presence that this very program has passed."""
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(cache) / "iriftrace" / "openfoam" / f"{sha256_of(Path(installation.solver))}.passed"
-
-
 def build_solver(target: Path) -> None:
     """Fetch the source of the installed package, compile the solver, put it at `target`.
 
@@ -164,11 +157,11 @@ def build_solver(target: Path) -> None:
 
 def compile_command(source: Path, program: Path) -> list[str]:
     """The call of g++ for an unpacked source package; makes the folders of headers it names."""
-    text = (source / _SOLVER_FOLDER / "Make" / "options").read_text()
+    own = source / _SOLVER_FOLDER
+    text = (own / "Make" / "options").read_text()
     folders = [*re.findall(r"-I\$\(LIB_SRC\)/(\S+)/lnInclude", text), *_ALWAYS]
     includes = [f"-I{_collected(source / 'src' / folder)}" for folder in folders]
     libraries = re.findall(r"-l\w+", text)
-    own = source / _SOLVER_FOLDER
     return [
         *("g++", *_FLAGS, *includes, f"-I{own}", str(own / f"{SOLVER}.C")),
         *("-o", str(program), *libraries, *_LIBRARIES),
@@ -222,10 +215,10 @@ def _unpacked(archive: Path, folder: Path) -> Path:
         for member in file:
             inside = member.name.partition("/")[2]
             library = inside.startswith("src/") and inside.endswith(_HEADERS)
-            if not (library or inside.startswith(f"{_SOLVER_FOLDER}/")) or ".." in inside:
+            wanted = library or inside.startswith(f"{_SOLVER_FOLDER}/")
+            if not wanted or ".." in inside or not member.isfile():
                 continue
-            content = file.extractfile(member) if member.isfile() else None
-            if content is not None:
+            if content := file.extractfile(member):
                 target = folder / member.name
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(content.read())
