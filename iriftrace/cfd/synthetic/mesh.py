@@ -207,11 +207,10 @@ def _cuts(
     points: FloatArray, corners: IntArray, sign: IntArray, surface: Surface
 ) -> tuple[IntArray, FloatArray]:
     """Edges that pass the wall as sorted (k, 2) ends, outside first, and where they pass it."""
-    found = [np.empty((0, 2), dtype=np.int64)]
-    for a in range(4):
-        for b in range(4):
-            some = (sign[:, a] > 0) & (sign[:, b] < 0)
-            found.append(corners[some][:, (a, b)])
+    found = [
+        corners[(sign[:, a] > 0) & (sign[:, b] < 0)][:, (a, b)]
+        for a, b in permutations(range(4), 2)
+    ]
     ends = np.unique(np.concatenate(found), axis=0)
     out, into = points[ends[:, 0]], points[ends[:, 1]]
     low, high = np.zeros(len(ends)), np.ones(len(ends))
