@@ -106,7 +106,7 @@ def view_finding(field: IndexField, part: Part, origin: FloatArray) -> Finding:
 
 
 def outer_points(field: IndexField) -> IntArray:
-    """Numbers of the points where the data of a field end, but for its inner wall."""
+    """Numbers of the points where the data of a field end, but for the inner wall that it has."""
     grid = pv.UnstructuredGrid()
     grid.copy_structure(field.grid)
     grid.point_data["number"] = np.arange(grid.n_points)
@@ -132,9 +132,10 @@ def hottest_at_sides(field: IndexField) -> dict[str, float]:
 
 
 def share_through_open_sides(field: IndexField, part: Part, origin: FloatArray) -> float:
-    """Share of the lines from a camera at `origin` to the faces it may see that enter in hot air.
+    """Share of the lines from a camera to the faces it may see that enter the data in hot air.
 
-    Hot is air inside the outermost of 13 shells, where rays are counted as ``open_boundary``.
+    The camera stands at `origin`, (3,) array, mm, world. Hot is air inside the outermost of 13
+    shells, where rays are counted as ``open_boundary``.
     """
     sight = origin - part.face_centres
     towards = np.flatnonzero(np.einsum("ij,ij->i", sight, part.face_normals) > 0.0)

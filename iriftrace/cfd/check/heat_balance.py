@@ -68,7 +68,7 @@ class HeatBalance:
 
 
 def heat_balance(field: IndexField) -> HeatBalance | None:
-    """Heat that passes closed surfaces around the part; None without velocities.
+    """Heat that passes closed surfaces around the field's inner wall; None without velocities.
 
     First law for the air between the wall and a closed surface S around it, at constant pressure,
     without the work of gravity and friction (Bird, Stewart and Lightfoot, Transport Phenomena,

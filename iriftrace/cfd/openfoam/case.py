@@ -182,7 +182,7 @@ def natural_case(
 
 
 def is_stored(case: Case, folder: Path) -> bool:
-    """Whether an earlier call has written the case, whose times may differ, into the folder.
+    """True where an earlier call has written the case, whose times may differ, into the folder.
 
     An InputError if the folder holds another case, or other files, which are not overwritten.
     """
