@@ -21,17 +21,17 @@ def conducting_sphere(cell: float) -> tuple[IndexField, Part]:
     """Air at rest around a hot sphere: the integral of the conductivity falls with 1/r."""
     mesh = trimesh.creation.icosphere(4, RADIUS)
     part = part_of_mesh(mesh.vertices, mesh.faces, name="sphere")
-    cut = air_mesh(SyntheticAir(part), AirMesh(cell_mm=cell, sides_mm=8.0, height_mm=8.0))
-    radius = np.clip(np.linalg.norm(cut.grid.points, axis=1), RADIUS, OUTER)
+    grid, on_wall = air_mesh(SyntheticAir(part), AirMesh(cell_mm=cell, sides_mm=8.0, height_mm=8.0))
+    radius = np.clip(np.linalg.norm(grid.points, axis=1), RADIUS, OUTER)
     share = (1 / radius - 1 / OUTER) / (1 / RADIUS - 1 / OUTER)
-    share[cut.on_wall] = 1.0
+    share[on_wall] = 1.0
     knots = np.linspace(ROOM, WALL, 4000)
     conductivity = gas.conductivity(knots)
     pieces = 0.5 * np.diff(knots) * (conductivity[1:] + conductivity[:-1])
     potential = np.concatenate(([0.0], np.cumsum(pieces)))
     temperature = np.interp(share * potential[-1], potential, knots)
     source = FieldSource("sphere", "0" * 64, "T", "temperature", "mm")
-    return IndexField(cut.grid, Air().refractivity(temperature), Air(), source), part
+    return IndexField(grid, Air().refractivity(temperature), Air(), source), part
 
 
 def finding(check: FieldCheck, name: str) -> dict[str, object]:

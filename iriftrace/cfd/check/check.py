@@ -6,7 +6,7 @@ import numpy as np
 from attrs import asdict
 from numpy.typing import ArrayLike
 
-from iriftrace.cfd.check.finding import FieldCheck, Finding, Verdict, edge_finding, view_finding
+from iriftrace.cfd.check.finding import FieldCheck, Finding, edge_finding, view_finding
 from iriftrace.cfd.check.heat_balance import balance_finding
 from iriftrace.cfd.check.nusselt import nusselt_finding
 from iriftrace.cfd.check.wall import (
@@ -81,22 +81,20 @@ def check_field(
 
 
 def _gap(median_mm: float, p95_mm: float) -> Finding:
-    verdict: Verdict = "good" if p95_mm <= LARGEST_GAP_MM else "bad"
     return Finding(
         "field's wall to part",
         f"{median_mm:.3g} mm",
-        verdict,
+        "good" if p95_mm <= LARGEST_GAP_MM else "bad",
         f"median gap; 95th percentile {p95_mm:.3g} mm, at most {LARGEST_GAP_MM} mm",
         {"median_mm": median_mm, "p95_mm": p95_mm},
     )
 
 
 def _covered(bare: float) -> Finding:
-    verdict: Verdict = "good" if bare <= LARGEST_BARE_SHARE else "bad"
     return Finding(
         "part in the field",
         f"{1.0 - bare:.1%}",
-        verdict,
+        "good" if bare <= LARGEST_BARE_SHARE else "bad",
         "share of the part's surface on the field's wall; at the rest no hot air is known, as "
         "where a half was solved and not mirrored",
         {"covered": 1.0 - bare},
@@ -106,11 +104,10 @@ def _covered(bare: float) -> Finding:
 def _ambient(field: IndexField) -> Finding:
     coolest = float(field.temperature_k.min())
     ambient = field.air.temperature_k
-    verdict: Verdict = "good" if abs(coolest - ambient) <= AMBIENT_TOLERANCE_K else "bad"
     return Finding(
         "coolest air",
         f"{coolest:.2f} K",
-        verdict,
+        "good" if abs(coolest - ambient) <= AMBIENT_TOLERANCE_K else "bad",
         f"ambient {ambient:.2f} K; another one puts a false step at the edge of the data",
         {"coolest_k": coolest, "ambient_k": ambient},
     )

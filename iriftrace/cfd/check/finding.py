@@ -10,7 +10,7 @@ import numpy as np
 import pyvista as pv
 from attrs import asdict, frozen
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.files import whole_file
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
@@ -20,8 +20,6 @@ from iriftrace.shells.levels import index_levels
 Verdict = Literal["good", "doubtful", "bad", "-"]
 
 SCHEMA = "iriftrace.field-check/1"
-
-
 SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
 _STEPS = 600
 _FACES = 300
@@ -29,26 +27,13 @@ _FACES = 300
 
 @frozen(eq=False)
 class Finding:
-    """One thing that was looked at.
-
-    Attributes
-    ----------
-    name : str
-    value : str
-        The number with its unit.
-    verdict : str
-        ``"good"``, ``"doubtful"``, ``"bad"``, or ``"-"`` where there is nothing to judge.
-    remark : str
-        What it was compared with, and what follows.
-    numbers : dict
-        The same as plain JSON values.
-    """
+    """One thing that was looked at."""
 
     name: str
-    value: str
-    verdict: Verdict
-    remark: str
-    numbers: dict[str, Any]
+    value: str  # the number with its unit
+    verdict: Verdict  # "-" where there is nothing to judge
+    remark: str  # what it was compared with, and what follows
+    numbers: dict[str, Any]  # the same as plain JSON values
 
 
 @frozen(eq=False)
@@ -111,14 +96,22 @@ def view_finding(field: IndexField, part: Part, origin: FloatArray) -> Finding:
     place = ", ".join(f"{x:g}" for x in origin)
     if not np.isfinite(share):
         return Finding("camera's view", "n/a", "bad", f"({place}) mm sees no face", {})
-    verdict: Verdict = "good" if share <= 0.01 else "doubtful" if share <= 0.2 else "bad"
     return Finding(
         "camera's view",
         f"{share:.1%} open",
-        verdict,
+        "good" if share <= 0.01 else "doubtful" if share <= 0.2 else "bad",
         f"of the lines from ({place}) mm to the part enter the data where the air is hot",
         {"share": share, "camera_mm": origin.tolist()},
     )
+
+
+def outer_points(field: IndexField) -> IntArray:
+    """Numbers of the points where the data of a field end, but for the inner wall that it has."""
+    grid = pv.UnstructuredGrid()
+    grid.copy_structure(field.grid)
+    grid.point_data["number"] = np.arange(grid.n_points)
+    surface = grid.extract_surface(algorithm="geometry")
+    return np.setdiff1d(surface.point_data["number"], field.wall.point_data["number"])
 
 
 def hottest_at_sides(field: IndexField) -> dict[str, float]:
@@ -127,15 +120,8 @@ def hottest_at_sides(field: IndexField) -> dict[str, float]:
     Data that were cropped cell by cell end in steps, so hardly any point may lie in the box's own
     side. NaN for a side where nothing ends.
     """
-    grid = pv.UnstructuredGrid()
-    grid.copy_structure(field.grid)
-    grid.point_data["number"] = np.arange(grid.n_points)
-    outer = np.zeros(grid.n_points, dtype=bool)
-    surface = grid.extract_surface(algorithm="geometry")
-    outer[np.asarray(surface.point_data["number"], dtype=np.int64)] = True
-    if field.wall.n_points:
-        outer[np.asarray(field.wall.point_data["number"], dtype=np.int64)] = False
-    points = np.asarray(grid.points, dtype=np.float64)[outer]
+    outer = outer_points(field)
+    points = np.asarray(field.grid.points, dtype=np.float64)[outer]
     temperature = field.temperature_k[outer]
     gaps = np.hstack((points - points.min(axis=0), points.max(axis=0) - points))
     nearest = gaps[:, (0, 3, 1, 4, 2, 5)].argmin(axis=1)
@@ -148,13 +134,8 @@ def hottest_at_sides(field: IndexField) -> dict[str, float]:
 def share_through_open_sides(field: IndexField, part: Part, origin: FloatArray) -> float:
     """Share of the lines from a camera to the faces it may see that enter the data in hot air.
 
-    Hot is air inside the outermost of 13 shells, where rays are counted as ``open_boundary``.
-
-    Parameters
-    ----------
-    field, part
-    origin : (3,) array, mm, world
-        Where the camera stands.
+    The camera stands at `origin`, (3,) array, mm, world. Hot is air inside the outermost of 13
+    shells, where rays are counted as ``open_boundary``.
     """
     sight = origin - part.face_centres
     towards = np.flatnonzero(np.einsum("ij,ij->i", sight, part.face_normals) > 0.0)
@@ -167,12 +148,10 @@ def share_through_open_sides(field: IndexField, part: Part, origin: FloatArray) 
     along = np.linspace(0.0, 1.0, _STEPS)
     points = start[:, None] + (origin - start)[:, None] * along[:, None]
     index = field.sample(points.reshape(-1, 3)).reshape(_FACES, _STEPS)
-    inside = np.isfinite(index)
-    crosses = inside.any(axis=1)
-    last = _STEPS - 1 - inside[:, ::-1].argmax(axis=1)
+    last = _STEPS - 1 - np.isfinite(index)[:, ::-1].argmax(axis=1)
+    # NaN, which is not hot, on a line that misses the data.
     at_exit = index[np.arange(_FACES), last]
-    hot = crosses & (at_exit < _outermost_shell(field))
-    return float(hot.mean())
+    return float((at_exit < _outermost_shell(field)).mean())
 
 
 def _outermost_shell(field: IndexField) -> float:

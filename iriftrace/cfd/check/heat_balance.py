@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pyvista as pv
 from attrs import frozen
 from scipy.spatial import cKDTree
 
 from iriftrace.air.thermophysics import heat_content
-from iriftrace.cfd.check.finding import Finding, Verdict
+from iriftrace.cfd.check.finding import Finding, Verdict, outer_points
 from iriftrace.cfd.check.wall import WallState, conduction_potential
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import parse_quantity
@@ -24,7 +23,6 @@ ones lie in the boundary layer, where values at the points of cells of finite si
 tenth less."""
 
 _AT_ONCE = 500_000
-
 
 CLOSED, OPEN, WRONG = 0.05, 0.15, 0.5
 """Shares of the wall's heat.
@@ -52,25 +50,14 @@ _PRODUCT = (
 class HeatBalance:
     """Heat through closed surfaces around the part, W.
 
-    Attributes
-    ----------
-    carried_w
-        With the air, outward.
-    conducted_w
-        Through the air.
-    stored_w
-        What the air between wall and surface takes up; NaN where that is not known.
-    through_zones_w
-        Sum of the three, as far as known, for each of `ZONES`.
-    own_flux
-        Whether the field has the flux of heat itself; else it is that of temperature and
-        velocity at the points, which is right for a single or a steady state on a fine mesh.
+    Where the field has no flux of heat of its own (`own_flux`), what is carried is that of
+    temperature and velocity at the points, right for a single or a steady state on a fine mesh.
     """
 
-    carried_w: float
-    conducted_w: float
-    stored_w: float
-    through_zones_w: tuple[float, ...]
+    carried_w: float  # with the air, outward
+    conducted_w: float  # through the air
+    stored_w: float  # what the air between wall and surface takes up; NaN where that is not known
+    through_zones_w: tuple[float, ...]  # sum of the three, as far as known, for each of `ZONES`
     own_flux: bool
 
     @property
@@ -81,7 +68,7 @@ class HeatBalance:
 
 
 def heat_balance(field: IndexField) -> HeatBalance | None:
-    """Heat that passes closed surfaces around the part.
+    """Heat that passes closed surfaces around the field's inner wall; None without velocities.
 
     First law for the air between the wall and a closed surface S around it, at constant pressure,
     without the work of gravity and friction (Bird, Stewart and Lightfoot, Transport Phenomena,
@@ -106,16 +93,6 @@ def heat_balance(field: IndexField) -> HeatBalance | None:
     a gear with a restless plume to -0.1 %; a short cylinder's starting plume, of whose heat the air
     takes up an eighth, to +4 % with cells twice the coarse ones. With the product of temperature
     and velocity at the points the coarse cylinder would close to -6 %.
-
-    Parameters
-    ----------
-    field : IndexField
-        With its `flow` and an inner wall.
-
-    Returns
-    -------
-    HeatBalance or None
-        None without velocities.
     """
     flow = field.flow
     if flow is None or flow.velocity is None:
@@ -170,32 +147,18 @@ def _through_zones(
 
 def _place(field: IndexField) -> FloatArray:
     """Place of the points between the wall (0) and the end of the data (1), (n,)."""
-    grid = pv.UnstructuredGrid()
-    grid.copy_structure(field.grid)
-    grid.point_data["number"] = np.arange(grid.n_points)
-    surface = grid.extract_surface(algorithm="geometry")
-    wall = np.asarray(field.wall.point_data["number"], dtype=np.int64)
-    end = np.setdiff1d(np.asarray(surface.point_data["number"], dtype=np.int64), wall)
-    points = np.asarray(grid.points, dtype=np.float64)
-    from_wall, from_end = (cKDTree(points[at]).query(points)[0] for at in (wall, end))
+    points = np.asarray(field.grid.points, dtype=np.float64)
+    ends = (field.wall.point_data["number"], outer_points(field))
+    from_wall, from_end = (cKDTree(points[at]).query(points)[0] for at in ends)
     place: FloatArray = from_wall / np.maximum(from_wall + from_end, np.finfo(float).tiny)
     return place
 
 
-def balance_finding(
-    field: IndexField, wall: WallState, covered: float, *, steady: bool = False
-) -> Finding:
+def balance_finding(field: IndexField, wall: WallState, covered: float, *, steady: bool) -> Finding:
     """Heat that leaves with the air against heat from the wall.
 
-    Parameters
-    ----------
-    field : IndexField
-        Read with its velocities (`iriftrace.field.read.read_field`, ``flow=True``).
-    wall : WallState
-    covered : float
-        Share of the part's surface on the field's wall.
-    steady : bool
-        Whether the air does not change in time, so that nothing is stored.
+    `covered` is the share of the part's surface on the field's wall; in `steady` air, which does
+    not change in time, nothing is stored.
     """
     counted = field.source.wall_heat_w
     from_wall = wall.heat_w if counted is None else counted

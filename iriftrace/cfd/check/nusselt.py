@@ -18,8 +18,6 @@ GRAVITY = 9.81
 RAYLEIGH_RANGE = (1e-6, 1e9)
 """Where Churchill's and Chu's laminar equation holds."""
 
-_SPARROW_GREGG = 0.38
-
 NUSSELT_TOLERANCE = 0.15
 
 _ROUND = 0.03
@@ -28,33 +26,23 @@ _ROUND = 0.03
 
 @frozen
 class Convection:
-    """Expected natural convection.
+    """Expected natural convection; both numbers are with the diameter."""
 
-    Attributes
-    ----------
-    nusselt
-        Mean Nusselt number with the diameter, of the conductivity at `reference_k`.
-    rayleigh
-        Rayleigh number with the diameter.
-    reference_k
-        Temperature at which the air's properties are taken, K.
-    heat_flux
-        Mean heat flux from the wall, W/m2.
-    """
-
-    nusselt: float
+    nusselt: float  # mean, of the conductivity at `reference_k`
     rayleigh: float
-    reference_k: float
-    heat_flux: float
+    reference_k: float  # temperature at which the air's properties are taken, K
+    heat_flux: float  # mean from the wall, W/m2
 
 
 def reference_temperature(wall_k: float, ambient_k: float) -> float:
     """Temperature, K, at which gas at a hot wall is as good as one of constant properties.
 
     E. M. Sparrow and J. L. Gregg, "The variable fluid-property problem in free convection",
-    Transactions of the ASME 80 (1958) 879.
+    Transactions of the ASME 80 (1958) 879; from solutions of the boundary layer in gases with
+    variable properties, for ratios of T_wall to T_ambient from 1/4 to 4. A wall of 1100 degC in a
+    room has 4.7.
     """
-    return wall_k - _SPARROW_GREGG * (wall_k - ambient_k)
+    return wall_k - 0.38 * (wall_k - ambient_k)
 
 
 def nusselt_horizontal_cylinder(
@@ -72,30 +60,9 @@ def nusselt_horizontal_cylinder(
         Nu = 0.36 + 0.518 Ra^(1/4) / (1 + (0.559 / Pr)^(9/16))^(4/9)
 
     It was made for small differences of temperature. For gas with a hot wall its properties are
-    taken at the reference temperature of E. M. Sparrow and J. L. Gregg, "The variable
-    fluid-property problem in free convection", Transactions of the ASME 80 (1958) 879::
-
-        T_ref = T_wall - 0.38 (T_wall - T_ambient),    beta = 1 / T_ambient
-
-    which they drew from solutions of the boundary layer in gases with variable properties, for
-    ratios of T_wall to T_ambient from 1/4 to 4; a wall of 1100 degC in a room has 4.7. Air as in
-    `iriftrace.air.thermophysics`.
-
-    Parameters
-    ----------
-    diameter_mm
-    wall_k, ambient_k
-        Temperatures, K; the wall is the hotter one.
-    pressure_pa
-
-    Returns
-    -------
-    Convection
-
-    Raises
-    ------
-    InputError
-        The wall is not hotter than the air, or the flow is not laminar.
+    taken at Sparrow's and Gregg's `reference_temperature`, with beta = 1 / T_ambient. Air as in
+    `iriftrace.air.thermophysics`. An InputError if the wall is not hotter than the air, or the flow
+    is not laminar.
     """
     if not (diameter_mm > 0.0 and wall_k > ambient_k > 0.0 and pressure_pa > 0.0):
         raise InputError(
@@ -144,9 +111,7 @@ def nusselt_finding(
             {},
         )
     try:
-        rule: Convection = nusselt_horizontal_cylinder(
-            diameter, wall_k, ambient, field.air.pressure_pa
-        )
+        rule = nusselt_horizontal_cylinder(diameter, wall_k, ambient, field.air.pressure_pa)
     except InputError as error:
         return Finding("Nusselt number", "n/a", "-", str(error), {"diameter_mm": diameter})
     # The rule is for the lateral surface; heads are the faces that look along the axis.
@@ -161,12 +126,9 @@ def nusselt_finding(
     found = flux * scale
     of_cells = scale * float(np.average(wall.flux_of_cells[lateral], weights=wall.areas[lateral]))
     off = found / rule.nusselt - 1.0
+    limit = NUSSELT_TOLERANCE
     verdict: Verdict = (
-        "good"
-        if abs(off) <= NUSSELT_TOLERANCE
-        else "doubtful"
-        if abs(off) <= 2 * NUSSELT_TOLERANCE
-        else "bad"
+        "good" if abs(off) <= limit else "doubtful" if abs(off) <= 2 * limit else "bad"
     )
     return Finding(
         "Nusselt number",

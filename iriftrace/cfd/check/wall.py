@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pyvista as pv
 from attrs import frozen
+from scipy.integrate import cumulative_trapezoid
 
 from iriftrace.air import thermophysics as gas
-from iriftrace.cfd.check.finding import Finding, Verdict
+from iriftrace.cfd.check.finding import Finding
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import ROUNDS, cell_corners, consistent_gradient, point_gradient
@@ -18,8 +19,6 @@ from iriftrace.part.part import Part
 
 _POTENTIAL_STEPS = 2000
 _LEAST_EXCESS_K = 1.0
-
-
 WALL_TOLERANCE_K = 0.5
 _LINES = 400
 _STEPS = 600
@@ -71,16 +70,6 @@ class WallState:
     def heat_w(self) -> float:
         """Conducted from the whole wall, W."""
         return float(np.sum(self.flux * self.areas)) * 1e-6
-
-    @property
-    def mean_flux(self) -> float:
-        """W/m2."""
-        return float(np.average(self.flux, weights=self.areas))
-
-    @property
-    def cells_across(self) -> FloatArray:
-        """Cells across the conduction thickness, (n,) array; NaN as `layer_mm`."""
-        return self.layer_mm / self.cell_mm
 
 
 def wall_state(field: IndexField, part: Part) -> WallState:
@@ -181,8 +170,7 @@ def conduction_potential(temperature: FloatArray) -> FloatArray:
     """Integral of the conductivity over the temperature, W/m."""
     knots = np.linspace(float(temperature.min()), float(temperature.max()), _POTENTIAL_STEPS)
     conductivity = np.asarray(gas.conductivity(knots), dtype=np.float64)
-    steps = 0.5 * (conductivity[1:] + conductivity[:-1]) * np.diff(knots)
-    integral = np.concatenate(([0.0], np.cumsum(steps)))
+    integral: FloatArray = cumulative_trapezoid(conductivity, knots, initial=0.0)
     return np.interp(temperature, knots, integral)
 
 
@@ -214,12 +202,11 @@ def temperature_finding(wall: WallState, wanted_k: float | None) -> Finding:
     target = middle if wanted_k is None else wanted_k
     off = np.abs(wall.temperature_k - target)
     share = float(np.mean(off <= WALL_TOLERANCE_K))
-    verdict: Verdict = "good" if share >= 0.99 else "doubtful" if share >= 0.9 else "bad"
     compared = "its own median" if wanted_k is None else f"the set {wanted_k:.2f} K"
     return Finding(
         "wall temperature",
         f"{middle:.2f} K",
-        verdict,
+        "good" if share >= 0.99 else "doubtful" if share >= 0.9 else "bad",
         f"{share:.1%} of the wall's points within {WALL_TOLERANCE_K} K of {compared}; worst "
         f"{off.max():.3g} K (points at sharp edges may belong to two walls)",
         {"median_k": middle, "target_k": target, "share_within": share, "worst_k": off.max()},
@@ -228,15 +215,14 @@ def temperature_finding(wall: WallState, wanted_k: float | None) -> Finding:
 
 def layer_finding(wall: WallState) -> Finding:
     """Judge the number of cells across the boundary layer."""
-    cells = wall.cells_across
-    median, low = (float(v) for v in np.nanpercentile(cells, (50, 5)))
+    cells = wall.layer_mm / wall.cell_mm
+    median, low = np.nanpercentile(cells, (50, 5)).tolist()
     layer = float(np.nanmedian(wall.layer_mm))
     first = float(np.nanmedian(wall.cell_mm))
-    verdict: Verdict = "good" if median >= 5.0 else "doubtful" if median >= 3.0 else "bad"
     return Finding(
         "boundary layer",
         f"{median:.1f} cells",
-        verdict,
+        "good" if median >= 5.0 else "doubtful" if median >= 3.0 else "bad",
         f"across its conduction thickness of {layer:.2f} mm, first cell {first:.2f} mm; 5th "
         f"percentile {low:.1f}; 5 keep the wall's gradient within some per cent",
         {"cells_median": median, "cells_p5": low, "layer_mm": layer, "first_cell_mm": first},
@@ -251,39 +237,23 @@ def heat_finding(wall: WallState, part: Part) -> Finding:
         for i, name in enumerate(part.region_names)
         if wall.areas[region == i].sum() > 0.0
     }
+    mean = float(np.average(wall.flux, weights=wall.areas))
     most = sorted(regions.items(), key=lambda item: -item[1])[:3]
     return Finding(
         "heat from the wall",
         f"{wall.heat_w:.4g} W",
         "-" if wall.heat_w > 0.0 else "bad",
-        f"conducted through {wall.area_mm2:.5g} mm2, mean {wall.mean_flux:.4g} W/m2; "
+        f"conducted through {wall.area_mm2:.5g} mm2, mean {mean:.4g} W/m2; "
         + ", ".join(f"{name} {flux:.4g}" for name, flux in most),
-        {"heat_w": wall.heat_w, "flux_w_m2": wall.mean_flux, "regions_w_m2": regions},
+        {"heat_w": wall.heat_w, "flux_w_m2": mean, "regions_w_m2": regions},
     )
 
 
-@frozen(eq=False)
-class GradientErrors:
-    """Relative errors of the integral of grad(n) . d along lines, against the change of n."""
+def gradient_errors(field: IndexField, wall: WallState) -> FloatArray:
+    """Relative errors of the integral of grad(n) . d along lines, against the change of n.
 
-    errors: FloatArray
-
-    @property
-    def median(self) -> float:
-        """Median; NaN without a line."""
-        return float(np.median(self.errors)) if len(self.errors) else float("nan")
-
-    @property
-    def p95(self) -> float:
-        """95th percentile; NaN without a line."""
-        return float(np.percentile(self.errors, 95)) if len(self.errors) else float("nan")
-
-
-def gradient_errors(field: IndexField, wall: WallState) -> GradientErrors:
-    """Integrate the gradient along lines that start at the wall, up to 45 degrees from its normal.
-
-    Lines that leave the data, or along which the index changes by less than a tenth of its whole
-    range, are not counted.
+    The lines start at the wall, up to 45 degrees from its normal. Those that leave the data, or
+    along which the index changes by less than a tenth of its whole range, are not counted.
     """
     random = np.random.default_rng(1)
     chosen = random.choice(len(wall.areas), _LINES, p=wall.areas / wall.areas.sum())
@@ -309,28 +279,29 @@ def gradient_errors(field: IndexField, wall: WallState) -> GradientErrors:
     span = field.ambient_refractivity - field.hottest_refractivity
     with np.errstate(invalid="ignore"):
         counted = inside & np.isfinite(change) & (np.abs(change) > 0.1 * span)
-    return GradientErrors(np.abs(integral[counted] / change[counted] - 1.0))
+    errors: FloatArray = np.abs(integral[counted] / change[counted] - 1.0)
+    return errors
 
 
 def gradient_finding(field: IndexField, wall: WallState) -> Finding:
     """Judge whether the gradient, along lines, adds up to the change of the index."""
     errors = gradient_errors(field, wall)
-    if len(errors.errors) < 20:
+    if len(errors) < 20:
         return Finding(
             "gradient",
             "n/a",
             "bad",
-            f"only {len(errors.errors)} lines from the wall stay in the data; is there air around "
+            f"only {len(errors)} lines from the wall stay in the data; is there air around "
             "the part?",
-            {"lines": len(errors.errors)},
+            {"lines": len(errors)},
         )
-    fine = errors.median <= 0.02 and errors.p95 <= 0.1
-    verdict: Verdict = "good" if fine else "doubtful" if errors.median <= 0.05 else "bad"
+    median, p95 = np.percentile(errors, (50, 95)).tolist()
+    fine = median <= 0.02 and p95 <= 0.1
     return Finding(
         "gradient",
-        f"{errors.median:.1%} off",
-        verdict,
-        f"median of |integral of grad n along a line / change of n - 1| over {len(errors.errors)} "
-        f"lines; 95th percentile {errors.p95:.1%}; at most 2 % and 10 %",
-        {"median": errors.median, "p95": errors.p95, "lines": len(errors.errors)},
+        f"{median:.1%} off",
+        "good" if fine else "doubtful" if median <= 0.05 else "bad",
+        f"median of |integral of grad n along a line / change of n - 1| over {len(errors)} "
+        f"lines; 95th percentile {p95:.1%}; at most 2 % and 10 %",
+        {"median": median, "p95": p95, "lines": len(errors)},
     )

@@ -21,8 +21,6 @@ _END, _AVERAGING_SHARE = 2.0, 0.25
 _REFERENCE_HEAT, _REFERENCE_LENGTH = 3.68, 170.0
 _STAGES_WRITTEN = 4
 _MOST_SNAPSHOTS = 1000
-
-
 RECORD = "case.json"
 """In the case's folder: what was asked for, so that a later call goes on with the same."""
 AMBIENT_RANGE = (200.0, 400.0)  # K
@@ -32,21 +30,11 @@ _MOST_PROCESSES = 1024
 
 @frozen
 class Times:
-    """Times of a simulation in s.
-
-    Attributes
-    ----------
-    end
-        Last time.
-    averaging
-        The density is averaged over the last so many seconds.
-    snapshots
-        Number of states that are kept from that interval besides; 0 for none.
-    """
+    """Times of a simulation in s."""
 
     end: float
-    averaging: float
-    snapshots: int = 0
+    averaging: float  # the density is averaged over the last so many seconds
+    snapshots: int = 0  # states that are kept from that interval besides
 
     def __attrs_post_init__(self) -> None:
         """Refuse what is no course of time."""
@@ -92,22 +80,9 @@ def natural_times(
 ) -> Times:
     """Times for a part, where the user does not say otherwise.
 
-    Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so larger and cooler parts need
-    longer; the paper's cylinder at 1100 degC needs 2 s.
-
-    Parameters
-    ----------
-    longest_mm
-        Longest extent of the part.
-    hottest_k, ambient_k
-        Temperatures of wall and air.
-    end, averaging, snapshots
-        As for `Times`.
-
-    Raises
-    ------
-    InputError
-        The air is not cooler than the wall, or as for `Times`.
+    Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so parts of a larger longest extent
+    and cooler ones need longer; the paper's cylinder at 1100 degC needs 2 s. An InputError if the
+    air is not cooler than the wall, or as for `Times`.
     """
     if not 0.0 < ambient_k < hottest_k:
         raise InputError(
@@ -123,24 +98,7 @@ def natural_times(
 
 @frozen(eq=False)
 class Case:
-    """A part in air; temperatures in K, lengths in mm, world.
-
-    Attributes
-    ----------
-    part : Part
-        Closed, mm, world; gravity along -z.
-    wall : WallTemperatures
-    ambient_k, pressure_pa : float
-        Air far away.
-    size : MeshSize
-    times : Times
-    mirrors : str
-        Axes at whose centre plane the field is mirrored: "", "x", "y" or "xy".
-    margin : float
-        Factor on the air around the part.
-    processes : int
-        Processes for the solver.
-    """
+    """A closed part in air; temperatures in K, lengths in mm, world; gravity along -z."""
 
     part: Part
     wall: WallTemperatures
@@ -148,9 +106,9 @@ class Case:
     times: Times
     ambient_k: float = 293.15
     pressure_pa: float = 101325.0
-    mirrors: str = ""
-    margin: float = 1.0
-    processes: int = 1
+    mirrors: str = ""  # axes at whose centre plane the field is mirrored: "", "x", "y" or "xy"
+    margin: float = 1.0  # factor on the air around the part
+    processes: int = 1  # of the solver
     domain: Domain = field(init=False)
 
     def __attrs_post_init__(self) -> None:
@@ -205,21 +163,8 @@ def natural_case(
 ) -> Case:
     """Case of a part in air, with mesh and times that suit its size and temperature.
 
-    Parameters
-    ----------
-    part, wall, ambient_k
-        As for `Case`.
-    resolution, background_mm
-        As for `mesh_size`.
-    end, averaging, snapshots
-        As for `natural_times`.
-    **more
-        The rest of `Case`.
-
-    Raises
-    ------
-    InputError
-        It cannot be simulated.
+    Resolution and background cells are those of `mesh_size`, times those of `natural_times`, the
+    rest that of `Case`; an InputError if it cannot be simulated.
     """
     refuse_unlikely_size(part)
     wall.check(part, ambient_k)
@@ -236,33 +181,31 @@ def natural_case(
     return Case(part, wall, size, times, ambient_k=ambient_k, **more)
 
 
-def stored_record(folder: Path) -> dict[str, Any] | None:
-    """Record of an earlier call in a folder; None where there is no case of ours.
+def is_stored(case: Case, folder: Path) -> bool:
+    """True where an earlier call has written the case, whose times may differ, into the folder.
 
-    Raises
-    ------
-    InputError
-        The folder holds other files, which are not overwritten.
+    An InputError if the folder holds another case, or other files, which are not overwritten.
     """
     file = folder / RECORD
     if file.is_file():
-        return read_record(file)
+        stored, wanted = read_record(file), json.loads(json.dumps(case.record()))
+        different = [name for name, value in wanted.items() if stored.get(name) != value]
+        if different:
+            raise InputError(
+                f"the folder {folder} holds a case that differs in {', '.join(different)}; name "
+                "another folder, or give the same options to go on with it."
+            )
+        return True
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(
             f"the folder {folder} holds files that are no case of iriftrace, which would be "
             "overwritten; name an empty or a new one."
         )
-    return None
+    return False
 
 
 def read_record(file: Path) -> dict[str, Any]:
-    """Content of a JSON file of ours in a case's folder.
-
-    Raises
-    ------
-    InputError
-        It is damaged.
-    """
+    """Content of a JSON file of ours in a case's folder; an InputError if it is damaged."""
     try:
         stored = json.loads(file.read_text())
     except ValueError as error:
@@ -273,22 +216,6 @@ def read_record(file: Path) -> dict[str, Any]:
             "folder, or name another one."
         )
     return stored
-
-
-def check_same(case: Case, stored: dict[str, Any], folder: Path) -> None:
-    """Refuse to go on with another case than the one in the folder; times may differ.
-
-    Raises
-    ------
-    InputError
-    """
-    wanted = json.loads(json.dumps(case.record()))
-    different = [name for name, value in wanted.items() if stored.get(name) != value]
-    if different:
-        raise InputError(
-            f"the folder {folder} holds a case that differs in {', '.join(different)}; name "
-            "another folder, or give the same options to go on with it."
-        )
 
 
 def keep_record(case: Case, folder: Path) -> None:

@@ -11,7 +11,7 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 
 from iriftrace.air import thermophysics as gas
-from iriftrace.cfd.openfoam.case import Case, Times
+from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.domain import WALL_LEVEL
 from iriftrace.cfd.openfoam.part_surface import write_surface
 
@@ -41,6 +41,8 @@ difference, and three take more than twice the time.
 """
 DENSITY_RATE = "ddtRho"
 """Rate of change of a state's density, kg/(m3 s)."""
+COURANT = 2
+"""Largest Courant number of a step."""
 _METRES = 1e-3
 
 
@@ -71,10 +73,6 @@ def write_case(case: Case, folder: Path) -> None:
     write_control(case, folder, averaging=False)
 
 
-COURANT = 2
-"""Largest Courant number of a step."""
-
-
 def write_start(case: Case, folder: Path, wall: str) -> None:
     """Write the fields at time 0; `wall` is the temperature of the wall as OpenFOAM reads it."""
     for name in START_FILES:
@@ -88,7 +86,7 @@ def write_control(
 
     What is averaged keeps its heat (`KEEPING_HEAT`) unless the flow is `steady` by then.
     """
-    times: Times = case.times
+    times = case.times
     entries = {
         "end_time": times.end if averaging else times.settled,
         "write_interval": times.averaging_interval if averaging else times.settling_interval,

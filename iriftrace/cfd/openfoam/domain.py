@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
-
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
 
-Rectangle = tuple[float, float, float, float]
-
-
-Resolution = Literal["coarse", "normal", "fine", "extra-fine"]
-RESOLUTIONS: tuple[str, ...] = get_args(Resolution)
 WALL_LEVEL = 4
 """The background's cells are halved so many times at the wall, which makes a sixteenth."""
 # Edges of the background's cells, mm, for the paper's cylinder, which is 27 mm high.
 _BACKGROUND = {"coarse": 22.0, "normal": 17.0, "fine": 13.0, "extra-fine": 10.0}
 _REFERENCE_HEIGHT = 27.0
-_LETTERS = dict(zip(RESOLUTIONS, "ABCD", strict=True))
+RESOLUTIONS = tuple(_BACKGROUND)
 # Cells at the wall that the smallest extent of the part must hold, or its form would be lost.
 _CELLS_ACROSS = 4
 _SIDES, _ABOVE, _BELOW = 140.0, 300.0, 110.0
@@ -36,20 +28,10 @@ _MOST_CELLS = 1e7
 _PROBES = (20.0, 60.0, 100.0, 150.0, 200.0)
 
 
-def plan_rectangles(part: Part, raster: float) -> list[Rectangle]:
-    """Cover the part's plan with rectangles.
+def plan_rectangles(part: Part, raster: float) -> list[tuple[float, float, float, float]]:
+    """Cover every point of the part's plan with rectangles that overlap nowhere.
 
-    Parameters
-    ----------
-    part
-        mm, world.
-    raster
-        Edge of the squares of which the rectangles consist, mm.
-
-    Returns
-    -------
-    list of (left, front, right, back)
-        mm, world; they overlap nowhere and cover every point of the plan.
+    They consist of squares of about `raster`, mm, and are (left, front, right, back), mm, world.
     """
     low, high = part.bounds
     origin = low[:2]
@@ -65,15 +47,13 @@ def plan_rectangles(part: Part, raster: float) -> list[Rectangle]:
         while last < len(squares) and squares[last, j:end].all():
             last += 1
         squares[i:last, j:end] = False
-        left, front = origin + step * (i, j)
-        right, back = origin + step * (last, end)
-        found.append((float(left), float(front), float(right), float(back)))
+        left, front = (origin + step * (i, j)).tolist()
+        right, back = (origin + step * (last, end)).tolist()
+        found.append((left, front, right, back))
     return found
 
 
-def _covered(
-    part: Part, origin: NDArray[np.float64], step: NDArray[np.float64], counts: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def _covered(part: Part, origin: FloatArray, step: FloatArray, counts: IntArray) -> BoolArray:
     """(nx, ny) squares that a triangle of the part touches with one of its sample points."""
     corners = part.vertices[part.faces][:, :, :2]
     edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
@@ -103,27 +83,12 @@ class MeshSize:
         return float(self.background / 2**WALL_LEVEL)
 
 
-def mesh_size(
-    resolution: str, extents: NDArray[np.float64], background_mm: float | None = None
-) -> MeshSize:
-    """Cells for a part.
+def mesh_size(resolution: str, extents: FloatArray, background_mm: float | None = None) -> MeshSize:
+    """Cells for a part with extents (3,), mm, along x, y and z; `background_mm` sets them instead.
 
     A boundary layer of natural convection grows with the fourth root of the height of the part
-    (Nu ~ Ra^(1/4) for laminar flow), and so do the cells; a thin part gets finer ones.
-
-    Parameters
-    ----------
-    resolution
-        One of `RESOLUTIONS`.
-    extents
-        (3,) array, mm, along x, y and z.
-    background_mm
-        Edge of the background's cells in place of that of the resolution.
-
-    Raises
-    ------
-    InputError
-        The resolution is not known, or the cells are coarser than the part.
+    (Nu ~ Ra^(1/4) for laminar flow), and so do the cells; a thin part gets finer ones. An
+    InputError if the resolution is not known, or the cells are coarser than the part.
     """
     if resolution not in RESOLUTIONS:
         raise InputError(
@@ -134,7 +99,8 @@ def mesh_size(
     if background_mm is None:
         growth = (float(extents[2]) / _REFERENCE_HEIGHT) ** 0.25
         background = min(_BACKGROUND[resolution] * growth, coarsest)
-        return MeshSize(f"{resolution} ({_LETTERS[resolution]})", background)
+        letter = "ABCD"[RESOLUTIONS.index(resolution)]
+        return MeshSize(f"{resolution} ({letter})", background)
     if not 0.0 < background_mm <= coarsest:
         raise InputError(
             f"background cells of {background_mm:g} mm are no mesh for a part that is "
@@ -155,133 +121,87 @@ class Box:
 
 @frozen
 class Domain:
-    """The box of air that is computed; lengths in mm, world.
-
-    Attributes
-    ----------
-    lower, upper
-        Corners of the box.
-    cells
-        Cells of the background along x, y and z.
-    planes
-        Where the field is mirrored, ``{"x": 0.0}``; the box ends there.
-    boxes
-        Where the mesh is finer.
-    distances
-        Distance from the wall and level up to there, the nearest first.
-    probes
-        Points in the plume.
-    point_in_air
-        A point outside the part on no face of the background.
-    kept_lower, kept_upper
-        What the field's file keeps.
-    """
+    """The box of air that is computed; lengths in mm, world."""
 
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
-    cells: tuple[int, int, int]
-    planes: dict[str, float]
-    boxes: tuple[Box, ...]
-    distances: tuple[tuple[float, int], ...]
-    probes: tuple[tuple[float, float, float], ...]
-    point_in_air: tuple[float, float, float]
-    kept_lower: tuple[float, float, float]
+    cells: tuple[int, ...]  # of the background
+    planes: dict[str, float]  # where the field is mirrored, {"x": 0.0}; the box ends there
+    boxes: tuple[Box, ...]  # where the mesh is finer
+    distances: tuple[tuple[float, int], ...]  # from the wall, nearest first, and level up to there
+    probes: tuple[tuple[float, float, float], ...]  # in the plume
+    point_in_air: tuple[float, float, float]  # on no face of the background
+    kept_lower: tuple[float, float, float]  # of what the field's file keeps
     kept_upper: tuple[float, float, float]
 
 
 def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float = 1.0) -> Domain:
-    """Lay out the air around a part.
+    """Lay out the air around a part, gravity along -z; an InputError if there are too many cells.
 
-    Parameters
-    ----------
-    part
-        mm, world; gravity along -z.
-    size
-        Of the cells.
-    mirrors
-        Axes along which only the upper half is computed: "", "x", "y" or "xy".
-    margin
-        Factor on the air around the part.
-
-    Raises
-    ------
-    InputError
-        There would be too many cells.
+    Along the axes in `mirrors` ("", "x", "y" or "xy") only the upper half is computed; `margin` is
+    a factor on the air around the part.
     """
     low, high = part.bounds
     centre, half = part.centre, 0.5 * (high - low)
     scale = margin * max(1.0, 2.0 * float(half.max()) / _REFERENCE_LENGTH)
-    sides = half[:2] + _SIDES * scale
-    reach_up, reach_down = half[2] + _ABOVE * scale, half[2] + _BELOW * scale
+    h, wall = size.background, size.wall
     # Whole cells on both sides of the centre, so that a mirrored half has the same mesh.
-    up = np.array([_whole(v, size.background) for v in (*sides, reach_up)])
-    down = np.array([_whole(v, size.background) for v in (*sides, reach_down)])
+    up = _whole(half + scale * np.array((_SIDES, _SIDES, _ABOVE)), h)
+    down = _whole(half + scale * np.array((_SIDES, _SIDES, _BELOW)), h)
     for axis, name in enumerate("xy"):
         if name in mirrors:
             down[axis] = 0.0
-    _check_count((up + down) / size.background, size)
+    cells = (up + down) / h
+    if cells.prod() > _MOST_CELLS:
+        raise InputError(
+            f"the air would have {cells.prod():.2g} background cells of {h:g} mm, "
+            f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones "
+            "(--background-cell, --resolution), or compute a half or a quarter of a part that is "
+            "symmetric (--symmetry)."
+        )
     lower, upper = centre - down, centre + up
-    h, wall = size.background, size.wall
     # Whole cells as well, so that the field ends in planes.
-    kept_down = np.array([_whole(v + _KEPT_SIDES * scale, h) for v in half])
-    kept_up = kept_down.copy()
-    kept_up[2] = _whole(half[2] + _KEPT_ABOVE * scale, h)
+    kept_down = _whole(half + scale * _KEPT_SIDES, h)
+    kept_up = _whole(half + scale * np.array((_KEPT_SIDES, _KEPT_SIDES, _KEPT_ABOVE)), h)
     # On no face of the background, and in no finer cell either.
     inside = upper - h * np.array([0.37, 0.37, 0.41])
-    beside = 0.4 * wall
+    above = np.array((centre[0] + 0.4 * wall, centre[1] + 0.4 * wall, high[2]))
     return Domain(
         lower=_triple(lower),
         upper=_triple(upper),
-        cells=_cells((up + down) / h),
+        cells=tuple(cells.round().astype(int).tolist()),
         planes={name: float(centre["xy".index(name)]) for name in mirrors},
         boxes=_boxes(part, size, scale, float(upper[2])),
         distances=((max(5.0, 4 * wall), WALL_LEVEL), (max(14.0, 10 * wall), WALL_LEVEL - 1)),
-        probes=tuple(
-            _triple(np.array([centre[0] + beside, centre[1] + beside, high[2] + z * scale]))
-            for z in _PROBES
-        ),
+        probes=tuple(_triple(above + np.array((0.0, 0.0, z * scale))) for z in _PROBES),
         point_in_air=_triple(inside),
         kept_lower=_triple(centre - kept_down),
         kept_upper=_triple(centre + kept_up),
     )
 
 
-def _check_count(cells: FloatArray, size: MeshSize) -> None:
-    if cells.prod() > _MOST_CELLS:
-        raise InputError(
-            f"the air would have {cells.prod():.2g} background cells of {size.background:g} mm, "
-            f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones "
-            "(--background-cell, --resolution), or compute a half or a quarter of a part that is "
-            "symmetric (--symmetry)."
-        )
-
-
 def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, ...]:
     """Near the part, far around it and in its plume, each finer than the last."""
     low, high = part.bounds
-    plume_top = high[2] + (_KEPT_ABOVE + 22.0) * scale
-    near = np.array([24.0, 24.0, 24.0]) * scale
+    bottom, plume_top = float(part.centre[2]), float(high[2] + (_KEPT_ABOVE + 22.0) * scale)
+    near = 24.0 * scale
     far = np.array([75.0, 75.0, 65.0]) * scale
-    boxes = [
+    return (
         Box(_triple(low - far), (*(high + far)[:2].tolist(), top), WALL_LEVEL - 3),
-        Box(_triple(low - near), (*(high + near)[:2].tolist(), float(plume_top)), WALL_LEVEL - 2),
-    ]
-    for left, front, right, back in plan_rectangles(part, size.background / 2):
-        bottom = float(part.centre[2])
-        column = (right, back, float(plume_top))
-        boxes.append(Box((left, front, bottom), column, WALL_LEVEL - 1))
-    return tuple(boxes)
+        Box(_triple(low - near), (*(high + near)[:2].tolist(), plume_top), WALL_LEVEL - 2),
+        *(
+            Box((left, front, bottom), (right, back, plume_top), WALL_LEVEL - 1)
+            for left, front, right, back in plan_rectangles(part, size.background / 2)
+        ),
+    )
 
 
-def _whole(length: float, cell: float) -> float:
-    return float(np.ceil(length / cell - 1e-9) * cell)
+def _whole(lengths: FloatArray, cell: float) -> FloatArray:
+    """Lengths as whole cells, up."""
+    whole: FloatArray = np.ceil(lengths / cell - 1e-9) * cell
+    return whole
 
 
 def _triple(values: FloatArray) -> tuple[float, float, float]:
     x, y, z = (round(float(value), 6) for value in values)
-    return x, y, z
-
-
-def _cells(values: FloatArray) -> tuple[int, int, int]:
-    x, y, z = (round(float(value)) for value in values)
     return x, y, z

@@ -31,26 +31,9 @@ _STEPS = (
 def make_mesh(
     case: Case, folder: Path, installation: Installation, say: Callable[[str], None]
 ) -> int:
-    """Make the mesh unless it is there, and the fields at time 0 on it.
+    """Make the mesh unless it is there, and the fields at time 0 on it; its number of cells.
 
-    Parameters
-    ----------
-    case, folder
-        The case and where its files are.
-    installation
-        OpenFOAM.
-    say
-        Is told what is being done.
-
-    Returns
-    -------
-    int
-        Number of cells.
-
-    Raises
-    ------
-    OpenFoamError
-        The mesher failed, or lost the part.
+    `say` is told what is being done. An OpenFoamError if the mesher failed, or lost the part.
     """
     done = folder / _DONE
     if done.is_file():

@@ -7,51 +7,23 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.field.gradient import MIRRORED_CORNERS
-from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
-
-_METRES = 1e-3
-
 
 _TOLERANCE = 5e-3
 """Share of the part's size by which the mirrored surface may lie beside it."""
 _SAMPLES = 2000
 
 
-def distance_from(
-    points: FloatArray, part: Part, chosen: NDArray[np.bool_] | None = None
-) -> FloatArray:
-    """Distance of points from the nearest of the part's triangles.
-
-    Parameters
-    ----------
-    points
-        (n, 3) array, mm, world.
-    part
-        mm, world.
-    chosen
-        (m,) mask of the triangles that count; all by default.
-
-    Returns
-    -------
-    (n,) array
-        mm.
-    """
-    faces = part.faces if chosen is None else part.faces[chosen]
-    return Surface(part.vertices, faces).distance(points)
-
-
 def write_surface(part: Part, path: Path) -> None:
     """Write the part as binary STL in metres."""
     faces: Any = part.faces
     with whole_file(path) as temporary:
-        pv.PolyData.from_regular_faces(part.vertices * _METRES, faces).save(temporary)
+        pv.PolyData.from_regular_faces(1e-3 * part.vertices, faces).save(temporary)
 
 
 def symmetric_axes(part: Part) -> str:
@@ -60,12 +32,7 @@ def symmetric_axes(part: Part) -> str:
 
 
 def check_mirrors(part: Part, mirrors: str) -> None:
-    """Refuse mirror planes that the part does not have.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse mirror planes that the part does not have, with an InputError."""
     if mirrors not in ("", "x", "y", "xy"):
         raise InputError(f'there is no symmetry "{mirrors}"; --symmetry is x, y, xy or none.')
     for name in mirrors:
@@ -84,7 +51,7 @@ def _deviation(part: Part, name: str) -> float:
         points = points[np.random.default_rng(0).choice(len(points), _SAMPLES, replace=False)]
     size = float(np.ptp(part.bounds, axis=0).max())
     image = mirrored_points(points, axis, part.centre[axis])
-    return float(distance_from(image, part).max()) / size
+    return float(part.surface.distance(image).max()) / size
 
 
 def mirrored_points(points: FloatArray, axis: int, position: float) -> FloatArray:
@@ -95,17 +62,10 @@ def mirrored_points(points: FloatArray, axis: int, position: float) -> FloatArra
 
 
 def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.UnstructuredGrid:
-    """A half and its mirror image as one grid, joined at the points in the plane.
+    """A half and its mirror image as one grid, joined at the points in the plane at `position`, mm.
 
-    Parameters
-    ----------
-    grid
-        Tetrahedra, hexahedra, wedges and pyramids beside the plane, mm; point data are numbers,
-        or vectors, whose component across the plane changes its sign and is 0 in it.
-    axis
-        0 for x, 1 for y.
-    position
-        Of the plane, mm.
+    Its cells are tetrahedra, hexahedra, wedges and pyramids, mm; of vectors in its point data, the
+    component across the plane changes its sign and is 0 in it.
     """
     points = np.array(grid.points, dtype=np.float64)
     # What the mesher left a rounding error beside the plane lies in it.
@@ -117,7 +77,7 @@ def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.U
     image = mirrored_points(points[beside], axis, position)
     cells: dict[int, IntArray] = {}
     for kind, corners in grid.cells_dict.items():
-        turned = twin[np.asarray(corners, dtype=np.int64)][:, list(MIRRORED_CORNERS[int(kind)])]
+        turned = twin[np.asarray(corners, dtype=np.int64)][:, MIRRORED_CORNERS[int(kind)]]
         cells[int(kind)] = np.concatenate((corners, turned))
     whole = pv.UnstructuredGrid(cells, np.concatenate((points, image)))
     for name in grid.point_data:

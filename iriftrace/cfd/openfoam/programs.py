@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -29,36 +30,20 @@ MEND = "iriftrace field doctor --mend, which takes a minute and leaves the packa
 _BASHRCS = ("/usr/lib/openfoam/openfoam*/etc/bashrc", "/opt/openfoam*/etc/bashrc")
 _DISTRIBUTION = Path("/usr/share/openfoam")
 
-
 _TIME = re.compile(r"^Time = (\S+)", re.M)
 _COURANT = re.compile(r"^Courant Number mean: \S+ max: (\S+)", re.M)
 _FATAL = re.compile(r"FOAM FATAL (?:IO )?ERROR.*?\n(?P<text>.*?)(?:\n\s*\n|\Z)", re.S)
-_FLOATING_POINT = re.compile(r"sigFpe|Floating point exception", re.I)
-_CELLS = re.compile(r"^\s*cells:\s+(\d+)", re.M)
-_TAIL = 20_000
 _POLL = 0.5  # s
 
 
 @frozen
 class Installation:
-    """An OpenFOAM that can be run.
+    """An OpenFOAM that can be run."""
 
-    Attributes
-    ----------
-    folder : str
-        OpenFOAM's own folder, ``WM_PROJECT_DIR``.
-    installed : str
-        The program ``buoyantPimpleFoam`` of the package.
-    solver : str
-        The one that is used: that, or the one built in its place.
-    environment : dict
-        Environment variables for all programs.
-    """
-
-    folder: str
-    installed: str
-    solver: str
-    environment: dict[str, str] = field(repr=False)
+    folder: str  # its own one, WM_PROJECT_DIR
+    installed: str  # the program buoyantPimpleFoam of the package
+    solver: str  # the one that is used: that, or the one built in its place
+    environment: dict[str, str] = field(repr=False)  # for all programs
 
     @property
     def mended(self) -> bool:
@@ -66,13 +51,7 @@ class Installation:
         return self.solver != self.installed
 
     def program(self, name: str) -> str:
-        """Path of a program.
-
-        Raises
-        ------
-        SetupError
-            It is missing.
-        """
+        """Path of a program; a SetupError where it is missing."""
         path = self.solver if name == SOLVER else _which(name, self.environment)
         if path is None:
             raise SetupError(
@@ -85,12 +64,7 @@ def find_openfoam() -> Installation:
     """Find OpenFOAM: on the search path, or where the packages of openfoam.com put it.
 
     A solver that `iriftrace.cfd.openfoam.solver_check` has built in place of the installed
-    one is preferred.
-
-    Raises
-    ------
-    SetupError
-        There is none, or a program of it is missing.
+    one is preferred. A SetupError if there is none, or a program of it is missing.
     """
     environment = _environment()
     missing = [name for name in (*TOOLS, SOLVER) if _which(name, environment) is None]
@@ -117,12 +91,7 @@ def mended_solver(installed: str) -> Path:
     The folder is named after the installed program's content: after an upgrade the new one counts.
     """
     data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(data) / "iriftrace" / "openfoam" / identity(installed)[:16] / SOLVER
-
-
-def identity(program: str) -> str:
-    """SHA-256 of a program."""
-    return sha256_of(Path(program))
+    return Path(data) / "iriftrace" / "openfoam" / sha256_of(Path(installed))[:16] / SOLVER
 
 
 def _which(name: str, environment: dict[str, str]) -> str | None:
@@ -160,18 +129,10 @@ def _sourced(bashrc: Path) -> dict[str, str]:
 
 @frozen
 class Steps:
-    """Steps in a solver's log.
+    """Steps in a solver's log."""
 
-    Attributes
-    ----------
-    times
-        (n,) times of the steps in the text, s.
-    courant
-        (m,) largest Courant number of each step.
-    """
-
-    times: FloatArray
-    courant: FloatArray
+    times: FloatArray  # (n,), s
+    courant: FloatArray  # (m,), largest Courant number of each step
 
     @property
     def last(self) -> float | None:
@@ -181,19 +142,16 @@ class Steps:
 
 def read_steps(text: str) -> Steps:
     """Steps in a solver's log or in a piece of it."""
-    return Steps(
-        times=_numbers(_TIME.findall(text)),
-        courant=_numbers(_COURANT.findall(text)),
-    )
+    return Steps(_numbers(_TIME.findall(text)), _numbers(_COURANT.findall(text)))
 
 
-def tail(path: Path) -> str:
-    """The last lines of a log that another process is writing; "" before it is there."""
+def tail(path: Path, length: int = 20_000) -> str:
+    """The last bytes of a file that another process may be writing; "" before it is there."""
     if not path.is_file():
         return ""
     with path.open("rb") as file:
         file.seek(0, 2)
-        file.seek(max(0, file.tell() - _TAIL))
+        file.seek(max(0, file.tell() - length))
         return file.read().decode(errors="replace")
 
 
@@ -201,69 +159,41 @@ def failure(text: str) -> str:
     """Why a program of OpenFOAM stopped, in one line; "" where the log names no reason."""
     if found := _FATAL.search(text):
         return " ".join(found["text"].split())
-    if _FLOATING_POINT.search(text):
+    if re.search(r"sigFpe|Floating point exception", text, re.I):
         return "an invalid number came up (floating point exception)"
     return ""
 
 
 def cell_count(text: str) -> int | None:
     """Number of cells in the log of ``checkMesh``."""
-    found = _CELLS.search(text)
+    found = re.search(r"^\s*cells:\s+(\d+)", text, re.M)
     return int(found[1]) if found else None
 
 
 def read_heat(case: Path) -> FloatArray:
-    """Heat that the wall gives to the air.
-
-    Parameters
-    ----------
-    case
-        Folder of the case.
-
-    Returns
-    -------
-    (n, 2) array
-        Time in s and heat flow in W, of the half or quarter that is computed.
-    """
-    return _series(case / "postProcessing/heat", "surfaceFieldValue", (0, -1))
+    """Heat that the wall of what is computed gives to the air: rows (n, 2) of time, s, and W."""
+    return _series(case / "postProcessing/heat", "surfaceFieldValue")
 
 
 def read_plume(case: Path) -> FloatArray:
-    """Temperatures at points in the plume.
-
-    Returns
-    -------
-    (n, 1 + points) array
-        Time in s and temperatures in K.
-    """
-    return _series(case / "postProcessing/plume", "T", None)
+    """Temperatures at points in the plume: rows (n, 1 + points) of time, s, and K."""
+    return _series(case / "postProcessing/plume", "T")
 
 
-def _series(folder: Path, name: str, columns: tuple[int, ...] | None) -> FloatArray:
+def _series(folder: Path, name: str) -> FloatArray:
     """Rows of a table that every start of the solver writes into a folder of its own."""
     rows: dict[float, list[float]] = {}
     for file in sorted(folder.glob(f"*/{name}*"), key=lambda f: float(f.parent.name)):
         for line in file.read_text(errors="replace").splitlines():
-            values = _row(line)
-            if values:
+            try:
+                values = [float(word) for word in line.split()]
+            except ValueError:
+                continue  # a comment, or a line that is being written
+            if len(values) > 1:
                 # A run that went on has computed some of the last steps again.
-                rows[values[0]] = values if columns is None else [values[i] for i in columns]
+                rows[values[0]] = values
     width = min((len(row) for row in rows.values()), default=1)
     return np.array([rows[time][:width] for time in sorted(rows)]).reshape(len(rows), width)
-
-
-def _row(line: str) -> list[float]:
-    """Numbers of one line of a table; none of a comment or of a line that is being written."""
-    if line.startswith("#"):
-        return []
-    values = []
-    for word in line.split():
-        try:
-            values.append(float(word))
-        except ValueError:
-            if not word.isalnum():
-                return []
-    return values if len(values) > 1 else []
 
 
 def _numbers(words: list[str]) -> FloatArray:
@@ -286,34 +216,12 @@ def run_program(
     name: str,
     *arguments: str,
     processes: int = 1,
-    watch: Callable[[], None] | None = None,
+    watch: Callable[[], None] = lambda: None,
 ) -> Path:
-    """Run one program in a case and wait for it.
+    """Run one program in the folder of a case and wait for it; its log.
 
-    Parameters
-    ----------
-    installation
-        OpenFOAM.
-    folder
-        Of the case.
-    name
-        Of the program.
-    arguments
-        Passed to it.
-    processes
-        With more than one it runs under ``mpirun``.
-    watch
-        Called twice a second while it runs.
-
-    Returns
-    -------
-    Path
-        Its log.
-
-    Raises
-    ------
-    OpenFoamError
-        It failed.
+    With more than one of `processes` it runs under ``mpirun``. `watch` is called twice a second
+    while it runs. An OpenFoamError if it failed.
     """
     command = [installation.program(name), *arguments]
     if processes > 1:
@@ -335,7 +243,11 @@ def run_program(
             start_new_session=True,
         )
         try:
-            _wait(process, watch)
+            while process.poll() is None:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(_POLL)
+                    break
+                watch()
         except BaseException:
             _end(process)
             raise
@@ -345,17 +257,6 @@ def run_program(
         reason = failure(text) or lines[-1].strip()
         raise OpenFoamError(f"OpenFOAM's {name} failed: {reason} See {log}.")
     return log
-
-
-def _wait(process: subprocess.Popen[bytes], watch: Callable[[], None] | None) -> None:
-    while True:
-        try:
-            process.wait(_POLL)
-        except subprocess.TimeoutExpired:
-            if watch is not None:
-                watch()
-        else:
-            return
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from iriftrace.air.thermophysics import heat_content, heat_content_slope, temperature_of_density
@@ -18,7 +17,7 @@ from iriftrace.cfd.openfoam.part_surface import mirrored_grid
 from iriftrace.cfd.openfoam.programs import SOLVER, read_heat
 from iriftrace.cfd.openfoam.run import Steadiness
 from iriftrace.cfd.openfoam.wall import wall_temperature
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import Float32Array, FloatArray, as_float64
 from iriftrace.core.errors import SetupError
 from iriftrace.core.files import whole_file
 from iriftrace.field.flow import (
@@ -41,32 +40,18 @@ def mean_arrays(case: Case, grid: Any, before: Any, seconds: float) -> dict[str,
     The stored heat is exact: what it is more at the end of the averaging than at its beginning. The
     flux is that of `iriftrace.field.flow.carried_heat`.
 
-    Parameters
-    ----------
-    case
-        Its ambient air.
-    grid
-        Last state at its points, with ``rhoMean``; ``UMean`` and ``rhoUMean``.
-    before
-        State at the beginning of the averaging.
-    seconds
-        Between the two.
-
-    Returns
-    -------
-    dict
-        ``U`` (n, 3) m/s, `ENTHALPY_FLUX` and `HEAT_STORAGE`, without those that the solver did not
-        write: it knows no such average, or ran before they were asked for.
+    `grid` is the last state at its points, with ``rhoMean``, ``UMean`` and ``rhoUMean``; `before`
+    that of `seconds` earlier, at the beginning of the averaging. The result has ``U`` (n, 3) m/s,
+    `ENTHALPY_FLUX` and `HEAT_STORAGE`, without those that the solver did not write: it knows no
+    such average, or ran before they were asked for.
     """
     data = grid.point_data
     if "UMean" not in data:
         return {}
-    velocity = np.asarray(data["UMean"], dtype=np.float64)
+    velocity = as_float64(data["UMean"])
     arrays = {VELOCITY: velocity}
     if MOMENTUM_MEAN in data:
-        density, momentum = (
-            np.asarray(data[name], dtype=np.float64) for name in ("rhoMean", MOMENTUM_MEAN)
-        )
+        density, momentum = (as_float64(data[name]) for name in ("rhoMean", MOMENTUM_MEAN))
         arrays[ENTHALPY_FLUX] = carried_heat(
             density, velocity, momentum, case.ambient_k, case.pressure_pa
         )
@@ -78,12 +63,12 @@ def state_arrays(case: Case, grid: Any) -> dict[str, FloatArray]:
     """Velocity and heat of a single state, which stores f'(rho) d rho / dt, f as above."""
     data = grid.point_data
     arrays = {
-        VELOCITY: np.asarray(data[VELOCITY], dtype=np.float64),
+        VELOCITY: as_float64(data[VELOCITY]),
         ENTHALPY_FLUX: state_heat(grid, case.ambient_k, case.pressure_pa),
     }
     if DENSITY_RATE in data:
         slope = heat_content_slope(data["T"], case.ambient_k)
-        arrays[HEAT_STORAGE] = slope * np.asarray(data[DENSITY_RATE], dtype=np.float64)
+        arrays[HEAT_STORAGE] = slope * as_float64(data[DENSITY_RATE])
     return arrays
 
 
@@ -97,29 +82,15 @@ def write_mean(
     """Write the field whose temperature has the time average of the density.
 
     The refractive index follows the density, so this, and not the mean temperature, is what a
-    long exposure sees.
+    long exposure sees. Density and steadiness are those of the last `averaged` seconds.
 
-    Parameters
-    ----------
-    case, folder
-        The case and its folder.
-    file
-        The .vtu to write.
-    averaged
-        Seconds over which the density was averaged.
-    steadiness
-        Over that time.
-
-    Returns
-    -------
-    pyvista.UnstructuredGrid
-        What was written: mm, world, point data ``T`` in K and those of
-        `mean_arrays`, field data `WALL_HEAT`.
+    Returns what is in the .vtu: mm, world, point data ``T`` in K and those of `mean_arrays`, field
+    data `WALL_HEAT`.
     """
     grid, moment = _read(folder, -1)
     if "rhoMean" not in grid.point_data:
         raise SetupError(f"the case {folder} has no mean density at t = {moment:g} s.")
-    density = np.asarray(grid.point_data["rhoMean"], dtype=np.float64)
+    density = as_float64(grid.point_data["rhoMean"])
     kelvin = temperature_of_density(density, case.pressure_pa)
     state = "" if steadiness is None else f", {steadiness.text}"
     how = f"density averaged over {averaged:.3g} s up to t = {moment:.3g} s{state}"
@@ -133,27 +104,15 @@ def write_mean(
 
 
 def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Path]:
-    """Write the last states one by one and a .pvd that lists them with their times.
+    """Write the last states one by one, and a .pvd, `file`, that lists them with their times.
 
-    Parameters
-    ----------
-    case, folder
-        The case and its folder.
-    file
-        The .pvd; the states are ``NAME_01.vtu`` and so on beside it.
-    count
-        How many.
-
-    Returns
-    -------
-    list of Path
-        The states' files.
+    Returns the states' files, ``NAME_01.vtu`` and so on beside it.
     """
     entries, files = [], []
     heat = read_heat(folder)
     for number in range(1, count + 1):
         grid, moment = _read(folder, number - 1 - count)
-        kelvin = np.asarray(grid.point_data["T"], dtype=np.float64)
+        kelvin = as_float64(grid.point_data["T"])
         target = file.with_name(f"{file.stem}_{number:0{len(str(count))}d}.vtu")
         whole = _whole(case, folder, grid, {"T": kelvin, **state_arrays(case, grid)})
         if len(heat):
@@ -186,37 +145,24 @@ def _at(folder: Path, moment: float) -> Any | None:
     return None
 
 
-def _with_wall(
-    case: Case, folder: Path, piece: pv.UnstructuredGrid, kelvin: FloatArray
-) -> FloatArray:
-    """Temperatures at the points, with those asked for on the wall.
-
-    The reader gives points on the wall the mean of the faces around them, which widens a transition
-    by a cell.
-    """
-    if len(case.wall.of_regions(case.part)) == 1:
-        return kelvin
-    wall = np.asarray(wall_patch(folder).points, dtype=np.float64) * _MM
-    numbers = cKDTree(np.asarray(piece.points)).query(wall)[1]
-    placed = kelvin.copy()
-    placed[numbers] = wall_temperature(case.wall, case.part, wall)
-    return placed
-
-
 def _whole(
     case: Case, folder: Path, grid: Any, arrays: dict[str, FloatArray]
 ) -> pv.UnstructuredGrid:
     """Cells kept of the computed piece, in mm, with mirror images and arrays at their points.
 
-    Temperature is the array ``T``.
+    The array ``T`` has the temperatures that were asked for on the wall. The reader gives points
+    there the mean of the faces around them, which widens a transition by a cell.
     """
     domain = case.domain
     piece = pv.UnstructuredGrid()
     piece.copy_structure(grid)
-    piece.points = np.asarray(grid.points, dtype=np.float64) * _MM
+    piece.points = as_float64(grid.points) * _MM
     for name, values in arrays.items():
         piece.point_data[name] = values
-    piece.point_data["T"] = _with_wall(case, folder, piece, arrays["T"])
+    if len(case.wall.of_regions(case.part)) > 1:
+        wall = as_float64(wall_patch(folder).points) * _MM
+        on_wall = cKDTree(np.asarray(piece.points)).query(wall)[1]
+        piece.point_data["T"][on_wall] = wall_temperature(case.wall, case.part, wall)
     centres = np.asarray(piece.cell_centers().points)
     kept = ((centres > domain.kept_lower) & (centres < domain.kept_upper)).all(axis=1)
     numbers: Any = np.flatnonzero(kept)
@@ -226,13 +172,13 @@ def _whole(
     return piece
 
 
-def _shortened(values: NDArray[np.float32]) -> NDArray[np.float32]:
+def _shortened(values: Float32Array) -> Float32Array:
     """Numbers with their last twelve of 24 binary digits rounded away, 1e-4 of them.
 
     A heat balance needs no more, and compressed they take up half the room.
     """
     bits = np.ascontiguousarray(values).view(np.uint32)
-    rounded: NDArray[np.float32] = ((bits + 0x800) & 0xFFFFF000).view(np.float32)
+    rounded: Float32Array = ((bits + 0x800) & 0xFFFFF000).view(np.float32)
     return rounded
 
 

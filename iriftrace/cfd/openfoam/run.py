@@ -31,37 +31,25 @@ from iriftrace.cfd.openfoam.programs import (
     run_program,
     tail,
 )
-from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.field.readers.openfoam import processor_folders, time_folders
 
 STEADY_HEAT, STEADY_PLUME = 0.02, 0.01
 """Steady is what varies less: heat flow by its share, the plume by this share of the heating."""
-
-
 SECONDS_A_STEP = 8e-6
 """Of a core, for a step of one cell."""
 
 _AVERAGED = "averaging.json"
-# OpenFOAM ends every complete file with it.
-_END_MARK = b"// ****"
 
 
 @frozen
 class Steadiness:
     """Heat flow and plume over some time.
 
-    Attributes
-    ----------
-    heat_w
-        Mean heat flow from the whole part to the air, W.
-    heat_variation
-        Largest minus smallest heat flow, as a share of the mean.
-    plume_swing_k
-        Largest minus smallest temperature at the restless one of the points in the plume, K.
-    steady
-        Whether both are small.
+    Heat is the mean flow from the whole part to the air, its variation the largest minus the
+    smallest as a share of the mean; the plume's swing is largest minus smallest temperature at the
+    restless one of the points in it. It is steady where both are small.
     """
 
     heat_w: float
@@ -81,8 +69,9 @@ class Steadiness:
 
 def judge_steadiness(case: Case, folder: Path, window: tuple[float, float]) -> Steadiness | None:
     """Look at the heat flow and at the plume between two times; None while too little is there."""
-    heat = _within(read_heat(folder), window)
-    plume = _within(read_plume(folder), window)
+    start, end = window[0], window[1] * (1.0 + 1e-9)
+    series = (read_heat(folder), read_plume(folder))
+    heat, plume = (rows[(rows[:, 0] >= start) & (rows[:, 0] <= end)] for rows in series)
     if len(heat) < 3 or len(plume) < 3:
         return None
     watts = heat[:, 1] * 2 ** len(case.mirrors)
@@ -98,48 +87,23 @@ def judge_steadiness(case: Case, folder: Path, window: tuple[float, float]) -> S
     )
 
 
-def _within(rows: FloatArray, window: tuple[float, float]) -> FloatArray:
-    if not len(rows):
-        return rows
-    chosen: FloatArray = rows[(rows[:, 0] >= window[0]) & (rows[:, 0] <= window[1] * (1 + 1e-9))]
-    return chosen
-
-
 @frozen
 class State:
-    """Progress of a run, for a display.
+    """Progress of a run, for a display."""
 
-    Attributes
-    ----------
-    time, end
-        Physical time and its end, s.
-    left
-        Seconds of the clock that are left; None while that is not known.
-    steadiness
-        Of heat and plume lately; None at the beginning.
-    """
-
-    time: float
+    time: float  # physical time, s
     end: float
-    left: float | None
-    steadiness: Steadiness | None
+    left: float | None  # seconds of the clock; None while that is not known
+    steadiness: Steadiness | None  # of heat and plume lately; None at the beginning
 
 
 def expected_seconds(case: Case, cells: int, since: float = 0.0) -> float:
-    """Seconds of the clock that the solver will take, roughly.
+    """Seconds of the clock that the solver will take, roughly, from the physical time `since`, s.
 
     A step lasts until the fastest air has crossed `COURANT` of the wall's cells. Air that is
     lighter by dT / T rises a height L at sqrt(g L dT / T); L is that of the air that the field
     keeps above the part. On one core a cell's step took 4 us on a mesh of 29,000 cells and 9 us on
     one of 93,000; with the speeds found there the whole is right to a factor of 1.7.
-
-    Parameters
-    ----------
-    case
-    cells
-        Of the mesh.
-    since
-        Physical time, s, up to which the flow is known.
     """
     height = 1e-3 * (case.domain.kept_upper[2] - float(case.part.bounds[1][2]))
     lighter = 1.0 - case.ambient_k / case.wall.hottest
@@ -154,19 +118,10 @@ def solve(
     installation: Installation,
     watch: Callable[[State], None],
 ) -> float:
-    """Run until the flow has settled, then go on to the end and average the density.
+    """Run until the flow has settled, then average the density to the end; for how many seconds.
 
-    Returns
-    -------
-    float
-        Seconds over which the density was averaged.
-
-    Raises
-    ------
-    OpenFoamError
-        The solver stopped.
-    InputError
-        The case was begun with another number of processes.
+    An OpenFoamError if the solver stopped; an InputError if the case was begun with another number
+    of processes, or has gone too far for the wanted average.
     """
     times = case.times
     pieces = _prepared(case, folder, installation)
@@ -278,10 +233,5 @@ def _whole(folder: Path) -> bool:
     """True where a time's fields are all there and none breaks off."""
     names = [Path(name).name for name in START_FILES]
     needed = [folder / name for name in (*names, "phi", "uniform/time")]
-    return all(file.is_file() and _ends_well(file) for file in needed)
-
-
-def _ends_well(file: Path) -> bool:
-    with file.open("rb") as stream:
-        stream.seek(max(0, file.stat().st_size - 200))
-        return _END_MARK in stream.read()
+    # OpenFOAM ends every complete file with this.
+    return all("// ****" in tail(file, 200) for file in needed)

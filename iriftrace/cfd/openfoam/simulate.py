@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pyvista as pv
-from attrs import field, frozen
+from attrs import frozen
 
-from iriftrace.cfd.openfoam.case import Case, check_same, keep_record, stored_record
+from iriftrace.cfd.openfoam.case import Case, is_stored, keep_record
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.mesh import make_mesh
 from iriftrace.cfd.openfoam.programs import MEND, Installation
@@ -65,22 +65,17 @@ class Simulation:
 class Display:
     """Callbacks to the caller while it runs: `expect` gets cells and seconds of the solver."""
 
-    say: Callable[[str], None] = field(default=lambda text: None)
-    expect: Callable[[int, float], None] = field(default=lambda cells, seconds: None)
-    watch: Callable[[State], None] = field(default=lambda state: None)
+    say: Callable[[str], None] = lambda text: None
+    expect: Callable[[int, float], None] = lambda cells, seconds: None
+    watch: Callable[[State], None] = lambda state: None
 
 
 def prepare(case: Case, folder: Path) -> bool:
     """Write the case, or make sure that the folder holds the same one; whether it was there.
 
-    Raises
-    ------
-    InputError
-        The folder holds something else.
+    An InputError if the folder holds something else.
     """
-    stored = stored_record(folder)
-    if stored is not None:
-        check_same(case, stored, folder)
+    if is_stored(case, folder):
         return True
     folder.mkdir(parents=True, exist_ok=True)
     write_case(case, folder)
@@ -137,12 +132,7 @@ def simulate(
 
 
 def check_solver(installation: Installation) -> None:
-    """Refuse a solver that computes wrong.
-
-    Raises
-    ------
-    SetupError
-    """
+    """Refuse a solver that computes wrong, with a SetupError."""
     verdict = try_solver(installation)
     if verdict != TRIAL_PASSED:
         raise SetupError(

@@ -32,13 +32,12 @@ from iriftrace.cfd.openfoam.programs import (
     SOLVER,
     Installation,
     OpenFoamError,
-    identity,
     read_steps,
     run_program,
     tail,
 )
 from iriftrace.core.errors import SetupError
-from iriftrace.core.files import whole_file
+from iriftrace.core.files import sha256_of, whole_file
 
 TRIAL_PASSED = ""
 
@@ -55,7 +54,6 @@ _PATCHES = (
     ("top", "patch", "(4 5 6 7)"),
 )
 
-
 PACKAGE = "openfoam"
 _SOLVER_FOLDER = f"applications/solvers/heatTransfer/{SOLVER}"
 # What every program of OpenFOAM includes, besides what the solver's own Make/options names.
@@ -71,18 +69,21 @@ _LIBRARIES = ("-Wl,--no-as-needed", "-lOpenFOAM", "-lPstream", "-ldl", "-lm")
 
 
 def try_solver(installation: Installation) -> str:
-    """Run the solver for three steps; a solver that has passed once is not tried again.
-
-    Returns
-    -------
-    str
-        What is wrong, or `TRIAL_PASSED`.
-    """
-    passed = _passed_file(installation)
+    """Run the solver for three steps, but not again once it has passed: verdict as of `judge`."""
+    # Says by its presence that this very program has passed.
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    digest = sha256_of(Path(installation.solver))
+    passed = Path(cache) / "iriftrace" / "openfoam" / f"{digest}.passed"
     if passed.is_file():
         return TRIAL_PASSED
     with tempfile.TemporaryDirectory(prefix="iriftrace-trial-") as name:
-        verdict = _trial(installation, Path(name))
+        folder = Path(name)
+        write_trial(folder)
+        run_program(installation, folder, "blockMesh")
+        try:
+            verdict = judge(tail(run_program(installation, folder, SOLVER)))
+        except OpenFoamError:
+            verdict = "it stopped in the first time steps on a mesh with inclined faces"
     if verdict == TRIAL_PASSED:
         # Where nothing may be written the next call tries again.
         with suppress(OSError):
@@ -90,16 +91,6 @@ def try_solver(installation: Installation) -> str:
             with whole_file(passed) as temporary:
                 temporary.write_text(f"{installation.solver}\n")
     return verdict
-
-
-def _trial(installation: Installation, folder: Path) -> str:
-    write_trial(folder)
-    run_program(installation, folder, "blockMesh")
-    try:
-        log = run_program(installation, folder, SOLVER)
-    except OpenFoamError:
-        return "it stopped in the first time steps on a mesh with inclined faces"
-    return judge(tail(log))
 
 
 def judge(log: str) -> str:
@@ -143,22 +134,12 @@ def write_trial(folder: Path) -> None:
         write_file(folder, file, entries)
 
 
-def _passed_file(installation: Installation) -> Path:
-    """Says by its presence that this very program has passed."""
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(cache) / "iriftrace" / "openfoam" / f"{identity(installation.solver)}.passed"
-
-
 def build_solver(target: Path) -> None:
     """Fetch the source of the installed package, compile the solver, put it at `target`.
 
     Needs ``g++`` and apt, but no root: apt works in a folder of its own with a list of sources of
-    its own, so its configuration stays as it is.
-
-    Raises
-    ------
-    SetupError
-        The package is not there, or a step failed.
+    its own, so its configuration stays as it is. A SetupError if the package is not there, or a
+    step failed.
     """
     if shutil.which("g++") is None:
         raise SetupError("g++ is missing, which compiles the solver: sudo apt-get install g++")
@@ -176,11 +157,11 @@ def build_solver(target: Path) -> None:
 
 def compile_command(source: Path, program: Path) -> list[str]:
     """The call of g++ for an unpacked source package; makes the folders of headers it names."""
-    text = (source / _SOLVER_FOLDER / "Make" / "options").read_text()
+    own = source / _SOLVER_FOLDER
+    text = (own / "Make" / "options").read_text()
     folders = [*re.findall(r"-I\$\(LIB_SRC\)/(\S+)/lnInclude", text), *_ALWAYS]
     includes = [f"-I{_collected(source / 'src' / folder)}" for folder in folders]
     libraries = re.findall(r"-l\w+", text)
-    own = source / _SOLVER_FOLDER
     return [
         *("g++", *_FLAGS, *includes, f"-I{own}", str(own / f"{SOLVER}.C")),
         *("-o", str(program), *libraries, *_LIBRARIES),
@@ -221,13 +202,7 @@ def _fetched(folder: Path) -> Path:
 
 
 def source_lines() -> list[str]:
-    """Lines ``deb-src`` for the places from which this machine's own packages come.
-
-    Raises
-    ------
-    SetupError
-        There is no apt.
-    """
+    """Lines ``deb-src`` for the places of this machine's own packages; SetupError without apt."""
     layout = "$(REPO_URI) $(RELEASE) $(COMPONENT)"
     text = _output(["apt-get", "indextargets", "--format", layout, "Created-By: Packages"])
     return sorted({f"deb-src {line}" for line in text.splitlines() if line.strip()})
@@ -240,10 +215,10 @@ def _unpacked(archive: Path, folder: Path) -> Path:
         for member in file:
             inside = member.name.partition("/")[2]
             library = inside.startswith("src/") and inside.endswith(_HEADERS)
-            if not (library or inside.startswith(f"{_SOLVER_FOLDER}/")) or ".." in inside:
+            wanted = library or inside.startswith(f"{_SOLVER_FOLDER}/")
+            if not wanted or ".." in inside or not member.isfile():
                 continue
-            content = file.extractfile(member) if member.isfile() else None
-            if content is not None:
+            if content := file.extractfile(member):
                 target = folder / member.name
                 target.parent.mkdir(parents=True, exist_ok=True)
                 target.write_bytes(content.read())

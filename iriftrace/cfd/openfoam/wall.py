@@ -6,9 +6,9 @@ import numpy as np
 from attrs import field, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.cfd.openfoam.part_surface import distance_from
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
 
 HOTTEST = 3000.0
@@ -22,27 +22,16 @@ _NINETY_PERCENT = float(np.arctanh(0.8))
 class WallTemperatures:
     """Wanted temperatures of the wall, K.
 
-    Attributes
-    ----------
-    default : float
-        Of regions that are not named.
-    regions : dict
-        Of named regions.
-    transition : float
-        Width in mm over which one temperature goes over into another (10 % to 90 %); 0 is sharp.
+    `transition` is the width in mm over which one temperature goes over into another (10 % to
+    90 %); 0 is sharp.
     """
 
-    default: float
+    default: float  # of regions that are not named
     regions: dict[str, float] = field(factory=dict)
     transition: float = 0.0
 
     def check(self, part: Part, ambient_k: float) -> None:
-        """Refuse what the part does not have and what no wall has.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse what the part does not have and what no wall has, with an InputError."""
         unknown = [name for name in self.regions if name not in part.region_names]
         if unknown:
             raise InputError(
@@ -74,39 +63,23 @@ class WallTemperatures:
     @property
     def hottest(self) -> float:
         """Highest temperature, K."""
-        return max(self.default, *self.regions.values()) if self.regions else self.default
+        return max((self.default, *self.regions.values()))
 
 
 def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> FloatArray:
-    """Temperature of the wall at points on it.
+    """Temperature, (n,) array, K, at points (n, 3), mm, world, on the wall of a part that it fits.
 
     With a transition of width w and two temperatures T1, T2 whose regions are d1 and d2 away,
     T = T1 + (T2 - T1) (1 + tanh((d1 - d2) / (0.455 w))) / 2; in general the mean of all
     temperatures with the weights exp(-2 d / (0.455 w)).
-
-    Parameters
-    ----------
-    wall, part
-        Checked against each other before.
-    points
-        (n, 3) array, mm, world.
-
-    Returns
-    -------
-    (n,) array
-        K.
     """
     places = np.asarray(points, dtype=np.float64)
     shared = wall.of_regions(part)
     kelvins = np.array(list(shared))
     if len(kelvins) == 1:
         return np.full(len(places), kelvins[0])
-    distances = np.stack(
-        [
-            distance_from(places, part, np.isin(part.region_of_face, numbers))
-            for numbers in shared.values()
-        ]
-    )
+    faces = [part.faces[np.isin(part.region_of_face, numbers)] for numbers in shared.values()]
+    distances = np.stack([Surface(part.vertices, some).distance(places) for some in faces])
     if wall.transition == 0.0:
         nearest: FloatArray = kelvins[distances.argmin(axis=0)]
         return nearest

@@ -16,32 +16,23 @@ from iriftrace.core.files import whole_file
 from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.origin import state_origin
 
-GRADIENT = "grad_T"
-"""Name of the array with the model's analytic gradient, K/mm."""
-
 
 def synthetic_grid(
     air: SyntheticAir, size: AirMesh | None = None, *, gradient: bool = False
 ) -> pv.UnstructuredGrid:
-    """The mesh with the point array ``T`` in K, and with its origin.
+    """The mesh, by default `usual_mesh`, with the point array ``T`` in K, and with its origin.
 
-    Parameters
-    ----------
-    air : SyntheticAir
-    size : AirMesh, optional
-        By default `usual_mesh`.
-    gradient : bool
-        Whether to add the analytic gradient as point array ``grad_T``, K/mm.
+    `gradient` adds the analytic gradient as point array ``grad_T``, K/mm.
     """
-    cut = air_mesh(air, usual_mesh(air) if size is None else size)
-    temperature, slope = air.at(np.asarray(cut.grid.points, dtype=np.float64))
+    grid, on_wall = air_mesh(air, usual_mesh(air) if size is None else size)
+    temperature, slope = air.at(np.asarray(grid.points, dtype=np.float64))
     # Points on the wall are on it to rounding only; what was set is what shall be there.
-    temperature[cut.on_wall] = air.wall_k
-    cut.grid.point_data["T"] = temperature
+    temperature[on_wall] = air.wall_k
+    grid.point_data["T"] = temperature
     if gradient:
-        cut.grid.point_data[GRADIENT] = slope
-    state_origin(cut.grid, air.origin)
-    return cut.grid
+        grid.point_data["grad_T"] = slope
+    state_origin(grid, air.origin)
+    return grid
 
 
 def synthetic_field(
@@ -73,13 +64,7 @@ def write_synthetic_field(
     *,
     gradient: bool = False,
 ) -> pv.UnstructuredGrid:
-    """Write the synthetic field as .vtu, mm and K, which says that it is synthetic.
-
-    Raises
-    ------
-    InputError
-        The file does not end in .vtu, or cannot be written.
-    """
+    """Write the synthetic field, which says that it is one, as .vtu (else InputError), mm and K."""
     if Path(path).suffix.lower() != ".vtu":
         raise InputError(f"{path} does not end in .vtu, which the field is written as; rename it.")
     grid = synthetic_grid(air, size, gradient=gradient)

@@ -12,7 +12,6 @@ from itertools import permutations
 import numpy as np
 import pyvista as pv
 from attrs import frozen
-from numpy.typing import NDArray
 
 from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
@@ -24,16 +23,9 @@ from iriftrace.field.gradient import (
     TETRAHEDRON_EDGES,
     WEDGE,
 )
-
-SizeAt = Callable[[FloatArray], FloatArray]
-"""From points (n, 3), mm, to the wanted size of cells there (n,), mm."""
-
+from iriftrace.geometry.query import Surface
 
 _MOST_POINTS = 1 << 31
-# Orders of the axes along which the six tetrahedra of a cube go from corner to corner.
-_KUHN = tuple(permutations(range(3)))
-Inside = Callable[[FloatArray], BoolArray]
-Nearest = Callable[[FloatArray], FloatArray]
 # A corner nearer to the wall than this share of its shortest edge is moved onto it, which keeps
 # slivers out (Labelle and Shewchuk, "Isosurface stuffing", 2007).
 _SNAP = 0.25
@@ -50,42 +42,27 @@ _HEIGHT_IN_SIZES = 2.0
 _COARSEST_IN_WALL_CELLS = 16
 
 
-@frozen(eq=False)
-class Tetrahedra:
-    """A mesh of n points, (n, 3) array, mm, and m tetrahedra, (m, 4) array."""
-
-    points: FloatArray
-    corners: IntArray
-
-
 def graded_tetrahedra(
-    low: FloatArray, high: FloatArray, coarsest_mm: float, size_at: SizeAt, most: int
-) -> Tetrahedra:
-    """Fill a box with tetrahedra of a wanted size.
+    low: FloatArray,
+    high: FloatArray,
+    coarsest_mm: float,
+    size_at: Callable[[FloatArray], FloatArray],
+) -> tuple[FloatArray, IntArray]:
+    """Fill a box, enlarged to whole cubes, with tetrahedra: points (n, 3), mm, corners (m, 4).
 
-    Parameters
-    ----------
-    low, high : (3,) arrays, mm
-        The box; it is enlarged to whole cubes.
-    coarsest_mm : float
-        Edge of the cubes at the beginning.
-    size_at : callable
-        A tetrahedron is cut in two while it is larger than the smallest value at its corners.
-    most : int
-        Number of tetrahedra that is refused.
-
-    Raises
-    ------
-    InputError
-        More tetrahedra than `most` would be needed.
+    They come from cubes with an edge of `coarsest_mm`; one is cut in two while it is larger than
+    the smallest of the sizes, mm, that `size_at` wants at its corners. An InputError if there would
+    be more than `MOST_CELLS`.
     """
     too_many = InputError(
-        f"The air would need more than {most:,} tetrahedra; give a larger cell size at the wall, "
-        "or a smaller region."
+        f"The air would need more than {MOST_CELLS:,} tetrahedra; give a larger cell size at the "
+        "wall, or a smaller region."
     )
-    if len(_KUHN) * float(_counts(low, high, coarsest_mm).prod()) > most:
+    # As float, for numbers that no integer holds.
+    count = np.maximum(np.ceil((high - low) / coarsest_mm - 1e-9), 1.0)
+    if 6.0 * float(count.prod()) > MOST_CELLS:
         raise too_many
-    points, corners = _cubes(low, high, coarsest_mm)
+    points, corners = _cubes(0.5 * (low + high), count.astype(np.int64), coarsest_mm)
     tag = np.full(len(corners), 3)
     wanted = size_at(points)
     middles = _Middles()
@@ -93,8 +70,8 @@ def graded_tetrahedra(
         large = _size(points, corners) > wanted[corners].min(axis=1)
         chosen = large | middles.on_edges(corners)
         if not chosen.any():
-            return Tetrahedra(points, corners)
-        if len(corners) + chosen.sum() > most:
+            return points, corners
+        if len(corners) + chosen.sum() > MOST_CELLS:
             raise too_many
         start = corners[chosen, 0]
         end = np.take_along_axis(corners[chosen], tag[chosen, None], axis=1)[:, 0]
@@ -112,15 +89,15 @@ class _Middles:
     """Points in the middle of edges, found again by the numbers of the edge's ends."""
 
     def __init__(self) -> None:
-        self._keys = np.empty(0, dtype=np.int64)
-        self._points = np.empty(0, dtype=np.int64)
+        # The last key is larger than any that is looked for.
+        self._keys = np.array([np.iinfo(np.int64).max])
+        self._points = np.array([-1])
 
-    def on_edges(self, corners: IntArray) -> NDArray[np.bool_]:
+    def on_edges(self, corners: IntArray) -> BoolArray:
         """True for each tetrahedron with a cut edge."""
         found = np.zeros(len(corners), dtype=bool)
-        if len(self._keys):
-            for a, b in TETRAHEDRON_EDGES:
-                found |= self._place(_key(corners[:, a], corners[:, b]))[1]
+        for a, b in TETRAHEDRON_EDGES:
+            found |= self._place(_key(corners[:, a], corners[:, b]))[1]
         return found
 
     def add(self, start: IntArray, end: IntArray, count: int) -> tuple[IntArray, IntArray]:
@@ -138,10 +115,8 @@ class _Middles:
         self._points = np.concatenate((self._points, number[~known]))[order]
         return number[back], np.stack(np.divmod(fresh, _MOST_POINTS), axis=1)
 
-    def _place(self, keys: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
-        if not len(self._keys):
-            return np.zeros(len(keys), dtype=np.int64), np.zeros(len(keys), dtype=bool)
-        place = np.minimum(np.searchsorted(self._keys, keys), len(self._keys) - 1)
+    def _place(self, keys: IntArray) -> tuple[IntArray, BoolArray]:
+        place = np.searchsorted(self._keys, keys)
         return place, self._keys[place] == keys
 
 
@@ -170,68 +145,46 @@ def _size(points: FloatArray, corners: IntArray) -> FloatArray:
     return np.sqrt(square / 3.0)
 
 
-def _counts(low: FloatArray, high: FloatArray, edge: float) -> FloatArray:
-    """Cubes along each axis, (3,) array; as float, for numbers that no integer holds."""
-    counts: FloatArray = np.maximum(np.ceil((high - low) / edge - 1e-9), 1.0)
-    return counts
-
-
-def _cubes(low: FloatArray, high: FloatArray, edge: float) -> tuple[FloatArray, IntArray]:
-    """Cubes that cover a box, each cut into six tetrahedra along one diagonal (Kuhn)."""
-    count = _counts(low, high, edge).astype(np.int64)
-    start = 0.5 * (low + high) - 0.5 * edge * count
+def _cubes(middle: FloatArray, count: IntArray, edge: float) -> tuple[FloatArray, IntArray]:
+    """Cubes around a point, each cut into six tetrahedra along one diagonal (Kuhn)."""
+    start = middle - 0.5 * edge * count
     axes = [start[k] + edge * np.arange(count[k] + 1) for k in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     stride = np.array(((count[1] + 1) * (count[2] + 1), count[2] + 1, 1))
     cells = np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=-1).reshape(-1, 3)
     corner = cells @ stride
-    paths = [np.cumsum([0, *stride[list(order)]]) for order in _KUHN]
+    # Along the axes in each of their orders from one end of the diagonal to the other.
+    paths = [np.cumsum([0, *stride[list(order)]]) for order in permutations(range(3))]
     return points, np.concatenate([corner[:, None] + path for path in paths])
 
 
-@frozen(eq=False)
-class CutMesh:
-    """Cells outside a solid.
+def cut_at_wall(
+    points: FloatArray, corners: IntArray, surface: Surface
+) -> tuple[pv.UnstructuredGrid, BoolArray]:
+    """Keep of tetrahedra what lies outside a closed surface.
 
-    Attributes
-    ----------
-    grid : pyvista.UnstructuredGrid
-        Tetrahedra, wedges and pyramids, mm.
-    on_wall : (n,) array of bool
-        Points on the solid's surface.
+    Returns tetrahedra, wedges and pyramids, mm, and which of their points lie on the surface.
     """
-
-    grid: pv.UnstructuredGrid
-    on_wall: BoolArray
-
-
-def cut_at_wall(mesh: Tetrahedra, inside: Inside, nearest: Nearest) -> CutMesh:
-    """Keep of a mesh what lies outside a solid.
-
-    Parameters
-    ----------
-    mesh : Tetrahedra
-    inside : callable
-        From points (n, 3), mm, to whether they lie in the solid.
-    nearest : callable
-        From points (n, 3), mm, to the nearest points of the solid's surface (n, 3), mm.
-    """
-    points, corners = mesh.points.copy(), mesh.corners
-    side = np.where(inside(points), -1, 1)
-    _snap(points, corners, side, nearest)
+    points = points.copy()
+    side = np.where(surface.inside(points), -1, 1)
+    _snap(points, corners, side, surface)
     kept = (side[corners] > 0).any(axis=1)
     corners = corners[kept]
     sign = side[corners]
     crossing = (sign < 0).any(axis=1)
-    ends, cut_at = _cuts(points, corners[crossing], sign[crossing], inside)
+    ends, cut_at = _cuts(points, corners[crossing], sign[crossing], surface)
     everywhere = np.concatenate((points, cut_at))
     on_wall = np.concatenate((side == 0, np.ones(len(cut_at), dtype=bool)))
     cells = _pieces(corners[crossing], sign[crossing], ends, len(points))
     cells[TETRAHEDRON] = np.concatenate((corners[~crossing], cells[TETRAHEDRON]))
-    return _assembled(everywhere, cells, on_wall)
+    used = np.unique(np.concatenate([cell.ravel() for cell in cells.values()]))
+    number = np.full(len(everywhere), -1)
+    number[used] = np.arange(len(used))
+    cells = {kind: number[cell] for kind, cell in cells.items()}
+    return _assembled(everywhere[used], cells), on_wall[used]
 
 
-def _snap(points: FloatArray, corners: IntArray, side: IntArray, nearest: Nearest) -> None:
+def _snap(points: FloatArray, corners: IntArray, side: IntArray, surface: Surface) -> None:
     """Move the corners that are next to the wall onto it; their side becomes 0."""
     sign = side[corners]
     crossed = corners[(sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)]
@@ -243,7 +196,7 @@ def _snap(points: FloatArray, corners: IntArray, side: IntArray, nearest: Neares
         for end in (a, b):
             np.minimum.at(shortest, crossed[:, end], length)
     candidates = np.unique(crossed)
-    foot = nearest(points[candidates])
+    foot = surface.nearest(points[candidates])[0]
     gap = np.linalg.norm(foot - points[candidates], axis=1)
     near = gap < _SNAP * shortest[candidates]
     points[candidates[near]] = foot[near]
@@ -251,20 +204,19 @@ def _snap(points: FloatArray, corners: IntArray, side: IntArray, nearest: Neares
 
 
 def _cuts(
-    points: FloatArray, corners: IntArray, sign: IntArray, inside: Inside
+    points: FloatArray, corners: IntArray, sign: IntArray, surface: Surface
 ) -> tuple[IntArray, FloatArray]:
     """Edges that pass the wall as sorted (k, 2) ends, outside first, and where they pass it."""
-    found = [np.empty((0, 2), dtype=np.int64)]
-    for a in range(4):
-        for b in range(4):
-            some = (sign[:, a] > 0) & (sign[:, b] < 0)
-            found.append(corners[some][:, (a, b)])
+    found = [
+        corners[(sign[:, a] > 0) & (sign[:, b] < 0)][:, (a, b)]
+        for a, b in permutations(range(4), 2)
+    ]
     ends = np.unique(np.concatenate(found), axis=0)
     out, into = points[ends[:, 0]], points[ends[:, 1]]
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        within = inside(out + middle[:, None] * (into - out))
+        within = surface.inside(out + middle[:, None] * (into - out))
         high = np.where(within, middle, high)
         low = np.where(within, low, middle)
     return ends, out + (0.5 * (low + high))[:, None] * (into - out)
@@ -276,10 +228,10 @@ def _pieces(corners: IntArray, sign: IntArray, ends: IntArray, first: int) -> di
     order = np.argsort(-sign, axis=1, kind="stable")
     v = np.take_along_axis(corners, order, axis=1)
     n_out, n_wall = (sign > 0).sum(axis=1), (sign == 0).sum(axis=1)
-    key = ends[:, 0] * (1 << 31) + ends[:, 1]
+    key = ends[:, 0] * _MOST_POINTS + ends[:, 1]
 
     def cut(some: BoolArray, a: int, b: int) -> IntArray:
-        place: IntArray = np.searchsorted(key, v[some, a] * (1 << 31) + v[some, b])
+        place: IntArray = np.searchsorted(key, v[some, a] * _MOST_POINTS + v[some, b])
         return first + place
 
     def case(outside: int, wall: int) -> BoolArray:
@@ -307,21 +259,15 @@ def _pieces(corners: IntArray, sign: IntArray, ends: IntArray, first: int) -> di
     }
 
 
-def _assembled(points: FloatArray, cells: dict[int, IntArray], on_wall: BoolArray) -> CutMesh:
-    used = np.unique(np.concatenate([c.ravel() for c in cells.values()]))
-    number = np.full(len(points), -1)
-    number[used] = np.arange(len(used))
-    lists, kinds = [], []
+def _assembled(points: FloatArray, cells: dict[int, IntArray]) -> pv.UnstructuredGrid:
+    """Grid of right-handed cells."""
+    whole = {}
     for kind, cell in cells.items():
-        if not len(cell):
-            continue
         edges = [points[cell[:, k]] - points[cell[:, 0]] for k in _EDGES_OF[kind]]
         left = np.einsum("ij,ij->i", np.cross(edges[0], edges[1]), edges[2]) < 0.0
-        cell = np.where(left[:, None], cell[:, MIRRORED_CORNERS[kind]], cell)
-        lists.append(np.insert(number[cell], 0, cell.shape[1], axis=1).ravel())
-        kinds.append(np.full(len(cell), kind, dtype=np.uint8))
-    grid = pv.UnstructuredGrid(np.concatenate(lists), np.concatenate(kinds), points[used])
-    return CutMesh(grid, on_wall[used])
+        if len(cell):
+            whole[kind] = np.where(left[:, None], cell[:, MIRRORED_CORNERS[kind]], cell)
+    return pv.UnstructuredGrid(whole, points)
 
 
 @frozen
@@ -378,20 +324,11 @@ def usual_mesh(
     )
 
 
-def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
-    """Cells around a part that end on its surface.
+def air_mesh(air: SyntheticAir, size: AirMesh) -> tuple[pv.UnstructuredGrid, BoolArray]:
+    """Cells around a part that end on its surface, and which of their points lie on it.
 
-    Parameters
-    ----------
-    air : SyntheticAir
-        The part, and where its air needs small cells.
-    size : AirMesh
-
-    Raises
-    ------
-    InputError
-        More than `MOST_CELLS` cells would be needed, or they are larger than the boundary layer or
-        pass over the part.
+    An InputError if there would be more than `MOST_CELLS`, or they are larger than the boundary
+    layer or pass over the part.
     """
     if size.cell_mm > air.boundary_layer_mm:
         raise InputError(
@@ -403,7 +340,6 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
     low -= size.sides_mm
     high += size.sides_mm
     high[2] = air.part.bounds[1, 2] + size.height_mm
-    coarsest = _COARSEST_IN_WALL_CELLS * size.cell_mm
 
     def size_at(points: FloatArray) -> FloatArray:
         distance = air.surface.distance(points)
@@ -416,15 +352,11 @@ def air_mesh(air: SyntheticAir, size: AirMesh) -> CutMesh:
             wanted = np.where(share > 0.02, np.minimum(wanted, fine), wanted)
         return wanted
 
-    mesh = graded_tetrahedra(low, high, coarsest, size_at, MOST_CELLS)
-
-    def nearest(points: FloatArray) -> FloatArray:
-        return air.surface.nearest(points)[0]
-
-    cut = cut_at_wall(mesh, air.surface.inside, nearest)
-    if not cut.on_wall.any():
+    mesh = graded_tetrahedra(low, high, _COARSEST_IN_WALL_CELLS * size.cell_mm, size_at)
+    grid, on_wall = cut_at_wall(*mesh, air.surface)
+    if not on_wall.any():
         raise InputError(
             f"Cells of {size.cell_mm:.3g} mm at the wall see nothing of {air.part.path}, which is "
             f"{np.ptp(air.part.bounds, axis=0).min():.3g} mm thin; give smaller ones (--cell-size)."
         )
-    return cut
+    return grid, on_wall

@@ -6,7 +6,7 @@ A boundary layer on the part and, above it, the plume of a laminar line source.
 from __future__ import annotations
 
 import numpy as np
-from attrs import Attribute, field, frozen
+from attrs import Attribute, evolve, field, frozen
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 from scipy.special import erf
@@ -20,9 +20,6 @@ from iriftrace.part.part import Part, refuse_unlikely_size
 DECAY = 0.6
 """Exponent with which the excess temperature on the axis of a laminar line plume falls."""
 
-_STRENGTH = 0.8
-_WIDTH_SHARE = 0.5
-
 _REACH = 3.0
 """Half widths beyond which a plume has ended: the bell has fallen to e^-9."""
 
@@ -31,9 +28,6 @@ _SHORTEST = 1e-4
 plume differs from a round one by the square of this."""
 
 _KNOWN_LAYER_MM = 7.7
-_KNOWN_SIZE_MM = 27.0
-_KNOWN_EXCESS_K = 1080.0
-_KNOWN_REFERENCE_K = 962.75
 
 
 def _positive(_: Plume, attribute: Attribute[float], value: float) -> None:
@@ -88,7 +82,7 @@ class Plume:
     half_length_mm: float = field(validator=_positive)
     half_height_mm: float = field(validator=_positive)
     width_mm: float = field(validator=_positive)
-    strength: float = field(default=_STRENGTH)
+    strength: float = field()
 
     @strength.validator
     def _check_strength(self, _: Attribute[float], value: float) -> None:
@@ -99,17 +93,7 @@ class Plume:
             )
 
     def excess(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Share of the wall's excess temperature and its gradient.
-
-        Parameters
-        ----------
-        points : (n, 3) array, mm, world
-
-        Returns
-        -------
-        share : (n,) array
-        gradient : (n, 3) array, 1/mm, world
-        """
+        """Share (n,) of the wall's excess temperature at points (n, 3), mm, world; its gradient."""
         offset = np.asarray(points, dtype=np.float64) - self.base
         height = offset[:, 2] / self.half_height_mm
         u = offset[:, :2] @ self.along
@@ -125,13 +109,8 @@ class Plume:
         along_v = share * (-2.0 * v / width**2)
         widening = (by_width + ends * 2.0 * v**2 / width**3) * width_slope
         upward = self.strength * bell * (axis_slope * ends + axis * widening) / self.half_height_mm
-        gradient = np.column_stack(
-            (
-                along_u[:, None] * self.along + along_v[:, None] * across,
-                upward,
-            )
-        )
-        return share, gradient
+        sideways = along_u[:, None] * self.along + along_v[:, None] * across
+        return share, np.column_stack((sideways, upward))
 
     def half_width(self, heights_mm: FloatArray) -> FloatArray:
         """Half width w, mm, at heights above the part's middle, mm."""
@@ -154,7 +133,7 @@ class Plume:
         return width, 0.2 * width * height / middle
 
 
-def plume_above(part: Part, boundary_layer_mm: float, strength: float = _STRENGTH) -> Plume:
+def plume_above(part: Part, boundary_layer_mm: float, strength: float) -> Plume:
     r"""The plume of a part whose boundary layer is known.
 
     With the principal second moments :math:`m_1 \ge m_2` of the part's outline seen from above, the
@@ -163,20 +142,11 @@ def plume_above(part: Part, boundary_layer_mm: float, strength: float = _STRENGT
     :math:`2 a b / \mathrm{erf}(a / b) = \sqrt{3 (m_1 + m_2)}\, \delta`, which makes b half the
     layer's thickness :math:`\delta` above a thin strip and :math:`\pi b^2` that cross-section above
     a round part.
-
-    Parameters
-    ----------
-    part : Part
-    boundary_layer_mm : float
-        Its thickness.
-    strength : float
-        See `Plume`.
     """
     middle, moments, axes = _outline(part)
     low, high = part.bounds[:, 2]
-    reach = np.sqrt(3.0 * moments.sum())
     half_length = float(np.sqrt(3.0 * np.ptp(moments)))
-    section = 2.0 * _WIDTH_SHARE * reach * boundary_layer_mm
+    section = np.sqrt(3.0 * moments.sum()) * boundary_layer_mm
     # The width of a round plume, which no other exceeds.
     widest = float(np.sqrt(section / np.sqrt(np.pi)))
     half_length = max(half_length, _SHORTEST * widest)
@@ -365,9 +335,7 @@ def synthetic_air(
     if layer is None:
         layer = laminar_boundary_layer_mm(part, wall_k, ambient_k)
     still = SyntheticAir(part, wall_k, ambient_k, layer)
-    if plume == 0.0:
-        return still
-    return SyntheticAir(part, wall_k, ambient_k, layer, plume_above(part, layer, plume))
+    return still if plume == 0.0 else evolve(still, plume=plume_above(part, layer, plume))
 
 
 def laminar_boundary_layer_mm(part: Part, wall_k: float, ambient_k: float) -> float:
@@ -376,14 +344,11 @@ def laminar_boundary_layer_mm(part: Part, wall_k: float, ambient_k: float) -> fl
     :math:`\delta \propto D\,\mathrm{Ra}^{-1/4}`, hence :math:`(D\,\nu\alpha / \Delta T)^{1/4}` with
     :math:`\nu\alpha \propto T_r^{3.4}` at Sparrow and Gregg's reference temperature
     :math:`T_r = T_w - 0.38\,\Delta T`, and D four times the part's volume over its area; scaled
-    from the 7.7 mm beside a cylinder of 27 mm at 1100 degC in a room of 20 degC (simulation).
+    from the 7.7 mm beside a cylinder of 27 mm at 1100 degC in a room of 20 degC, of which
+    :math:`T_r` is 962.75 K (simulation).
     """
     _require_hotter_wall(wall_k, ambient_k)
     size = 4.0 * part.volume / part.area
-    excess = wall_k - ambient_k
-    reference = reference_temperature(wall_k, ambient_k)
-    return float(
-        _KNOWN_LAYER_MM
-        * (size / _KNOWN_SIZE_MM * _KNOWN_EXCESS_K / excess) ** 0.25
-        * (reference / _KNOWN_REFERENCE_K) ** 0.85
-    )
+    growth = (size / 27.0 * 1080.0 / (wall_k - ambient_k)) ** 0.25
+    warmth = reference_temperature(wall_k, ambient_k) / 962.75
+    return float(_KNOWN_LAYER_MM * growth * warmth**0.85)
