@@ -54,7 +54,7 @@ def compare(
     check_input(image, measured)
     header = read_exr(image).header
     target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
-    check_output(target, ".json", "comparison.json", make=False)
+    check_output(target, "comparison.json")
     if target.resolve() == measured.resolve():
         raise InputError(f"The output {target} would replace the measured shift; name another one.")
     used = statuses(include)

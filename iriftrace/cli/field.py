@@ -89,8 +89,7 @@ def check(
     """
     check_field_file(field)
     check_input(part)
-    if output is not None:
-        check_output(output, ".json", "check.json", make=False)
+    check_output(output, "check.json")
     if field_options.isosurfaces:
         raise InputError("Iso-surfaces have no air between them to be checked; give the volume.")
     if diameter is not None and not diameter > 0.0:
@@ -183,7 +182,7 @@ def synthetic(
     from iriftrace.cfd.synthetic.model import synthetic_air
 
     check_input(part)
-    check_output(output, ".vtu", "field.vtu", make=False)
+    check_output(output, "field.vtu")
     air = synthetic_air(
         part_options.read(part),
         wall_k=wall_temperature,

@@ -165,7 +165,7 @@ def _check_name(path: Path) -> None:
     from iriftrace.part.files import check_part_name
 
     check_part_name(path)
-    check_output(path, path.suffix.lower(), "part.ply", make=False)
+    check_output(path, "part.ply", path.suffix.lower())
 
 
 def _save(made: Part, path: Path) -> None:

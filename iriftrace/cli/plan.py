@@ -124,8 +124,7 @@ def plan(
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
     _refuse_without("--pairs", pairs, {"--system": system, "--angle": angle, "--feature": feature})
     limits = view_limits(views, max_displacement, max_incidence)
-    if output is not None:
-        check_output(output, ".json", "refined.json", make=False)
+    check_output(output, "refined.json")
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)

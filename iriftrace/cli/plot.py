@@ -96,8 +96,7 @@ def view(file: Path, *, picture: Path | None = None) -> None:
     """
     from iriftrace.figures.window import view as show
 
-    if picture is not None:
-        check_output(picture, ".png", "view.png", make=False)
+    check_output(picture, "view.png")
     with working("Reading"):
         check_input(file)
     show(file, picture)
@@ -143,7 +142,7 @@ def report(
     from iriftrace.sweep.store import read_sweep
 
     limits = view_limits(views, max_displacement, max_incidence)
-    check_output(output, ".html", "report.html", make=False)
+    check_output(output, "report.html")
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)

@@ -228,7 +228,7 @@ def simulate(
     check_input(part)
     check_folder(output)
     target = output / "field.vtu" if field is None else field
-    check_output(target, ".vtu", "field.vtu")
+    check_output(target, "field.vtu", make=True)
     installation = None
     if not write_only:
         # Before anything is written: a case is of no use where nothing can run it.

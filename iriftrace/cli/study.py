@@ -167,13 +167,13 @@ def _run(
     check_order(fields[0], part)
     check_field(*fields)
     check_input(part)
-    check_output(output, ".nc", "study.nc", make=False)
+    check_output(output, "study.nc")
     traced_by = variant.ensure(options.variant)
     mesh = options.part.read(part)
     with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
         volumes = [options.field.read(path, options.air.air(), mesh) for path in fields]
     stack = contour_shells(volumes[-1], 1)
-    camera = options.camera.camera(mesh, volumes[-1], stack, scale)
+    camera = options.camera.camera(mesh, volumes[-1], stack)
     refuse_camera_inside(camera.origin, mesh, stack, volumes[-1])
     view = View(mesh, camera.scaled(scale), traced_by, options.field.notes())
     described = describe(*volumes, view=view, modes=modes)

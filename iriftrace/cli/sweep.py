@@ -125,14 +125,14 @@ def _check(
     twice = [scene for scene in scenes if scenes.count(scene) > 1]
     if twice:
         raise InputError(f"{twice[0]} is given twice, so its poses would count twice; remove one.")
-    check_output(output, ".nc", "sweep.nc", make=False)
+    check_output(output, "sweep.nc")
     for path, check, example in (
         (export, check_table, "sweep.csv"),
         (surface, check_surface, "part.vtp"),
     ):
         if path is not None:
             check(path)
-            check_output(path, path.suffix.lower(), example, make=False)
+            check_output(path, example, path.suffix.lower())
     if scheduler is not None:
         check_scheduler(scheduler, workers)
 

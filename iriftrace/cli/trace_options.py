@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from attrs import frozen
 from cyclopts import Parameter
 
-from iriftrace.cli.options import Variables, Wavelength, variables_of
+from iriftrace.cli.options import Wavelength
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,23 +38,22 @@ class TraceOptions:
         where that is shells, but they are too few for a view, the field if it is there.
     """
 
-    define: Variables = None
+    define: Annotated[list[str] | None, Parameter(name=["-D", "--define"], negative=())] = None
     wavelength: Wavelength | None = None
     variant: str | None = None
     engine: Literal["shells", "continuous"] | None = None
 
     def variables(self) -> dict[str, str]:
-        """Scene parameters by name, the wavelength (nm) among them if it is given.
-
-        Raises
-        ------
-        InputError
-            A definition is not written as name=value.
-        """
-        values = variables_of(self.define)
-        return (
-            values if self.wavelength is None else values | {"wavelength": f"{self.wavelength!r}"}
-        )
+        """Scene parameters by name, the wavelength (nm) among them if it is given."""
+        values = {}
+        for text in self.define or []:
+            name, equals, value = text.partition("=")
+            if not (name and equals and value):
+                raise InputError(f'-D is "{text}"; write it as name=value, such as -D scale=0.25.')
+            values[name] = value
+        if self.wavelength is not None:
+            values["wavelength"] = repr(self.wavelength)
+        return values
 
     def load(self, scene: Path) -> LoadedScene:
         """A scene with these options."""
@@ -64,22 +63,7 @@ class TraceOptions:
 
 
 def check_light(wavelength: float | None, header: Mapping[str, Any], file: Path) -> None:
-    """Refuse a result that was traced in other light than the one that is asked for.
-
-    Parameters
-    ----------
-    wavelength
-        Value of the option, nm.
-    header
-        Header of an EXR, or attributes of a netCDF file.
-    file
-        Its name.
-
-    Raises
-    ------
-    InputError
-        Also where the result does not state its wavelength.
-    """
+    """Refuse a result of other light (nm) than is asked for, or whose header does not state it."""
     if wavelength is None:
         return
     if not wavelength > 0:
