@@ -102,11 +102,8 @@ def _print_report(report: dict[str, Any], name: str, resolution: tuple[int, int]
     if "reason" in motion:
         table.add_row("camera motion", f"not known: {motion['reason']}")
     else:
-        for what, key, unit in (
-            ("translation", "translation", "um"),
-            ("rotation", "rotation", "urad"),
-        ):
-            values, deviations = motion[f"{key}_{unit}"], motion[f"{key}_std_{unit}"]
+        for what, unit in (("translation", "um"), ("rotation", "urad")):
+            values, deviations = motion[f"{what}_{unit}"], motion[f"{what}_std_{unit}"]
             table.add_row(
                 f"camera {what}",
                 ", ".join(

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from attrs import frozen
 from cyclopts import App, Group, Parameter
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
@@ -132,8 +131,6 @@ def whole_numbers(text: str, option: str) -> list[int]:
     return values
 
 
-_WIDEST = 1000
-
 STAGES = ("straight", "metrics", "write", "load", "build")
 
 
@@ -179,14 +176,14 @@ def _run(
     described = describe(*volumes, view=view, modes=modes)
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
-    (print_comparison if described.references else print_timing)(out, dataset)
+    (print_comparison if described.references else print_timing)(dataset)
     picture = output.with_suffix(".png")
     with working("Drawing"):
         write_figure(study_figure(dataset), picture)
     say(f"Study in {output}, figure in {picture}")
 
 
-def print_comparison(console: Console, dataset: xr.Dataset) -> None:
+def print_comparison(dataset: xr.Dataset) -> None:
     """A table for each reference: differences of the hits in micrometres."""
     from iriftrace.studies.study import reference_words
 
@@ -213,15 +210,15 @@ def print_comparison(console: Console, dataset: xr.Dataset) -> None:
                     str(int(some["only_here"]) + int(some["only_reference"])),
                     str(int(case["rays_lost"])),
                 )
-        _show(console, table)
-    console.print(
+        _show(table)
+    out.print(
         "share: median over the median displacement; trimmed: rmse without the 1 % of rays that "
         "differ most; unmatched: rays that are good in one of the two runs only; lost: rays of the "
         "case whose straight twin hits the part in focus, but which are not good."
     )
 
 
-def print_timing(console: Console, dataset: xr.Dataset) -> None:
+def print_timing(dataset: xr.Dataset) -> None:
     """Times as ratios: of stages to the refracted trace, and of this to the first case's."""
     (axis,) = set(dataset["time_search"].dims) - {"mode"}
     across = "rays" if dataset.attrs["study"] == "rays" else "triangles_per_shell"
@@ -241,13 +238,13 @@ def print_timing(console: Console, dataset: xr.Dataset) -> None:
                 f"{float(case['search_share']):.2f}",
                 *(f"{float(case[f'time_{stage}']) / refracted:.2f}" for stage in STAGES),
             )
-        _show(console, table)
-    console.print(
+        _show(table)
+    out.print(
         "growth: refracted trace over that of the first case, if one run measured both; search: "
         "the intersection search of the refracted trace, the rest of it is refraction."
     )
     if float(dataset["search_share"].max()) > 1.0:
-        console.print(
+        out.print(
             "A search above 1 is noise: the search is timed in a run of its own, so that other "
             "programs on the machine can make it the longer one."
         )
@@ -263,14 +260,14 @@ def _table(title: str, texts: Sequence[str], numbers: Sequence[str]) -> Table:
     return table
 
 
-def _show(console: Console, table: Table) -> None:
+def _show(table: Table) -> None:
     """Print a table in the terminal's width, or wider where words and numbers would be cut."""
     # A measurement ends at the console's width, unless the options know of more.
-    least = console.measure(table, options=console.options.update(width=_WIDEST)).minimum
-    if least > console.width:
+    least = out.measure(table, options=out.options.update(width=1000)).minimum
+    if least > out.width:
         table.width = least
-    console.print(table, crop=False, soft_wrap=True)
-    console.print()
+    out.print(table, crop=False, soft_wrap=True)
+    out.print()
 
 
 study = App(

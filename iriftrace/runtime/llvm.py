@@ -60,16 +60,10 @@ _INSTALL = {
 
 @frozen
 class LlvmLibrary:
-    """One LLVM library that was found.
+    """One LLVM library that was found: a file, or a name that the system's loader resolves.
 
-    Attributes
-    ----------
-    path
-        File name, or the name that the system's loader resolves.
-    version
-        (major, minor, patch), or None where the library does not say.
-    why
-        One clause that says why Dr.Jit cannot run iriftrace's kernels with it; empty if it can.
+    The version (major, minor, patch) is None where it does not say; `why` is a clause that says why
+    Dr.Jit cannot run iriftrace's kernels with it, empty if it can.
     """
 
     path: str
@@ -105,16 +99,9 @@ def current_platform() -> str:
     return "linux"
 
 
-def llvm_install_command(platform: str | None = None) -> str:
-    """Return the command that installs a usable LLVM; by default on this platform.
-
-    Parameters
-    ----------
-    platform
-        "debian" or "ubuntu", "fedora", "macos", "windows" or "linux".
-    """
-    name = platform or current_platform()
-    return _INSTALL["debian" if name == "ubuntu" else name]
+def llvm_install_command() -> str:
+    """Return the command that installs a usable LLVM on this platform."""
+    return _INSTALL[current_platform()]
 
 
 def llvm_libraries() -> tuple[LlvmLibrary, ...]:
@@ -136,10 +123,7 @@ def llvm_libraries() -> tuple[LlvmLibrary, ...]:
 def require_llvm() -> LlvmLibrary:
     """Return the LLVM library to use: what `DRJIT_LIBLLVM_PATH` names, else the newest usable one.
 
-    Raises
-    ------
-    SetupError
-        No library is usable, or the one the variable names is not.
+    SetupError if no library is usable, or the one the variable names is not.
     """
     named = os.environ.get(PATH_VARIABLE, "")
     if named:
