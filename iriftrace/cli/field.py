@@ -35,13 +35,12 @@ field = App(
 )
 
 # By name, as the commands of the program itself.
-for _name, _module in {
-    "simulate": "simulate",
-    "doctor": "simulate",
-    "synthetic": "field",
-    "check": "field",
+for _module, _names in {
+    "simulate": ("simulate", "doctor"),
+    "field": ("synthetic", "check"),
 }.items():
-    field.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
+    for _name in _names:
+        field.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
 
 
 def check(

@@ -294,19 +294,12 @@ class ShellOptions:
 
     def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
         """Drop inner shells, smooth, subdivide and thin out as asked."""
+        from iriftrace.shells.decimate import decimate
         from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint, without_inner
 
-        if self.drop_inner:
-            stack = without_inner(stack, self.drop_inner, levels)
-        if self.smooth:
-            stack = smooth_taubin(stack, self.smooth)
-        if self.subdivide:
-            stack = subdivide_midpoint(stack, self.subdivide)
-        if self.triangles is not None:
-            from iriftrace.shells.decimate import decimate
-
-            stack = decimate(stack, self.triangles)
-        return stack
+        stack = without_inner(stack, self.drop_inner, levels)
+        stack = subdivide_midpoint(smooth_taubin(stack, self.smooth), self.subdivide)
+        return stack if self.triangles is None else decimate(stack, self.triangles)
 
     def _range(self, air: Air) -> tuple[float, float] | None:
         if self.index_range is None:

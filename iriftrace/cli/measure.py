@@ -71,8 +71,7 @@ def measure(
     check_input(scene)
     require_scene(scene)
     check_output(output, "scan.vtp", ".ply")
-    with working("Loading the scene"):
-        loaded = trace.load(scene)
+    loaded = trace.load(scene)
     write_scan(loaded, output, system, phase, feature, acceptance, figures)
 
 
@@ -177,8 +176,7 @@ def correct(
     if cloud_to_part is not None:
         text = " ".join(cloud_to_part.read_text(encoding="utf-8", errors="replace").split())
         points = apply(parse_transform(text), points)
-    with working("Loading the scene"):
-        loaded = trace.load(scene)
+    loaded = trace.load(scene)
     with working("Correcting"):
         found = take_out(
             points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty

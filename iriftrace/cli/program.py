@@ -129,22 +129,17 @@ def doctor() -> int:
 
 # By name, so that the program starts fast: a module is imported when its command is called or
 # listed.
-for _name, _module in {
-    "shells": "scene",
-    "scene": "scene",
-    "render": "render",
-    "metrics": "render",
-    "demo": "render",
-    "sweep": "sweep",
-    "plan": "plan",
-    "plot": "plot",
-    "view": "plot",
-    "report": "plot",
-    "measure": "measure",
-    "correct": "measure",
-    "compare": "compare",
-    "study": "study",
-    "field": "field",
-    "part": "part",
+for _module, _names in {
+    "scene": ("shells", "scene"),
+    "render": ("render", "metrics", "demo"),
+    "sweep": ("sweep",),
+    "plan": ("plan",),
+    "plot": ("plot", "view", "report"),
+    "measure": ("measure", "correct"),
+    "compare": ("compare",),
+    "study": ("study",),
+    "field": ("field",),
+    "part": ("part",),
 }.items():
-    app.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
+    for _name in _names:
+        app.command(f"iriftrace.cli.{_module}:{_name}", name=_name)

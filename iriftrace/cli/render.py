@@ -22,7 +22,6 @@ from iriftrace.cli.options import (
 from iriftrace.cli.trace_options import TraceOptions, check_light
 
 if TYPE_CHECKING:
-    from iriftrace.part.part import Part
     from iriftrace.scene.load import LoadedScene
     from iriftrace.trace.render import Rendering
 
@@ -80,7 +79,7 @@ def render(
     if surface is not None:
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
-    _print_rendering(rendering, loaded.part, files)
+    _print_rendering(rendering, loaded, files)
 
 
 def metrics(
@@ -155,7 +154,7 @@ def demo(
     with scene_copied(scene, folder) as (xml, shells):
         rendering, loaded, files = _render(xml, exr, trace, (0,), True)
     files += _scene_picture(loaded, shells, output / f"{scene}_scene.png")
-    _print_rendering(rendering, loaded.part, files)
+    _print_rendering(rendering, loaded, files)
     if loaded.second is not None:
         from iriftrace.cli.measure import write_scan
 
@@ -176,8 +175,7 @@ def _render(
     from iriftrace.trace.render import render_scene
     from iriftrace.trace.shell_convergence import SAMPLE
 
-    with working("Loading the scene"):
-        loaded = trace.load(scene)
+    loaded = trace.load(scene)
     with working("Tracing"):
         rendering = render_scene(
             loaded, include=include, check_shells=SAMPLE, check_field=check_field
@@ -197,13 +195,13 @@ def _render(
         return rendering, loaded, [*rendering.save(exr, rgb=rgb), *pictures]
 
 
-def _print_rendering(rendering: Rendering, part: Part, files: list[Path]) -> None:
+def _print_rendering(rendering: Rendering, loaded: LoadedScene, files: list[Path]) -> None:
     from iriftrace.cli.output import print_summary, print_view
     from iriftrace.scene.viewpoint import part_view
 
     print_summary(rendering.metrics)
     remedy = "move the camera or change focus_near and focus_far in the scene's file"
-    print_view(part_view(part, rendering.image.camera), remedy)
+    print_view(part_view(loaded.part, rendering.image.camera), remedy)
     say("Files: " + ", ".join(map(str, files)))
 
 

@@ -16,12 +16,12 @@ from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import out, pose_progress, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.options import (
+    Numbers,
     Whole,
     check_field,
     check_input,
     check_order,
     check_output,
-    numbers,
 )
 from iriftrace.core.errors import InputError
 from iriftrace.shells.levels import RULES
@@ -120,8 +120,7 @@ def whole_numbers(text: str, option: str) -> list[int]:
                 f'{option} is "{text}"; give whole numbers separated by commas, or a range such as '
                 "1:20."
             )
-        start = int(first)
-        stop = int(last) if colon else start
+        start, stop = int(first), int(last if colon else first)
         if stop < start or stop - start > 10_000:
             raise InputError(
                 f'{option} is "{text}", but the range {piece.strip()} does not rise, or is too '
@@ -405,7 +404,7 @@ def rays(
     part: StudiedPart,
     *,
     output: Output = Path("rays.nc"),
-    scales: str = "0.0625,0.125,0.25,0.5",
+    scales: Numbers = (0.0625, 0.125, 0.25, 0.5),
     layers: Layers = 13,
     options: StudyOptions = StudyOptions(),
     scale: Scale = 1.0,
@@ -421,8 +420,7 @@ def rays(
     """
     from iriftrace.studies.cost import rays_study
 
-    factors = numbers(scales, scales.count(",") + 1, "--scales")
-    made = partial(rays_study, scales=factors, layers=layers)
+    made = partial(rays_study, scales=scales, layers=layers)
     _run([field], part, output, options, scale, made)
 
 

@@ -84,8 +84,7 @@ def sweep(
     check_output(surface, "part.vtp", ".vtu")
     if scheduler is not None:
         check_scheduler(scheduler, workers)
-    with notes.status("Loading the scene ..."):
-        loaded = [trace.load(scene) for scene in scenes]
+    loaded = [trace.load(scene) for scene in scenes]
     render = None
     with ExitStack() as stack:
         if scheduler is not None:

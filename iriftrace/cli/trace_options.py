@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from attrs import frozen
 from cyclopts import Parameter
 
+from iriftrace.cli.console import working
 from iriftrace.cli.options import Wavelength
 from iriftrace.core.errors import InputError
 
@@ -59,7 +60,8 @@ class TraceOptions:
         """A scene with these options."""
         from iriftrace.scene.load import load_scene
 
-        return load_scene(scene, self.variables(), variant=self.variant, engine=self.engine)
+        with working("Loading the scene"):
+            return load_scene(scene, self.variables(), variant=self.variant, engine=self.engine)
 
 
 def check_light(wavelength: float | None, header: Mapping[str, Any], file: Path) -> None:

@@ -126,20 +126,17 @@ def require_llvm() -> LlvmLibrary:
     SetupError if no library is usable, or the one the variable names is not.
     """
     named = os.environ.get(PATH_VARIABLE, "")
-    if named:
-        library = inspect_llvm(named)
-        if not library.ok:
-            raise SetupError(
-                f"{PATH_VARIABLE} names {named!r}, which {library.why}; unset it or name a libLLVM "
-                f"of version {OLDEST_MAJOR} or newer (to install one: {llvm_install_command()})."
-            )
-        return library
     rejected = []
-    for path in candidate_paths():  # newest file name first, so usually one is opened
+    for path in [named] if named else candidate_paths():  # newest name first: usually one is opened
         library = inspect_llvm(path)
         if library.ok:
             return library
         rejected.append(library)
+    if named:
+        raise SetupError(
+            f"{PATH_VARIABLE} names {named!r}, which {rejected[0].why}; unset it or name a libLLVM "
+            f"of version {OLDEST_MAJOR} or newer (to install one: {llvm_install_command()})."
+        )
     trouble = "No LLVM library was found, and rays are traced by code that LLVM compiles"
     if rejected:
         newest = max(rejected, key=lambda library: library.version or (0, 0, 0))

@@ -1,7 +1,6 @@
 """Choice of Mitsuba's variant, with an LLVM or CUDA that works.
 
-Everything that other modules need to know of LLVM, CUDA and variants is here. Importing it imports
-neither Mitsuba nor Dr.Jit.
+Everything that other modules need to know of LLVM, CUDA and variants is here.
 """
 
 from __future__ import annotations
@@ -104,7 +103,15 @@ def ensure(variant: str | None = None) -> str:
     if name != current_variant():
         _set_variant(name)
     if name.startswith("llvm"):
-        _check_loaded_llvm()
+        # Someone else may have imported Mitsuba first: what has Dr.Jit really loaded?
+        version = importlib.import_module("drjit.detail").llvm_version()
+        if version[0] < OLDEST_MAJOR:
+            raise SetupError(
+                f"Mitsuba was imported earlier and has loaded LLVM {'.'.join(map(str, version))}, "
+                f"and versions before {OLDEST_MAJOR} can abort the whole process; restart Python "
+                "and call iriftrace.runtime.ensure() before importing mitsuba, or set "
+                f"{PATH_VARIABLE} first."
+            )
     refuse_foreign_plugins(Path.cwd())
     importlib.import_module("iriftrace.plugins").register()
     return name
@@ -204,17 +211,6 @@ def refuse_gpu_without_optix(error: Exception) -> None:
             "This GPU's driver has no OptiX that Mitsuba can trace rays with; install a newer "
             f"NVIDIA driver, or use {DEFAULT_VARIANT}."
         ) from error
-
-
-def _check_loaded_llvm() -> None:
-    """Ask Dr.Jit what it has really loaded: someone else may have imported Mitsuba first."""
-    version = importlib.import_module("drjit.detail").llvm_version()
-    if version[0] < OLDEST_MAJOR:
-        raise SetupError(
-            f"Mitsuba was imported earlier and has loaded LLVM {'.'.join(map(str, version))}, and "
-            f"versions before {OLDEST_MAJOR} can abort the whole process; restart Python and call "
-            f"iriftrace.runtime.ensure() before importing mitsuba, or set {PATH_VARIABLE} first."
-        )
 
 
 def _import_mitsuba() -> Any:
