@@ -35,14 +35,9 @@ if TYPE_CHECKING:
 
 
 CAMERA = Group("Camera", sort_key=5)
-SECOND = Group("Second device", sort_key=6)
-ORBIT = Group("Orbit", sort_key=1)
 
 FOCUS_MM = (50.0, 250.0)
 """Nearest and farthest sharp distance of the camera of Kern et al. (2025)."""
-
-FOCUS_SHARE = 0.9
-"""Default stand-off as a share of the far end of the focus interval."""
 
 Scale = Annotated[float, Parameter(group=CAMERA, help="Factor on the resolution.")]
 """Not one of the camera's options, because every command has its own default."""
@@ -100,12 +95,21 @@ class CameraOptions:
 
     def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
         """The camera these options describe, at its whole resolution."""
+        from iriftrace.scene.viewpoint import part_view
+
         calibration = self._calibration()
         camera = self._described() if calibration is None else self._calibrated(calibration)
         placed = self.origin is not None or self.target is not None
         if placed or calibration is None or calibration.matrix is None:
             return self._placed(camera, part, field, stack)
-        self._refuse_blind(camera, part)
+        if part_view(part, camera).outside >= 1.0:
+            # In another unit it stands in the part, or looks past it.
+            place = ", ".join(f"{value:.4g}" for value in camera.origin)
+            raise InputError(
+                f"The pose in {self.calibration}, read in {self.calibration_length_unit}, has its "
+                f"camera at ({place}) mm, from where it sees nothing of the part; give the unit of "
+                "its translation (--calibration-length-unit), or --origin and --target."
+            )
         return camera
 
     def has_pose(self) -> bool:
@@ -177,19 +181,6 @@ class CameraOptions:
             pixel_size_mm=self.pixel_size, focus_mm=self.focus or FOCUS_MM, **pose
         )
 
-    def _refuse_blind(self, camera: Camera, part: Part) -> None:
-        """A pose of a calibration in another unit stands in the part, or looks past it."""
-        from iriftrace.scene.viewpoint import part_view
-
-        if part_view(part, camera).outside < 1.0:
-            return
-        place = ", ".join(f"{value:.4g}" for value in camera.origin)
-        raise InputError(
-            f"The pose in {self.calibration}, read in {self.calibration_length_unit}, has its "
-            f"camera at ({place}) mm, from where it sees nothing of the part; give the unit of its "
-            "translation (--calibration-length-unit), or --origin and --target."
-        )
-
     def _placed(
         self, camera: Camera, part: Part, field: IndexField | None, stack: ShellStack
     ) -> Camera:
@@ -216,7 +207,7 @@ def _with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
     return evolve(device, focus_mm=(near, max(far, math.ceil(farthest_mm(part, device)))))
 
 
-@Parameter(name="*", group=SECOND)
+@Parameter(name="*", group=Group("Second device", sort_key=6))
 @frozen
 class SecondOptions:
     """A second device, with which points are triangulated; see ``iriftrace measure``.
@@ -295,7 +286,7 @@ class SecondOptions:
         return options
 
 
-@Parameter(name="*", group=ORBIT)
+@Parameter(name="*", group=Group("Orbit", sort_key=1))
 @frozen
 class OrbitOptions:
     """Poses of the camera of a sweep.
@@ -413,5 +404,5 @@ class OrbitOptions:
                 "The camera's focus has no far end from which a distance could follow; give "
                 "--stand-off or --semi-axes."
             )
-        lengths = self.stand_off or (FOCUS_SHARE * far,)
+        lengths = self.stand_off or (0.9 * far,)
         return [(length, semi_axes(scene.part, length)) for length in lengths]

@@ -32,8 +32,6 @@ from rich.progress import (
 out = Console(highlight=False)
 notes = Console(stderr=True, highlight=False)
 
-_PAUSE_S = 0.02
-
 _watching = threading.Event()
 _noticed = threading.Event()
 _pending = threading.Event()
@@ -220,7 +218,7 @@ def _raise_later() -> None:
 
 
 def _send_again() -> None:
-    time.sleep(_PAUSE_S)
+    time.sleep(0.02)
     if not _pending.is_set():
         return
     if sys.platform == "win32":

@@ -32,16 +32,8 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.shells.stack import ShellStack
 
-AIR = Group("Air", sort_key=1)
-FIELD = Group("Field", sort_key=2)
-SHELLS = Group("Shells", sort_key=3)
-PART = Group("Part", sort_key=4)
 
-LARGEST_REFRACTIVITY = 0.01
-"""n - 1 of air is far below, a temperature in degC or n itself above."""
-
-
-@Parameter(name="*", group=AIR)
+@Parameter(name="*", group=Group("Air", sort_key=1))
 @frozen
 class AirOptions:
     """The air around the part.
@@ -83,7 +75,7 @@ class AirOptions:
         )
 
 
-@Parameter(name="*", group=PART)
+@Parameter(name="*", group=Group("Part", sort_key=4))
 @frozen
 class PartOptions:
     """Reading of the part's file.
@@ -141,7 +133,7 @@ class PartOptions:
         ]
 
 
-@Parameter(name="*", group=FIELD)
+@Parameter(name="*", group=Group("Field", sort_key=2))
 @frozen
 class FieldOptions:
     """Reading of the field's file.
@@ -229,7 +221,7 @@ class FieldOptions:
         return {key: value for key, value in stated.items() if value is not None}
 
 
-@Parameter(name="*", group=SHELLS)
+@Parameter(name="*", group=Group("Shells", sort_key=3))
 @frozen
 class ShellOptions:
     """Contouring of the field.
@@ -320,7 +312,8 @@ def _refractivity(end: str, air: Air) -> float:
         value = float(end)
     except ValueError:
         return float(air.refractivity(quantity(end, "kelvin", "--index-range")))
-    if not 0.0 <= value < LARGEST_REFRACTIVITY:
+    # n - 1 of air is far below this, a temperature in degC or n itself above.
+    if not 0.0 <= value < 0.01:
         raise InputError(
             f'--index-range has the end "{end}", which is no n - 1 of air (5.8e-5 at 1100 degC, '
             '2.718e-4 in the room); a temperature needs its unit, such as "20 degC".'

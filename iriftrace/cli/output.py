@@ -17,16 +17,10 @@ if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.part_fit import Fit
     from iriftrace.image.metrics import EnsembleMetrics, PoseMetrics
-    from iriftrace.scene.viewpoint import PartView
+    from iriftrace.part.part import Part
     from iriftrace.shells.report import ShellReport
     from iriftrace.shells.stack import ShellStack
 
-
-MANY_SHELLS = 30
-"""From here on still more shells hardly bring a picture closer to the field."""
-
-MANY_MISMATCHES = 0.01
-"""Share of the hits above which index steps that do not add up are no single rays at edges."""
 
 TOO_FEW = "fewer than 100 good rays, so no numbers"
 
@@ -64,16 +58,8 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
             f"Shell {small.layer}: {small.components} small pieces dropped "
             f"({small.triangles} triangles)."
         )
-    if fit is not None:
-        _print_fit(fit)
-
-
-def _length(value: float | None) -> str:
-    return "" if value is None else f"{value:.3f}"
-
-
-def _print_fit(fit: Fit) -> None:
-    """Print the gap between the field's inner wall and the part, and the wall's temperature."""
+    if fit is None:
+        return
     temperature = "not known"
     if np.isfinite(fit.wall_temperature_k):
         temperature = f"{fit.wall_temperature_k - ZERO_CELSIUS_K:.0f} degC"
@@ -84,6 +70,10 @@ def _print_fit(fit: Fit) -> None:
         )
     else:
         out.print(f"Air at the part's surface: temperature {temperature}.")
+
+
+def _length(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}"
 
 
 def print_camera(camera: Camera, scale: float) -> None:
@@ -99,8 +89,11 @@ def print_camera(camera: Camera, scale: float) -> None:
         out.print(f"Lens distortion {camera.distortion}.")
 
 
-def print_view(view: PartView, remedy: str) -> None:
+def print_view(part: Part, camera: Camera, remedy: str) -> None:
     """Say what share of the part a picture does not hold, where there is one, and a remedy."""
+    from iriftrace.scene.viewpoint import part_view
+
+    view = part_view(part, camera)
     shares = {"outside the picture": view.outside, "out of focus": view.out_of_focus}
     missing = [f"{_percent(share)} {place}" for place, share in shares.items() if share >= 0.0005]
     if missing:
@@ -118,8 +111,8 @@ def print_summary(metrics: PoseMetrics) -> None:
     table.add_row(
         "displacement", TOO_FEW if displacement["median"] is None else _in_um(displacement)
     )
-    across, along = metrics.displacement_lateral_mm, metrics.displacement_axial_mm
-    table.add_row("across / along line of sight", f"{_um(across)} / {_um(along)} (mean)")
+    across, along = _um(metrics.displacement_lateral_mm), _um(metrics.displacement_axial_mm)
+    table.add_row("across / along line of sight", f"{across} / {along} (mean)")
     table.add_row("shift in the picture", _in_pixels(asdict(metrics.shift_px)))
     if metrics.ensemble is not None:
         _add_ensemble(table, metrics.ensemble)
@@ -137,8 +130,13 @@ def print_summary(metrics: PoseMetrics) -> None:
         f"lateral {_um(lateral)}, axial {f'0 ({FRONTAL})' if frontal else _um(axial)} (step to the "
         "next pixel)",
     )
-    if metrics.full_camera is not None:
-        _add_full_camera(table, metrics.full_camera)
+    full = metrics.full_camera
+    if full is not None:
+        # Shifts and resolutions without the picture's scale.
+        width, height = full["resolution"]
+        table.add_row(f"with all {width} x {height} px", f"shift {_in_pixels(full['shift_px'])}")
+        across, along = _um(full["lateral_resolution_mm"]), _um(full["axial_resolution_mm"])
+        table.add_row("", f"lateral {across}, axial {along} (step)")
     rays = metrics.rays
     table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
     for status in Status:
@@ -147,7 +145,8 @@ def print_summary(metrics: PoseMetrics) -> None:
             of_hits = rays.hit and status is not Status.MISSED
             share = f" ({count / rays.hit:.2%} of the hits)" if of_hits else ""
             table.add_row("", f"{count:,} {status.text}{share}")
-    if rays.index_mismatch > MANY_MISMATCHES * max(rays.hit, 1):
+    # Above this share of the hits they are no single rays at edges.
+    if rays.index_mismatch > 0.01 * max(rays.hit, 1):
         table.add_row(
             "",
             "so many do not add up that shells have holes or are another field's; make the scene "
@@ -192,14 +191,6 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
     )
 
 
-def _add_full_camera(table: Table, values: dict[str, Any]) -> None:
-    """Shifts and resolutions without the picture's scale."""
-    width, height = values["resolution"]
-    table.add_row(f"with all {width} x {height} px", f"shift {_in_pixels(values['shift_px'])}")
-    lateral, axial = (_um(values[f"{name}_resolution_mm"]) for name in ("lateral", "axial"))
-    table.add_row("", f"lateral {lateral}, axial {axial} (step)")
-
-
 def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
     """Difference between the shells and the field they were cut from, with a remedy if large."""
     table.add_row(
@@ -209,7 +200,8 @@ def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
         f"{values['rays']:,} rays",
     )
     if not values["suffice"]:
-        more = "cut more shells (--layers 40), or " if values["shells"] < MANY_SHELLS else ""
+        # From 30 on still more shells hardly bring a picture closer to the field.
+        more = "cut more shells (--layers 40), or " if values["shells"] < 30 else ""
         table.add_row("", f"closer: {more}trace with --engine continuous")
         table.add_row("", "if they were thinned out, leave --triangles out first")
 

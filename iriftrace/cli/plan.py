@@ -39,17 +39,15 @@ if TYPE_CHECKING:
     from iriftrace.planning.summary import RankingTable, SweepSummary
 
 
-RANKING = Group("Ranking", sort_key=1)
-Ranking = Annotated[Criteria, Parameter(name="*", group=RANKING)]
+Ranking = Annotated[Criteria, Parameter(name="*", group=Group("Ranking", sort_key=1))]
 """Options about how poses are ranked: the same for plan, plot and report."""
 
-VIEWS = Group("Several views", sort_key=2)
 REFINE = Group("Refinement", sort_key=3)
 PAIRS = Group("Two devices", sort_key=5)
 POSES = Group("Poses for other programs", sort_key=4)
 
 
-@Parameter(name="*", group=VIEWS)
+@Parameter(name="*", group=Group("Several views", sort_key=2))
 @frozen
 class ViewOptions:
     """Several poses that see more of the part than one.

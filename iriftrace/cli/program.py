@@ -110,7 +110,7 @@ def _of_the_command_line(error: CycloptsError) -> str:
 
 
 @app.command
-def doctor() -> int:
+def doctor() -> None:
     """Check this machine: versions, variants, the LLVM or CUDA library, and how to mend them.
 
     Example: ``iriftrace doctor``
@@ -124,7 +124,6 @@ def doctor() -> int:
             say(f"      {finding.remedy}")
     if not diagnosis.ok:
         raise InputError("Something that iriftrace needs is missing; see the lines marked error.")
-    return 0
 
 
 # By name, so that the program starts fast: a module is imported when its command is called or

@@ -197,11 +197,10 @@ def _render(
 
 def _print_rendering(rendering: Rendering, loaded: LoadedScene, files: list[Path]) -> None:
     from iriftrace.cli.output import print_summary, print_view
-    from iriftrace.scene.viewpoint import part_view
 
     print_summary(rendering.metrics)
     remedy = "move the camera or change focus_near and focus_far in the scene's file"
-    print_view(part_view(loaded.part, rendering.image.camera), remedy)
+    print_view(loaded.part, rendering.image.camera, remedy)
     say("Files: " + ", ".join(map(str, files)))
 
 

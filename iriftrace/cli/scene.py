@@ -137,13 +137,12 @@ def scene(
 
     if not field_options.isosurfaces:
         check_order(field, part)
-    check_field(field)
+    fields = [field, *(member or [])]
+    check_field(*fields)
     check_input(part)
     check_output(output, "scene.xml", make=True)
     refuse_edited(output)
     measured = part_options.read(part)
-    fields = [field, *(member or [])]
-    check_field(*fields)
     if field_options.isosurfaces and member:
         raise InputError(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
@@ -161,11 +160,11 @@ def scene(
 
     def devices(volume: IndexField | None, stack: ShellStack) -> Camera:
         """The camera; the second device, if there is one, goes into the settings."""
-        from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
-
         camera = camera_options.camera(measured, volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
         if two_devices:
+            from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+
             second = second_options.device(camera_options, camera, measured, volume, stack)
             settings["second"] = second
             settings["second_id"] = DEVICE_OF_SYSTEM[second_options.system or "fringe"]
@@ -274,13 +273,12 @@ def _print_scene(
 ) -> None:
     """Say where the devices of a written scene stand, what is seen, and how to go on."""
     from iriftrace.cli.output import print_camera, print_view
-    from iriftrace.scene.viewpoint import part_view
 
     print_camera(camera, settings["scale"])
-    print_view(
-        part_view(part, camera),
-        "move it back with --origin, give --focus, or leave out both for a camera that sees all",
+    remedy = (
+        "move it back with --origin, give --focus, or leave out both for a camera that sees all"
     )
+    print_view(part, camera, remedy)
     say(f"Scene{of_what} written; now run:  {command_line('render', path)}")
     if "second" in settings:
         x, y, z = settings["second"].origin

@@ -37,10 +37,7 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
 
 
-SIMULATION = Group("Simulation", sort_key=1)
-
-
-@Parameter(name="*", group=SIMULATION)
+@Parameter(name="*", group=Group("Simulation", sort_key=1))
 @frozen
 class SimulationOptions:
     """Physics, mesh and times of a simulation.

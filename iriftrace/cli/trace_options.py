@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -15,9 +16,6 @@ from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.scene.load import LoadedScene
-
-RELATIVE_TOLERANCE = 1e-6
-"""By which two wavelengths may differ and still be one."""
 
 
 @Parameter(name="*")
@@ -76,7 +74,7 @@ def check_light(wavelength: float | None, header: Mapping[str, Any], file: Path)
             f"{file} does not state its wavelength, because its scene does not, so it is not known "
             "to be the one that --wavelength asks for; leave the option out."
         )
-    if abs(stated - wavelength) > RELATIVE_TOLERANCE * wavelength:
+    if not math.isclose(stated, wavelength, rel_tol=1e-6):
         raise InputError(
             f"{file} is of light of {stated:g} nm and not of {wavelength:g} nm, as --wavelength "
             "asks for; give the file of the other light, or trace it with this option."

@@ -190,12 +190,12 @@ def candidate_paths() -> list[str]:
     for pattern in _patterns():
         for path in sorted(glob.glob(pattern)):
             files.setdefault(os.path.realpath(path), path)
-    return sorted(files.values(), key=_version_in_name, reverse=True)
 
+    def numbers(path: str) -> tuple[int, ...]:
+        # Those of the file's own name; a name without any is asked last.
+        return tuple(map(int, re.findall(r"\d+", os.path.basename(os.path.realpath(path)))))
 
-def _version_in_name(path: str) -> tuple[int, ...]:
-    """Return the numbers in the file's own name; a name without any is asked last."""
-    return tuple(map(int, re.findall(r"\d+", os.path.basename(os.path.realpath(path)))))
+    return sorted(files.values(), key=numbers, reverse=True)
 
 
 def _patterns() -> list[str]:

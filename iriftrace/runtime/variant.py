@@ -166,7 +166,11 @@ def using(variant: str) -> Iterator[str]:
 def _set_variant(name: str) -> None:
     imported_before = "mitsuba" in sys.modules
     if not imported_before:
-        _point_to_llvm(required=name.startswith("llvm"))
+        try:
+            os.environ[PATH_VARIABLE] = require_llvm().path
+        except SetupError:
+            if name.startswith("llvm"):
+                raise
     if name.startswith("cuda") and not cuda_state().devices:
         raise SetupError(
             "cuda_ad_mono needs an NVIDIA GPU with its driver, and none answers "
@@ -190,18 +194,6 @@ def _set_variant(name: str) -> None:
                 "mitsuba."
             ) from error
         raise SetupError(f"Mitsuba cannot work with {name}: {cause}") from error
-
-
-def _point_to_llvm(*, required: bool) -> None:
-    """Set `DRJIT_LIBLLVM_PATH` when it is unset; without a usable LLVM raise only if required."""
-    try:
-        library = require_llvm()
-    except SetupError:
-        if required:
-            raise
-        return
-    if not os.environ.get(PATH_VARIABLE):
-        os.environ[PATH_VARIABLE] = library.path
 
 
 def refuse_gpu_without_optix(error: Exception) -> None:
