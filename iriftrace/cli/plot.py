@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from iriftrace.cli.console import notes, say, working
-from iriftrace.cli.options import (
-    LightOf,
-    Whole,
-    check_folder,
-    check_input,
-    check_output,
-    removed_on_failure,
-)
+from iriftrace.cli.options import LightOf, Whole, check_folder, check_input, check_output
 from iriftrace.cli.plan import Ranking, ViewOptions, confirmed
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
@@ -68,11 +62,16 @@ def plot(
     check_light(wavelength, header, file)
     if not isinstance(result, AovImage) and not is_study(file):
         result, _ = confirmed(result, ranking, confirm)
-    with removed_on_failure(output):
+    new = not output.exists()
+    try:
         output.mkdir(exist_ok=True)
         with working("Drawing"):
             plots = draw(result, criteria=ranking, name=file.stem, component=component)
             pictures = plots.save(output)
+    except BaseException:
+        if new:
+            shutil.rmtree(output, ignore_errors=True)
+        raise
     _print_missing(plots.missing)
     say(f"Pictures in {output}: {', '.join(path.name for path in pictures)}")
 
