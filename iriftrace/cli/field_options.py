@@ -189,6 +189,8 @@ class FieldOptions:
         from iriftrace.field.read import read_field
         from iriftrace.field.readers.members import member_at
 
+        if member is None and self.time is not None:
+            member = member_at(path, self.time).index
         return read_field(
             path,
             array=self.array,
@@ -197,9 +199,7 @@ class FieldOptions:
             length_unit=self.field_length_unit,
             air=air,
             transform=self.transform(),
-            member=member
-            if member is not None or self.time is None
-            else member_at(path, self.time).index,
+            member=member,
             part=part,
             flow=flow,
         )
@@ -280,9 +280,7 @@ class ShellOptions:
 
     def notes(self) -> dict[str, str]:
         """Remarks about the shells for all results."""
-        if not self.drop_inner:
-            return {}
-        return {"shells": f"the {self.drop_inner} innermost left out"}
+        return {"shells": f"the {self.drop_inner} innermost left out"} if self.drop_inner else {}
 
     def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
         """Drop inner shells, smooth, subdivide and thin out as asked."""
@@ -302,8 +300,7 @@ class ShellOptions:
                 f'--index-range is "{self.index_range}"; give OUTSIDE:INSIDE, as n - 1 or as '
                 "temperatures with unit."
             )
-        outside, inside = (_refractivity(end, air) for end in ends)
-        return outside, inside
+        return _refractivity(ends[0], air), _refractivity(ends[1], air)
 
 
 def _refractivity(end: str, air: Air) -> float:

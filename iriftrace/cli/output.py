@@ -135,8 +135,8 @@ def print_summary(metrics: PoseMetrics) -> None:
         # Shifts and resolutions without the picture's scale.
         width, height = full["resolution"]
         table.add_row(f"with all {width} x {height} px", f"shift {_in_pixels(full['shift_px'])}")
-        across, along = _um(full["lateral_resolution_mm"]), _um(full["axial_resolution_mm"])
-        table.add_row("", f"lateral {across}, axial {along} (step)")
+        lateral, axial = full["lateral_resolution_mm"], full["axial_resolution_mm"]
+        table.add_row("", f"lateral {_um(lateral)}, axial {_um(axial)} (step)")
     rays = metrics.rays
     table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
     for status in Status:
@@ -145,7 +145,7 @@ def print_summary(metrics: PoseMetrics) -> None:
             of_hits = rays.hit and status is not Status.MISSED
             share = f" ({count / rays.hit:.2%} of the hits)" if of_hits else ""
             table.add_row("", f"{count:,} {status.text}{share}")
-    # Above this share of the hits they are no single rays at edges.
+    # In more than this share of the hits, steps that do not add up are no single rays at edges.
     if rays.index_mismatch > 0.01 * max(rays.hit, 1):
         table.add_row(
             "",
