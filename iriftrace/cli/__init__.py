@@ -7,8 +7,6 @@ import sys
 
 from iriftrace.cli.console import exit_status, ignore, noticed, raise_if_noticed, watching
 
-NOTHING_KEPT = "nothing half written was left behind"
-
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the program; returns the exit status.
@@ -39,5 +37,5 @@ def _run(arguments: list[str]) -> int:
             raise
         kept = ""
     ignore()
-    print(f"interrupted; {kept or NOTHING_KEPT}", file=sys.stderr)
+    print(f"interrupted; {kept or 'nothing half written was left behind'}", file=sys.stderr)
     return exit_status()

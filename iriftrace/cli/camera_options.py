@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
 
-from iriftrace.cli.options import Interval, Length, Lengths, Numbers, Pair, Size, Vector, Whole
+from iriftrace.cli.options import (
+    Interval,
+    Length,
+    Lengths,
+    Numbers,
+    Pair,
+    Size,
+    Vector,
+    Whole,
+    refuse_given,
+)
 from iriftrace.core.errors import InputError, IriftraceWarning
 
 if TYPE_CHECKING:
@@ -26,17 +35,9 @@ if TYPE_CHECKING:
 
 
 CAMERA = Group("Camera", sort_key=5)
-SECOND = Group("Second device", sort_key=6)
-ORBIT = Group("Orbit", sort_key=1)
-
-AZIMUTH, ELEVATION = "0:90:10", "-90:90:19"
-"""Angles of an orbit without others, degree."""
 
 FOCUS_MM = (50.0, 250.0)
 """Nearest and farthest sharp distance of the camera of Kern et al. (2025)."""
-
-FOCUS_SHARE = 0.9
-"""Default stand-off as a share of the far end of the focus interval."""
 
 Scale = Annotated[float, Parameter(group=CAMERA, help="Factor on the resolution.")]
 """Not one of the camera's options, because every command has its own default."""
@@ -92,19 +93,23 @@ class CameraOptions:
     target: Vector | None = None
     up: Vector = (0.0, 0.0, 1.0)
 
-    def camera(
-        self, part: Part, field: IndexField | None, stack: ShellStack, scale: float
-    ) -> Camera:
+    def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
         """The camera these options describe, at its whole resolution."""
+        from iriftrace.scene.viewpoint import part_view
 
         calibration = self._calibration()
         camera = self._described() if calibration is None else self._calibrated(calibration)
         placed = self.origin is not None or self.target is not None
         if placed or calibration is None or calibration.matrix is None:
-            camera = self._placed(camera, part, field, stack)
-        else:
-            self._refuse_blind(camera, part)
-        camera.scaled(scale)  # refuses a scale that leaves no pixel
+            return self._placed(camera, part, field, stack)
+        if part_view(part, camera).outside >= 1.0:
+            # In another unit it stands in the part, or looks past it.
+            place = ", ".join(f"{value:.4g}" for value in camera.origin)
+            raise InputError(
+                f"The pose in {self.calibration}, read in {self.calibration_length_unit}, has its "
+                f"camera at ({place}) mm, from where it sees nothing of the part; give the unit of "
+                "its translation (--calibration-length-unit), or --origin and --target."
+            )
         return camera
 
     def has_pose(self) -> bool:
@@ -142,7 +147,13 @@ class CameraOptions:
 
         if self.calibration is None:
             return None
-        self._refuse_intrinsics()
+        standard = CameraOptions()
+        for name in ("focal_length", "sensor", "resolution", "principal_point", "distortion"):
+            if getattr(self, name) != getattr(standard, name):
+                raise InputError(
+                    f'--{name.replace("_", "-")} is "{getattr(self, name)}", but --calibration '
+                    "says that too; leave one of them out."
+                )
         try:
             unit = length_factor(self.calibration_length_unit)
         except InputError as error:
@@ -170,30 +181,6 @@ class CameraOptions:
             pixel_size_mm=self.pixel_size, focus_mm=self.focus or FOCUS_MM, **pose
         )
 
-    def _refuse_blind(self, camera: Camera, part: Part) -> None:
-        """A pose of a calibration in another unit stands in the part, or looks past it."""
-        from iriftrace.scene.viewpoint import part_view
-
-        if part_view(part, camera).outside < 1.0:
-            return
-        place = ", ".join(f"{value:.4g}" for value in camera.origin)
-        raise InputError(
-            f"The pose in {self.calibration}, read in {self.calibration_length_unit}, has its "
-            f"camera at ({place}) mm, from where it sees nothing of the part; give the unit of its "
-            "translation (--calibration-length-unit), or --origin and --target."
-        )
-
-    def _refuse_intrinsics(self) -> None:
-        """A calibration has what these options say, and two answers are none."""
-        names = ("focal_length", "sensor", "resolution", "principal_point", "distortion")
-        standard = CameraOptions()
-        for name in names:
-            if getattr(self, name) != getattr(standard, name):
-                raise InputError(
-                    f'--{name.replace("_", "-")} is "{getattr(self, name)}", but --calibration '
-                    "says that too; leave one of them out."
-                )
-
     def _placed(
         self, camera: Camera, part: Part, field: IndexField | None, stack: ShellStack
     ) -> Camera:
@@ -220,7 +207,7 @@ def _with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
     return evolve(device, focus_mm=(near, max(far, math.ceil(farthest_mm(part, device)))))
 
 
-@Parameter(name="*", group=SECOND)
+@Parameter(name="*", group=Group("Second device", sort_key=6))
 @frozen
 class SecondOptions:
     """A second device, with which points are triangulated; see ``iriftrace measure``.
@@ -248,12 +235,11 @@ class SecondOptions:
         """True if there is a second device."""
         if self.second is not None or self.second_calibration is not None:
             return True
-        said = {"--second-pixel-size": self.second_pixel_size, "--system": self.system}
-        for name in _given(said):
-            raise InputError(
-                f"{name} is of a second device, and there is none; give its position too, such as "
-                '--second "150,-100,40".'
-            )
+        refuse_given(
+            {"--second-pixel-size": self.second_pixel_size, "--system": self.system},
+            "is of a second device, and there is none; give its position too, such as "
+            '--second "150,-100,40".',
+        )
         return False
 
     def device(
@@ -263,19 +249,21 @@ class SecondOptions:
         part: Part,
         field: IndexField | None,
         stack: ShellStack,
-        scale: float,
     ) -> Camera:
         """The second device, at its whole resolution."""
         from iriftrace.camera.pose import look_at
 
-        if self.second_calibration is None:
-            if self.second is None or self.second_pixel_size is not None:
-                raise InputError(
-                    "--second-pixel-size belongs to --second-calibration; give that too."
-                )
+        if self.second_calibration is not None:
+            device = self._calibrated(first).camera(part, field, stack)
+        elif self.second is None or self.second_pixel_size is not None:
+            raise InputError("--second-pixel-size belongs to --second-calibration; give that too.")
+        else:
             target = part.centre if first.target is None else first.target
             device = camera.at(look_at(self.second, target, first.up))
-            return device if first.focus is not None else _with_all_in_focus(device, camera, part)
+        return device if first.focus is not None else _with_all_in_focus(device, camera, part)
+
+    def _calibrated(self, first: CameraOptions) -> CameraOptions:
+        """Options of the second device, where its calibration is given."""
         if self.second_pixel_size is None:
             raise InputError(
                 f"{self.second_calibration} knows lengths in pixels only; give the width of a "
@@ -295,11 +283,10 @@ class SecondOptions:
                 f"{self.second_calibration} has no pose, so nothing says where the second device "
                 "stands; give --second too."
             )
-        device = options.camera(part, field, stack, scale)
-        return device if first.focus is not None else _with_all_in_focus(device, camera, part)
+        return options
 
 
-@Parameter(name="*", group=ORBIT)
+@Parameter(name="*", group=Group("Orbit", sort_key=1))
 @frozen
 class OrbitOptions:
     """Poses of the camera of a sweep.
@@ -358,17 +345,16 @@ class OrbitOptions:
             convention, unit = self.convention or "opencv", self.length_unit or "mm"
             return {math.nan: read_poses(self.poses, convention, length_unit=unit)}
         target = self.look_at(scene)
+        azimuth = parse_range("0:90:10" if self.azimuth is None else self.azimuth)
+        elevation = parse_range("-90:90:19" if self.elevation is None else self.elevation)
+        kind = self.angles or "parameter"
         sets = {}
         for stand_off, axes in self._axes(scene):
-            kind = self.angles or "parameter"
             orbit = Orbit(centre=scene.part.centre, semi_axes_mm=axes, angles=kind)
-            if self.fibonacci is not None:
-                poses = fibonacci_poses(orbit, self.fibonacci, target)
+            if self.fibonacci is None:
+                sets[stand_off] = orbit_poses(orbit, azimuth, elevation, target)
             else:
-                azimuth = parse_range(AZIMUTH if self.azimuth is None else self.azimuth)
-                elevation = parse_range(ELEVATION if self.elevation is None else self.elevation)
-                poses = orbit_poses(orbit, azimuth, elevation, target)
-            sets[stand_off] = poses
+                sets[stand_off] = fibonacci_poses(orbit, self.fibonacci, target)
         return sets
 
     def _refuse_contradictions(self) -> None:
@@ -376,15 +362,16 @@ class OrbitOptions:
         grid = {"--azimuth": self.azimuth, "--elevation": self.elevation}
         of_a_file = {"--convention": self.convention, "--length-unit": self.length_unit}
         if self.poses is None:
-            for name in _given(of_a_file):
-                raise InputError(
-                    f"{name} says how a list of poses is written, but none is given; leave it out, "
-                    "or give --poses."
-                )
-            for name in _given(grid) if self.fibonacci is not None else ():
-                raise InputError(
-                    f"{name} lays out a grid of angles, but --fibonacci spreads the poses itself; "
-                    "leave out one of the two."
+            refuse_given(
+                of_a_file,
+                "says how a list of poses is written, but none is given; leave it out, or give "
+                "--poses.",
+            )
+            if self.fibonacci is not None:
+                refuse_given(
+                    grid,
+                    "lays out a grid of angles, but --fibonacci spreads the poses itself; leave "
+                    "out one of the two.",
                 )
             return
         orbit = {
@@ -395,11 +382,10 @@ class OrbitOptions:
             "--angles": self.angles,
             "--fibonacci": self.fibonacci,
         }
-        for name in _given(orbit):
-            raise InputError(
-                f"{name} describes an orbit, but the poses come from {self.poses}; leave out one "
-                "of the two."
-            )
+        refuse_given(
+            orbit,
+            f"describes an orbit, but the poses come from {self.poses}; leave out one of the two.",
+        )
 
     def _axes(self, scene: LoadedScene) -> list[tuple[float, Any]]:
         """Stand-off and semi-axes, mm, of each orbit."""
@@ -412,17 +398,11 @@ class OrbitOptions:
             return [(math.nan, self.semi_axes)]
         if self.paper_axes is not None:
             return [(math.nan, paper_semi_axes(scene.part, self.paper_axes))]
-        if self.stand_off is not None:
-            return [(length, semi_axes(scene.part, length)) for length in self.stand_off]
         far = scene.camera.focus_mm[1]
-        if not math.isfinite(far):
+        if self.stand_off is None and not math.isfinite(far):
             raise InputError(
                 "The camera's focus has no far end from which a distance could follow; give "
                 "--stand-off or --semi-axes."
             )
-        length = FOCUS_SHARE * far
-        return [(length, semi_axes(scene.part, length))]
-
-
-def _given(options: Mapping[str, object]) -> list[str]:
-    return [name for name, value in options.items() if value is not None]
+        lengths = self.stand_off or (0.9 * far,)
+        return [(length, semi_axes(scene.part, length)) for length in lengths]

@@ -54,7 +54,7 @@ def compare(
     check_input(image, measured)
     header = read_exr(image).header
     target = output or image.with_name(f"{image.stem}_against_{measured.stem}.json")
-    check_output(target, ".json", "comparison.json", make=False)
+    check_output(target, "comparison.json")
     if target.resolve() == measured.resolve():
         raise InputError(f"The output {target} would replace the measured shift; name another one.")
     used = statuses(include)
@@ -102,11 +102,8 @@ def _print_report(report: dict[str, Any], name: str, resolution: tuple[int, int]
     if "reason" in motion:
         table.add_row("camera motion", f"not known: {motion['reason']}")
     else:
-        for what, key, unit in (
-            ("translation", "translation", "um"),
-            ("rotation", "rotation", "urad"),
-        ):
-            values, deviations = motion[f"{key}_{unit}"], motion[f"{key}_std_{unit}"]
+        for what, unit in (("translation", "um"), ("rotation", "urad")):
+            values, deviations = motion[f"{what}_{unit}"], motion[f"{what}_std_{unit}"]
             table.add_row(
                 f"camera {what}",
                 ", ".join(

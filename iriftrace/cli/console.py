@@ -26,14 +26,11 @@ from rich.progress import (
     Progress,
     ProgressColumn,
     Task,
-    TextColumn,
     TimeRemainingColumn,
 )
 
 out = Console(highlight=False)
 notes = Console(stderr=True, highlight=False)
-
-_PAUSE_S = 0.02
 
 _watching = threading.Event()
 _noticed = threading.Event()
@@ -82,58 +79,53 @@ class Rate(ProgressColumn):
 
 
 @contextmanager
-def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
-    """Show a bar as soon as there is something to show, and at Ctrl-C say what is kept.
+def late_bar(*columns: str | ProgressColumn, transient: bool) -> Iterator[Callable[..., None]]:
+    """Show a bar from the first report on: numbers of finished ones and of all, and more fields."""
+    bar = Progress(*columns, console=notes, transient=transient)
+    task = bar.add_task("")
 
-    Parameters
-    ----------
-    output : Path
-        The result; what is finished is kept in a journal beside it.
-    what : str
-        What is counted.
-
-    Yields
-    ------
-    callable
-        To be called with the number of finished ones and of all.
-    """
-    from iriftrace.sweep.journal import journal_of
-
-    columns = (
-        TextColumn(what),
-        BarColumn(),
-        MofNCompleteColumn(),
-        Rate(),
-        TimeRemainingColumn(),
-    )
-    bar = Progress(*columns, console=notes)
-    task = bar.add_task(what, total=None)
-
-    kept = ""
-
-    def report(done: int, total: int) -> None:
-        nonlocal kept
-        if done:
-            kept = (
-                f"{done} of {total} {what.lower()} are kept in {journal_of(output)}, "
-                "give the same command again to go on"
-            )
+    def report(done: int, total: int, **more: Any) -> None:
         raise_if_noticed()
         if not bar.live.is_started:
             # What an earlier run has done must not count as speed.
-            bar.reset(task, total=total, completed=done)
+            bar.reset(task, total=total, completed=done, **more)
             bar.start()
-        bar.update(task, completed=done)
+        bar.update(task, completed=done, **more)
 
     try:
         yield report
-    except BaseException as error:
-        if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
-            raise KeyboardInterrupt(kept) from error
-        raise
     finally:
         if bar.live.is_started:
             bar.stop()
+
+
+@contextmanager
+def pose_progress(output: Path, what: str = "Poses") -> Iterator[Callable[[int, int], None]]:
+    """Show a bar of finished and all poses, or what they are; at Ctrl-C say what is kept.
+
+    What is finished is kept in a journal beside the output.
+    """
+    from iriftrace.sweep.journal import journal_of
+
+    columns = (what, BarColumn(), MofNCompleteColumn(), Rate(), TimeRemainingColumn())
+    kept = ""
+    with late_bar(*columns, transient=False) as show:
+
+        def report(done: int, total: int) -> None:
+            nonlocal kept
+            if done:
+                kept = (
+                    f"{done} of {total} {what.lower()} are kept in {journal_of(output)}, "
+                    "give the same command again to go on"
+                )
+            show(done, total)
+
+        try:
+            yield report
+        except BaseException as error:
+            if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
+                raise KeyboardInterrupt(kept) from error
+            raise
 
 
 @contextmanager
@@ -226,7 +218,7 @@ def _raise_later() -> None:
 
 
 def _send_again() -> None:
-    time.sleep(_PAUSE_S)
+    time.sleep(0.02)
     if not _pending.is_set():
         return
     if sys.platform == "win32":

@@ -15,19 +15,15 @@ from iriftrace.cli.options import (
     Temperature,
     Vector,
     celsius,
+    check_field,
     check_input,
     check_output,
 )
-from iriftrace.cli.options import check_field as check_field_file
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
-    import pyvista as pv
-
     from iriftrace.cfd.check.finding import FieldCheck
-    from iriftrace.cfd.synthetic.mesh import AirMesh
-    from iriftrace.cfd.synthetic.model import SyntheticAir
 
 
 _COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
@@ -39,13 +35,12 @@ field = App(
 )
 
 # By name, as the commands of the program itself.
-for _name, _module in {
-    "simulate": "simulate",
-    "doctor": "simulate",
-    "synthetic": "field",
-    "check": "field",
+for _module, _names in {
+    "simulate": ("simulate", "doctor"),
+    "field": ("synthetic", "check"),
 }.items():
-    field.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
+    for _name in _names:
+        field.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
 
 
 def check(
@@ -87,10 +82,9 @@ def check(
         Where a camera stands, "x,y,z" in mm; adds how much of its view enters hot air at the edge
         of the data.
     """
-    check_field_file(field)
+    check_field(field)
     check_input(part)
-    if output is not None:
-        check_output(output, ".json", "check.json", make=False)
+    check_output(output, "check.json")
     if field_options.isosurfaces:
         raise InputError("Iso-surfaces have no air between them to be checked; give the volume.")
     if diameter is not None and not diameter > 0.0:
@@ -99,9 +93,9 @@ def check(
     with working("Reading the field"):
         volume = field_options.read(field, air.air(), measured, flow=True)
     with working("Checking the field"):
-        from iriftrace.cfd.check.check import check_field
+        from iriftrace.cfd.check.check import check_field as checked
 
-        result = check_field(
+        result = checked(
             volume,
             measured,
             wall_temperature_k=wall_temperature,
@@ -183,7 +177,7 @@ def synthetic(
     from iriftrace.cfd.synthetic.model import synthetic_air
 
     check_input(part)
-    check_output(output, ".vtu", "field.vtu", make=False)
+    check_output(output, "field.vtu")
     air = synthetic_air(
         part_options.read(part),
         wall_k=wall_temperature,
@@ -194,7 +188,13 @@ def synthetic(
     size = usual_mesh(air, cell_mm=cell_size, sides_mm=sides, height_mm=height)
     with working("Meshing the air"):
         grid = write_synthetic_field(output, air, size, gradient=gradient)
-    _print_field(air, size, grid)
+    temperature = np.asarray(grid.point_data["T"])
+    say(air.origin)
+    say(
+        f"  {grid.n_points:,} points, {grid.n_cells:,} cells, {size.cell_mm:.3g} mm at the wall; "
+        f"air {size.sides_mm:.3g} mm beside and below the part and {size.height_mm:.3g} mm above"
+    )
+    say(f"  T from {temperature.min():.6g} K to {temperature.max():.6g} K")
     say(f"Field in {output}; now run:  {scene_command(output, part, ambient, part_options)}")
 
 
@@ -205,14 +205,3 @@ def scene_command(
     scene = field.parent / "scene" / "scene.xml"
     words = ("--ambient", celsius(ambient_k), *more, *part_options.words())
     return command_line("scene", field, part, "-o", scene, *words)
-
-
-def _print_field(air: SyntheticAir, size: AirMesh, grid: pv.UnstructuredGrid) -> None:
-    temperature = np.asarray(grid.point_data["T"])
-    say(air.origin)
-    out.print(
-        f"  {grid.n_points:,} points, {grid.n_cells:,} cells, {size.cell_mm:.3g} mm at the wall; "
-        f"air {size.sides_mm:.3g} mm beside and below the part and {size.height_mm:.3g} mm above",
-        soft_wrap=True,
-    )
-    out.print(f"  T from {temperature.min():.6g} K to {temperature.max():.6g} K")

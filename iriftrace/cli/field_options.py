@@ -32,16 +32,8 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.shells.stack import ShellStack
 
-AIR = Group("Air", sort_key=1)
-FIELD = Group("Field", sort_key=2)
-SHELLS = Group("Shells", sort_key=3)
-PART = Group("Part", sort_key=4)
 
-LARGEST_REFRACTIVITY = 0.01
-"""n - 1 of air is far below, a temperature in degC or n itself above."""
-
-
-@Parameter(name="*", group=AIR)
+@Parameter(name="*", group=Group("Air", sort_key=1))
 @frozen
 class AirOptions:
     """The air around the part.
@@ -83,7 +75,7 @@ class AirOptions:
         )
 
 
-@Parameter(name="*", group=PART)
+@Parameter(name="*", group=Group("Part", sort_key=4))
 @frozen
 class PartOptions:
     """Reading of the part's file.
@@ -141,7 +133,7 @@ class PartOptions:
         ]
 
 
-@Parameter(name="*", group=FIELD)
+@Parameter(name="*", group=Group("Field", sort_key=2))
 @frozen
 class FieldOptions:
     """Reading of the field's file.
@@ -197,6 +189,8 @@ class FieldOptions:
         from iriftrace.field.read import read_field
         from iriftrace.field.readers.members import member_at
 
+        if member is None and self.time is not None:
+            member = member_at(path, self.time).index
         return read_field(
             path,
             array=self.array,
@@ -205,9 +199,7 @@ class FieldOptions:
             length_unit=self.field_length_unit,
             air=air,
             transform=self.transform(),
-            member=member
-            if member is not None or self.time is None
-            else member_at(path, self.time).index,
+            member=member,
             part=part,
             flow=flow,
         )
@@ -229,7 +221,7 @@ class FieldOptions:
         return {key: value for key, value in stated.items() if value is not None}
 
 
-@Parameter(name="*", group=SHELLS)
+@Parameter(name="*", group=Group("Shells", sort_key=3))
 @frozen
 class ShellOptions:
     """Contouring of the field.
@@ -288,25 +280,16 @@ class ShellOptions:
 
     def notes(self) -> dict[str, str]:
         """Remarks about the shells for all results."""
-        if not self.drop_inner:
-            return {}
-        return {"shells": f"the {self.drop_inner} innermost left out"}
+        return {"shells": f"the {self.drop_inner} innermost left out"} if self.drop_inner else {}
 
     def edited(self, stack: ShellStack, levels: int | None = None) -> ShellStack:
         """Drop inner shells, smooth, subdivide and thin out as asked."""
+        from iriftrace.shells.decimate import decimate
         from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint, without_inner
 
-        if self.drop_inner:
-            stack = without_inner(stack, self.drop_inner, levels)
-        if self.smooth:
-            stack = smooth_taubin(stack, self.smooth)
-        if self.subdivide:
-            stack = subdivide_midpoint(stack, self.subdivide)
-        if self.triangles is not None:
-            from iriftrace.shells.decimate import decimate
-
-            stack = decimate(stack, self.triangles)
-        return stack
+        stack = without_inner(stack, self.drop_inner, levels)
+        stack = subdivide_midpoint(smooth_taubin(stack, self.smooth), self.subdivide)
+        return stack if self.triangles is None else decimate(stack, self.triangles)
 
     def _range(self, air: Air) -> tuple[float, float] | None:
         if self.index_range is None:
@@ -317,8 +300,7 @@ class ShellOptions:
                 f'--index-range is "{self.index_range}"; give OUTSIDE:INSIDE, as n - 1 or as '
                 "temperatures with unit."
             )
-        outside, inside = (_refractivity(end, air) for end in ends)
-        return outside, inside
+        return _refractivity(ends[0], air), _refractivity(ends[1], air)
 
 
 def _refractivity(end: str, air: Air) -> float:
@@ -327,7 +309,8 @@ def _refractivity(end: str, air: Air) -> float:
         value = float(end)
     except ValueError:
         return float(air.refractivity(quantity(end, "kelvin", "--index-range")))
-    if not 0.0 <= value < LARGEST_REFRACTIVITY:
+    # n - 1 of air is far below this, a temperature in degC or n itself above.
+    if not 0.0 <= value < 0.01:
         raise InputError(
             f'--index-range has the end "{end}", which is no n - 1 of air (5.8e-5 at 1100 degC, '
             '2.718e-4 in the room); a temperature needs its unit, such as "20 degC".'

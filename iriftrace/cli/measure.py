@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,8 +13,6 @@ from iriftrace.cli.trace_options import TraceOptions
 
 if TYPE_CHECKING:
     from iriftrace.scene.load import LoadedScene
-
-UM_PER_MM = 1000.0
 
 System = Annotated[
     Literal["stereo", "fringe", "laser"] | None,
@@ -66,8 +63,6 @@ def measure(
     acceptance
         Say the errors that VDI/VDE 2634 tests on the part's spheres and planes: probing error of
         form and of size, sphere-spacing error, flatness error.
-    trace
-        How it is traced.
     figures
         Draw the errors along the part's normal.
     """
@@ -75,20 +70,19 @@ def measure(
 
     check_input(scene)
     require_scene(scene)
-    _check_cloud(output, "scan.vtp")
-    with working("Loading the scene"):
-        loaded = trace.load(scene)
-    write_scan(loaded, output, system, phase, feature or (), acceptance, figures)
+    check_output(output, "scan.vtp", ".ply")
+    loaded = trace.load(scene)
+    write_scan(loaded, output, system, phase, feature, acceptance, figures)
 
 
 def write_scan(
     loaded: LoadedScene,
     output: Path,
-    system: Literal["stereo", "fringe", "laser"] | None,
-    phase: Literal["columns", "rows", "both"] | None,
-    feature: Sequence[str],
-    acceptance: bool,
-    figures: bool,
+    system: System = None,
+    phase: Phase = None,
+    feature: Features = None,
+    acceptance: bool = False,
+    figures: bool = True,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and say what it found."""
     from iriftrace.triangulation.acceptance import acceptance as accepted
@@ -96,7 +90,7 @@ def write_scan(
 
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
-    features = scan.features(loaded.part, feature)
+    features = scan.features(loaded.part, feature or ())
     errors = accepted(features, loaded.part) if acceptance else []
     files = list(scan.save(output, features, errors))
     values = scan.as_dict()
@@ -123,7 +117,7 @@ def write_scan(
         say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")
     _say_field(scan.provenance)
     say("Files: " + ", ".join(map(str, files)))
-    _say_features(features, "cold", "measured", "as measured through hot air")
+    _say_features(features, "cold")
     for row in errors:
         value = row["error_mm"]
         say(
@@ -169,8 +163,6 @@ def correct(
     field_uncertainty
         Standard uncertainty of the field, as a share of the air's contrast in refractive index,
         "5 %"; the corrections' is the same share of them.
-    trace
-        How it is traced.
     """
     from iriftrace.geometry.transform import apply, parse_transform
     from iriftrace.scene.file import require_scene
@@ -179,13 +171,12 @@ def correct(
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
-    _check_cloud(output, "corrected.vtp")
+    check_output(output, "corrected.vtp", ".ply")
     points = read_cloud(cloud, length_unit=length_unit)
     if cloud_to_part is not None:
         text = " ".join(cloud_to_part.read_text(encoding="utf-8", errors="replace").split())
         points = apply(parse_transform(text), points)
-    with working("Loading the scene"):
-        loaded = trace.load(scene)
+    loaded = trace.load(scene)
     with working("Correcting"):
         found = take_out(
             points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
@@ -202,7 +193,7 @@ def correct(
         f"outside the field and {counts['uncertain']:,} whose correction is uncertain by more than "
         "itself."
     )
-    _say_features(features, "corrected", "measured", "as measured through hot air")
+    _say_features(features, "corrected")
     if found.u_normal is None:
         say(
             "No uncertainty is stated, because that of the field is not known: give "
@@ -227,18 +218,14 @@ def _say_field(provenance: dict[str, Any]) -> None:
         say(assumed["field_fit"])
 
 
-def _check_cloud(path: Path, example: str) -> None:
-    """Refuse before the work a cloud that could not be written after it."""
-    suffix = ".ply" if path.suffix.lower() == ".ply" else ".vtp"
-    check_output(path, suffix, example, make=False)
-
-
-def _say_features(features: list[dict[str, Any]], true: str, hot: str, how: str) -> None:
+def _say_features(features: list[dict[str, Any]], true: str) -> None:
+    """Form and size of features as measured through hot air, and cold or corrected."""
     for row in features:
         where = f" ({row['region']})" if row["region"] else ""
-        form = f"form deviation {_um(row['form_mm'][hot])}, {true} {_um(row['form_mm'][true])}"
-        size = row["size_mm"]
-        if size[hot] is None:
+        hot_form, true_form = _um(row["form_mm"]["measured"]), _um(row["form_mm"][true])
+        form = f"form deviation {hot_form}, {true} {true_form}"
+        hot, size = row["size_mm"]["measured"], row["size_mm"][true]
+        if hot is None:
             say(f"{row['kind'].capitalize()}{where}: {form}.")
             continue
         expanded, scatter = row.get("size_uncertainty_mm"), row.get("size_scatter_mm")
@@ -246,10 +233,10 @@ def _say_features(features: list[dict[str, Any]], true: str, hot: str, how: str)
         if scatter is not None:
             more = f", with a standard deviation of {_um(scatter)} from field to field"
         say(
-            f"{row['kind'].capitalize()}{where}: diameter {size[hot]:.4f} mm {how}, "
-            f"{size[true]:.4f} mm {true}: {_um(size[true] - size[hot])} is air{more}; {form}."
+            f"{row['kind'].capitalize()}{where}: diameter {hot:.4f} mm as measured through hot "
+            f"air, {size:.4f} mm {true}: {_um(size - hot)} is air{more}; {form}."
         )
 
 
 def _um(millimetres: float) -> str:
-    return f"{UM_PER_MM * millimetres:.3g} um"
+    return f"{1e3 * millimetres:.3g} um"

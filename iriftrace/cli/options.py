@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import shutil
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Annotated, Any
@@ -67,12 +65,13 @@ def _parameter(
     )
 
 
-def _quantity(metavar: str, unit: str, symbol: str) -> Parameter:
-    return _parameter(
-        metavar,
-        lambda text, option: quantity(text, unit, option),
-        lambda value: f"{value:g} {symbol}",
-    )
+def _quantity(metavar: str, unit: str, show: Callable[[float], str]) -> Parameter:
+    return _parameter(metavar, lambda text, option: quantity(text, unit, option), show)
+
+
+def celsius(kelvin: float) -> str:
+    """A temperature as users write it."""
+    return f"{round(kelvin - ZERO_CELSIUS_K, 6):g} degC"
 
 
 def _share(text: str, option: str) -> float:
@@ -137,26 +136,19 @@ def _length_with_unit(text: str, option: str) -> float:
 Whole = Annotated[int, _parameter("INT", _whole)]
 
 # Quantities as floats, mm, nm, Pa, s, degree, 1/K and K; users may write any other unit.
-Length = Annotated[float, _quantity("LENGTH", "mm", "mm")]
+Length = Annotated[float, _quantity("LENGTH", "mm", "{:g} mm".format)]
 LengthWithUnit = Annotated[float, _parameter("LENGTH", _length_with_unit)]
-Wavelength = Annotated[float, _quantity("LENGTH", "nm", "nm")]
+Wavelength = Annotated[float, _quantity("LENGTH", "nm", "{:g} nm".format)]
 LightOf = Annotated[
     Wavelength | None,
     Parameter(help='Wavelength that the file must be of, "450 nm"; one of other light is refused.'),
 ]
-Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "Pa")]
-Duration = Annotated[float, _quantity("TIME", "second", "s")]
+Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "{:g} Pa".format)]
+Duration = Annotated[float, _quantity("TIME", "second", "{:g} s".format)]
 Share = Annotated[float, _parameter("SHARE", _share, lambda share: f"{100 * share:g} %")]
-Angle = Annotated[float, _quantity("ANGLE", "degree", "deg")]
-Expansion = Annotated[float, _quantity("EXPANSION", "1/kelvin", "/K")]
-Temperature = Annotated[
-    float,
-    _parameter(
-        "TEMPERATURE",
-        lambda text, option: quantity(text, "kelvin", option),
-        lambda kelvin: celsius(kelvin),
-    ),
-]
+Angle = Annotated[float, _quantity("ANGLE", "degree", "{:g} deg".format)]
+Expansion = Annotated[float, _quantity("EXPANSION", "1/kelvin", "{:g} /K".format)]
+Temperature = Annotated[float, _quantity("TEMPERATURE", "kelvin", celsius)]
 
 # Several in one word.
 Lengths = Annotated[tuple[float, ...], _parameter("LENGTH,...", _lengths)]
@@ -177,30 +169,6 @@ Pair = Annotated[tuple[float, float], _finite("ACROSS,DOWN", 2)]
 Vector = Annotated[tuple[float, float, float], _finite("X,Y,Z", 3)]
 
 
-def celsius(kelvin: float) -> str:
-    """A temperature as users write it."""
-    return f"{round(kelvin - ZERO_CELSIUS_K, 6):g} degC"
-
-
-Variables = Annotated[
-    list[str] | None,
-    Parameter(
-        name=["-D", "--define"], negative=(), help="Scene parameter, name=value; repeatable."
-    ),
-]
-
-
-def variables_of(definitions: list[str] | None) -> dict[str, str]:
-    """Scene parameters by name."""
-    values = {}
-    for text in definitions or []:
-        name, equals, value = text.partition("=")
-        if not (name and equals and value):
-            raise InputError(f'-D is "{text}"; write it as name=value, such as -D scale=0.25.')
-        values[name] = value
-    return values
-
-
 Statuses = Annotated[
     list[Whole] | None,
     Parameter(
@@ -214,12 +182,18 @@ def statuses(include: list[int] | None) -> tuple[int, ...]:
     """Status codes of the rays that the metrics use."""
     from iriftrace.image.aov_image import Status
 
-    known = [status.value for status in Status]
-    wrong = [code for code in include or () if code not in known]
-    if wrong:
-        meanings = ", ".join(f"{status.value} {status.key}" for status in Status)
-        raise InputError(f"--include {wrong[0]} is no status of a ray; the codes are {meanings}.")
+    for code in include or ():
+        if code not in list(Status):
+            meanings = ", ".join(f"{status.value} {status.key}" for status in Status)
+            raise InputError(f"--include {code} is no status of a ray; the codes are {meanings}.")
     return (0, *(include or ()))
+
+
+def refuse_given(options: Mapping[str, object], reason: str) -> None:
+    """Refuse options, values by name, of which one is not None; the reason follows its name."""
+    for name, value in options.items():
+        if value is not None:
+            raise InputError(f"{name} {reason}")
 
 
 def check_input(*paths: Path | None) -> None:
@@ -252,15 +226,13 @@ def check_order(field: Path, part: Path) -> None:
 
     meshes = {f".{name}" for name in available_formats()}.difference(COMPRESSED)
     first, second = field.suffix.lower(), part.suffix.lower()
-    wrong, what = "", ""
+    wrong = ""
     if first in meshes and second not in meshes:
-        wrong, what = str(field), "field"
+        wrong = f"{field} is no field"
     elif second in SUFFIXES and first not in SUFFIXES and not field.is_dir():
-        wrong, what = str(part), "part"
+        wrong = f"{part} is no part"
     if wrong:
-        raise InputError(
-            f"{wrong} is no {what} that can be read here; are field and part in the wrong order?"
-        )
+        raise InputError(f"{wrong} that can be read here; are field and part in the wrong order?")
 
 
 def check_folder(folder: Path) -> None:
@@ -276,33 +248,24 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"The folder {there} may not be written; name another one.") from error
 
 
-def check_output(path: Path, suffix: str, example: str, *, make: bool = True) -> None:
-    """Refuse before the work a file that could not be written after it.
+def check_output(path: Path | None, example: str, *others: str, make: bool = False) -> None:
+    """Refuse before the work a file, if one is asked for, that could not be written after it.
 
-    Its name must end in `suffix`, since other files are named after it; `example` is one to
-    propose, and `make` says whether its folder would be made.
+    Its name must end as that of `example` or in one of the others, since other files are named
+    after it; `make` says whether its folder would be made.
     """
+    if path is None:
+        return
+    suffixes = (Path(example).suffix, *others)
     if path.is_dir():
         raise InputError(
             f"The output {path} is a folder; name a file in it, such as {path / example}."
         )
-    if path.suffix.lower() != suffix:
+    if path.suffix.lower() not in suffixes:
         raise InputError(
-            f"The output {path} must end in {suffix}; name it "
-            f"{path.with_name((path.stem or 'out') + suffix)}, for example."
+            f"The output {path} must end in {' or '.join(suffixes)}; name it "
+            f"{path.with_name((path.stem or 'out') + suffixes[0])}, for example."
         )
     if not make and not path.parent.is_dir():
         raise InputError(f"The folder {path.parent} does not exist; create it first.")
     check_folder(path.parent)
-
-
-@contextmanager
-def removed_on_failure(folder: Path) -> Iterator[None]:
-    """Remove a folder that was not there before, with the parents made for it, if work fails."""
-    missing = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
-        yield
-    except BaseException:
-        if missing:
-            shutil.rmtree(missing[-1], ignore_errors=True)
-        raise

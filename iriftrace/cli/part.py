@@ -8,7 +8,6 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -126,7 +125,12 @@ def __getattr__(name: str) -> Callable[..., None]:
     make = getattr(import_module(f"iriftrace.part.shapes.{module}"), function)
 
     def command(*, output: Path, **sizes: Any) -> None:
-        _write(output, function.replace("_", " "), partial(make, **sizes))
+        _check_name(output)
+        with working(f"Making the {function.replace('_', ' ')}"):
+            made = make(**sizes)
+        _save(made, output)
+        next_one = command_line("field", "synthetic", output, "-o", output.with_name("field.vtu"))
+        say(f"Part written; now run:  {next_one}")
 
     types = get_type_hints(make)
     keyword = inspect.Parameter.KEYWORD_ONLY
@@ -150,22 +154,12 @@ def __getattr__(name: str) -> Callable[..., None]:
     return command
 
 
-def _write(path: Path, name: str, make: Callable[[], Part]) -> None:
-    """Make a part, write it and say what it is; an output that cannot be written is refused."""
-    _check_name(path)
-    with working(f"Making the {name}"):
-        made = make()
-    _save(made, path)
-    command = command_line("field", "synthetic", path, "-o", path.with_name("field.vtu"))
-    say(f"Part written; now run:  {command}")
-
-
 def _check_name(path: Path) -> None:
     """Refuse before the work a name under which no part can be written."""
     from iriftrace.part.files import check_part_name
 
     check_part_name(path)
-    check_output(path, path.suffix.lower(), "part.ply", make=False)
+    check_output(path, "part.ply", path.suffix.lower())
 
 
 def _save(made: Part, path: Path) -> None:
@@ -177,7 +171,5 @@ def _save(made: Part, path: Path) -> None:
     say(f"{path}: {extent} mm, {made.volume:.6g} mm^3, {len(made.faces):,} triangles")
     areas = zip(made.region_names, made.region_areas, strict=True)
     regions = ", ".join(f"{name} ({area:.5g} mm^2)" for name, area in areas)
-    kept = (
-        "" if path.suffix.lower() == ".ply" else "; an STL has no room for them, a .ply keeps them"
-    )
-    say(f"Regions: {regions}{kept}.")
+    lost = path.suffix.lower() != ".ply"
+    say(f"Regions: {regions}{'; an STL has no room for them, a .ply keeps them' if lost else ''}.")

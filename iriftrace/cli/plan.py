@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from attrs import frozen
 from cyclopts import Group, Parameter
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from iriftrace.cli.console import notes, out, raise_if_noticed, say, working
+from iriftrace.cli.console import late_bar, out, say, working
 from iriftrace.cli.options import (
     Angle,
     Interval,
@@ -21,6 +22,7 @@ from iriftrace.cli.options import (
     Whole,
     check_input,
     check_output,
+    refuse_given,
 )
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
@@ -37,16 +39,44 @@ if TYPE_CHECKING:
     from iriftrace.planning.summary import RankingTable, SweepSummary
 
 
-RANKING = Group("Ranking", sort_key=1)
-Ranking = Annotated[Criteria, Parameter(name="*", group=RANKING)]
+Ranking = Annotated[Criteria, Parameter(name="*", group=Group("Ranking", sort_key=1))]
 """Options about how poses are ranked: the same for plan, plot and report."""
 
-VIEWS = Group("Several views", sort_key=2)
 REFINE = Group("Refinement", sort_key=3)
 PAIRS = Group("Two devices", sort_key=5)
 POSES = Group("Poses for other programs", sort_key=4)
 
-EVALUATIONS = 80
+
+@Parameter(name="*", group=Group("Several views", sort_key=2))
+@frozen
+class ViewOptions:
+    """Several poses that see more of the part than one.
+
+    Parameters
+    ----------
+    views
+        Number of poses that together are to see as much area as possible.
+    max_displacement
+        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
+    max_incidence
+        A pose does not see a face that its rays hit at a larger angle, in degrees.
+    """
+
+    views: Whole | None = None
+    max_displacement: LengthWithUnit | None = None
+    max_incidence: Angle | None = None
+
+    def limits(self) -> ViewLimits:
+        """What a pose must not exceed to see a face; InputError for limits without views."""
+        from iriftrace.planning.cover import ViewLimits
+
+        largest, steepest = self.max_displacement, self.max_incidence
+        given = {"--max-displacement": largest, "--max-incidence": steepest}
+        _refuse_without("--views", self.views is not None, given)
+        return ViewLimits(
+            displacement_mm=math.inf if largest is None else largest,
+            incidence_deg=90.0 if steepest is None else steepest,
+        )
 
 
 def plan(
@@ -56,9 +86,7 @@ def plan(
     top: Whole = 10,
     wavelength: LightOf = None,
     confirm: bool = True,
-    views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
-    max_displacement: Annotated[LengthWithUnit | None, Parameter(group=VIEWS)] = None,
-    max_incidence: Annotated[Angle | None, Parameter(group=VIEWS)] = None,
+    several: ViewOptions = ViewOptions(),
     refine: Annotated[bool, Parameter(group=REFINE, negative=())] = False,
     evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
@@ -87,12 +115,6 @@ def plan(
     confirm
         Trace the best three poses once more through the field itself, where the scene still has
         it, and rank by these numbers.
-    views
-        Number of poses that together are to see as much area as possible.
-    max_displacement
-        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
-    max_incidence
-        A pose does not see a face that its rays hit at a larger angle, in degrees.
     refine
         Search around the best pose or pair, with position, distance and roll free; needs the
         scene's files.
@@ -123,35 +145,30 @@ def plan(
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
     _refuse_without("--pairs", pairs, {"--system": system, "--angle": angle, "--feature": feature})
-    limits = view_limits(views, max_displacement, max_incidence)
-    if output is not None:
-        check_output(output, ".json", "refined.json", make=False)
+    limits = several.limits()
+    check_output(output, "refined.json")
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
+    count = 80 if evaluations is None else evaluations
+    if refine:
+        check_evaluations(count)
     if pairs:
-        for name, given in (("--views", views), ("--save-poses", save_poses)):
-            if given is not None:
-                raise InputError(f"{name} is about single poses; leave it out, or --pairs.")
-        count = EVALUATIONS if evaluations is None else evaluations
-        if refine:
-            check_evaluations(count)
+        refuse_given(
+            {"--views": several.views, "--save-poses": save_poses},
+            "is about single poses; leave it out, or --pairs.",
+        )
         pair_plan = _plan_pairs(dataset, ranking, system or "fringe", angle, feature, confirm, top)
         if refine:
             _refine_pair(dataset, pair_plan, count, output)
         return
-    confirmation = None
-    if confirm:
-        dataset, confirmation = confirmed(dataset, ranking)
-    count = EVALUATIONS if evaluations is None else evaluations
-    if refine:
-        check_evaluations(count)
+    dataset, confirmation = confirmed(dataset, ranking, confirm)
     with _search_progress(count) as progress:
         found = plan_poses(
             dataset,
             ranking,
             confirm=False,
-            views=views,
+            views=several.views,
             limits=limits,
             evaluations=count if refine else None,
             progress=progress,
@@ -196,33 +213,27 @@ def _plan_pairs(
             feature=feature,
             confirm=confirm,
         )
-    table = _table(
+    error, bias = f"|e| {criteria.statistic}", "diameter" if feature else "median e"
+    exact = [f"{1e3 * value:.3g}" for value in found.exact_mm]
+    _print_table(
         f"Best of {len(found.pairs)} pairs ({system}) for {feature or criteria.region}: errors in "
         "um, e along the normal",
+        ("poses", "score", error, bias, "both see", "angle", "measured"),
         (
-            "poses",
-            "score",
-            f"|e| {criteria.statistic}",
-            "diameter" if feature else "median e",
-            "both see",
-            "angle",
-            "measured",
+            (
+                f"{one}, {other}",
+                f"{found.score[row]:.3f}",
+                f"{1e3 * found.error_mm[row]:.3g}",
+                f"{1e3 * found.bias_mm[row]:.3g}",
+                f"{100 * found.coverage[row]:.1f} %",
+                f"{found.angle_deg[row]:.1f} deg",
+                *exact[row : row + 1],
+            )
+            for row, (one, other) in enumerate(found.pairs[:top])
         ),
     )
-    for row, (one, other) in enumerate(found.pairs[:top]):
-        exact = f"{1e3 * found.exact_mm[row]:.3g}" if row < len(found.exact_mm) else ""
-        table.add_row(
-            f"{one}, {other}",
-            f"{found.score[row]:.3f}",
-            f"{1e3 * found.error_mm[row]:.3g}",
-            f"{1e3 * found.bias_mm[row]:.3g}",
-            f"{100 * found.coverage[row]:.1f} %",
-            f"{found.angle_deg[row]:.1f} deg",
-            exact,
-        )
-    out.print(table)
-    if len(found.exact_mm) > 0:
-        what = "the diameter" if feature else f"|e| {criteria.statistic}"
+    if exact:
+        what = "the diameter" if feature else error
         through = "the field itself" if found.exact_engine == "continuous" else "the shells"
         say(f"Measured is {what} by the exact solver, through {through}.")
     matrices = dataset["matrix"].values
@@ -245,15 +256,19 @@ def _refine_pair(
         f"The search around poses {one} and {other} ({found.evaluations} pairs measured, {end}): "
         f"score {found.best.score:.4f} instead of {found.start.score:.4f}."
     )
-    table = _table("What they measure", ("", "swept pair", "refined pair"))
     values = (found.start, found.best)
     statistic = f"|e| {plan.criteria.statistic} (um)"
     bias = "diameter (um)" if plan.feature else "median e (um)"
-    table.add_row(statistic, *(f"{1e3 * value.error_mm:.3g}" for value in values))
-    table.add_row(bias, *(f"{1e3 * value.bias_mm:.3g}" for value in values))
-    table.add_row("both see", *(f"{100 * value.coverage:.1f} %" for value in values))
-    table.add_row("angle", *(f"{value.angle_deg:.1f} deg" for value in values))
-    out.print(table)
+    _print_table(
+        "What they measure",
+        ("", "swept pair", "refined pair"),
+        (
+            (statistic, *(f"{1e3 * value.error_mm:.3g}" for value in values)),
+            (bias, *(f"{1e3 * value.bias_mm:.3g}" for value in values)),
+            ("both see", *(f"{100 * value.coverage:.1f} %" for value in values)),
+            ("angle", *(f"{value.angle_deg:.1f} deg" for value in values)),
+        ),
+    )
     for what, matrix, distance in zip(
         ("Refined camera", "Refined second device"),
         found.best.matrices,
@@ -266,57 +281,25 @@ def _refine_pair(
         say(f"Refined pair in {output}")
 
 
-def view_limits(
-    views: int | None, max_displacement: float | None, max_incidence: float | None
-) -> ViewLimits:
-    """Limits of several views.
-
-    Raises
-    ------
-    InputError
-        There are limits and no views.
-    """
-    from iriftrace.planning.cover import ViewLimits
-
-    given = {"--max-displacement": max_displacement, "--max-incidence": max_incidence}
-    _refuse_without("--views", views is not None, given)
-    return ViewLimits(
-        displacement_mm=math.inf if max_displacement is None else max_displacement,
-        incidence_deg=90.0 if max_incidence is None else max_incidence,
-    )
-
-
-def confirmed(dataset: xr.Dataset, criteria: Criteria) -> tuple[xr.Dataset, Confirmation]:
-    """As `iriftrace.planning.confirm.confirm_winners`, while the user is told."""
+def confirmed(
+    dataset: xr.Dataset, criteria: Criteria, wanted: bool
+) -> tuple[xr.Dataset, Confirmation | None]:
+    """As `iriftrace.planning.confirm.confirm_winners`, if wanted, while the user is told."""
     from iriftrace.planning.confirm import confirm_winners
 
+    if not wanted:
+        return dataset, None
     with working("Tracing the best poses through the field"):
         return confirm_winners(dataset, criteria)
 
 
 @contextmanager
 def _search_progress(evaluations: int) -> Iterator[Callable[[int, float], None]]:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import BarColumn, MofNCompleteColumn
 
-    columns = (
-        TextColumn("Refining, best score {task.fields[score]:.4f}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-    )
-    bar = Progress(*columns, console=notes, transient=True)
-    task = bar.add_task("", total=evaluations, score=math.nan)
-
-    def report(done: int, score: float) -> None:
-        raise_if_noticed()
-        if not bar.live.is_started:
-            bar.start()
-        bar.update(task, completed=done, score=score)
-
-    try:
-        yield report
-    finally:
-        if bar.live.is_started:
-            bar.stop()
+    columns = "Refining, best score {task.fields[score]:.4f}", BarColumn(), MofNCompleteColumn()
+    with late_bar(*columns, transient=True) as show:
+        yield lambda done, score: show(done, evaluations, score=score)
 
 
 def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None:
@@ -331,9 +314,8 @@ def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None
 
 
 def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
-    for name, value in options.items():
-        if value is not None and not there:
-            raise InputError(f"{name} is given without {needed}, so it changes nothing; add it.")
+    if not there:
+        refuse_given(options, f"is given without {needed}, so it changes nothing; add it.")
 
 
 def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
@@ -347,13 +329,11 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     )
 
     plan = summary.plan
-    table = _table(
+    _print_table(
         f"Best poses for region {plan.criteria.region}: displacement, coverage, resolution",
         ranking.short_headings,
+        ranking.rows,
     )
-    for row in ranking.rows:
-        table.add_row(*row)
-    out.print(table)
     if ranking.note:
         say(ranking.note)
     if plan.unranked:
@@ -361,23 +341,23 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
         count = len(plan.unranked)
         noun = "pose" if count == 1 else "poses, the first of them"
         say(f"Unranked: {count} {noun} {pose}: {reason}")
-    warned = warned_text(summary)
-    if warned:
-        say(warned)
-    say(stability_text(summary))
-    for text in (other_statistics_text(summary), alternative_text(summary)):
-        if text:
-            say(text)
-    say(front_text(summary))
+    for text in (warned_text, stability_text, other_statistics_text, alternative_text, front_text):
+        said = text(summary)
+        if said:
+            say(said)
     _print_swept("Best pose", summary, plan.best)
 
 
 def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
+    name = f"{kind} {pose}{_setting(summary, pose)}"
+    print_pose(name, summary.matrices[pose], summary.distance[pose])
+
+
+def _setting(summary: SweepSummary, pose: int) -> str:
     from iriftrace.sweep.diagnostics import setting_of
 
     setting = setting_of(summary.varied, pose)
-    name = f"{kind} {pose}{f' ({setting})' if setting else ''}"
-    print_pose(name, summary.matrices[pose], summary.distance[pose])
+    return f" ({setting})" if setting else ""
 
 
 def print_pose(name: str, matrix: ArrayLike, distance_mm: float) -> None:
@@ -400,10 +380,7 @@ def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> No
 
     say(f"{views_title(summary, limits)}:")
     found = views_table(summary, views)
-    table = _table(None, found.short_headings)
-    for row in found.rows:
-        table.add_row(*row)
-    out.print(table)
+    _print_table(None, found.short_headings, found.rows)
     say(views_text(summary, views))
     for pose in views.poses.tolist():
         _print_swept("Pose", summary, pose)
@@ -411,8 +388,6 @@ def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> No
 
 def print_refined(summary: SweepSummary, refined: Refinement) -> None:
     """Gain of a search around the best pose."""
-    from iriftrace.sweep.diagnostics import setting_of
-
     end = "ended by itself" if refined.converged else "ended with the evaluations"
     if refined.gain > 0:
         found = (
@@ -423,23 +398,22 @@ def print_refined(summary: SweepSummary, refined: Refinement) -> None:
         )
     else:
         found = f"found nothing better than its score {refined.start_score:.4f}."
-    say(
-        f"The search around pose {refined.start} ({refined.evaluations} poses, {end}) {found}",
-    )
-    table = _table("Metrics", ("", "swept pose", "refined pose"))
+    say(f"The search around pose {refined.start} ({refined.evaluations} poses, {end}) {found}")
+    rows = []
     for metric in summary.metrics:
         factor = {"µm": 1e3, "%": 100.0, "mm": 1.0}[metric.unit]
         values = (refined.start_metrics[metric.key], refined.metrics[metric.key])
-        table.add_row(metric.label, *(f"{factor * value:.4g}" for value in values))
-    out.print(table)
-    setting = setting_of(summary.varied, refined.start)
-    name = f"Refined pose ({setting})" if setting else "Refined pose"
+        rows.append((metric.label, *(f"{factor * value:.4g}" for value in values)))
+    _print_table("Metrics", ("", "swept pose", "refined pose"), rows)
+    name = f"Refined pose{_setting(summary, refined.start)}"
     print_pose(name, refined.matrix, refined.distance_mm)
 
 
-def _table(title: str | None, headings: tuple[str, ...]) -> Table:
+def _print_table(title: str | None, headings: Iterable[str], rows: Iterable[Sequence[str]]) -> None:
     # Without rules between the columns, so that numbers are not cut in a terminal 80 wide.
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 0, 0, 1))
     for heading in headings:
         table.add_column(heading, justify="right" if heading else "left")
-    return table
+    for row in rows:
+        table.add_row(*row)
+    out.print(table)

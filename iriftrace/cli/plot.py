@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from iriftrace.cli.console import notes, say, working
-from iriftrace.cli.options import (
-    Angle,
-    LengthWithUnit,
-    LightOf,
-    Whole,
-    check_folder,
-    check_input,
-    check_output,
-    removed_on_failure,
-)
-from iriftrace.cli.plan import VIEWS, Ranking, confirmed, view_limits
+from iriftrace.cli.options import LightOf, Whole, check_folder, check_input, check_output
+from iriftrace.cli.plan import Ranking, ViewOptions, confirmed
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import STANDARD
@@ -68,13 +60,18 @@ def plot(
     result = read_result(file)
     header = result.header if isinstance(result, AovImage) else result.attrs
     check_light(wavelength, header, file)
-    if confirm and not isinstance(result, AovImage) and not is_study(file):
-        result, _ = confirmed(result, ranking)
-    with removed_on_failure(output):
+    if not isinstance(result, AovImage) and not is_study(file):
+        result, _ = confirmed(result, ranking, confirm)
+    new = not output.exists()
+    try:
         output.mkdir(exist_ok=True)
         with working("Drawing"):
             plots = draw(result, criteria=ranking, name=file.stem, component=component)
             pictures = plots.save(output)
+    except BaseException:
+        if new:
+            shutil.rmtree(output, ignore_errors=True)
+        raise
     _print_missing(plots.missing)
     say(f"Pictures in {output}: {', '.join(path.name for path in pictures)}")
 
@@ -96,8 +93,7 @@ def view(file: Path, *, picture: Path | None = None) -> None:
     """
     from iriftrace.figures.window import view as show
 
-    if picture is not None:
-        check_output(picture, ".png", "view.png", make=False)
+    check_output(picture, "view.png")
     with working("Reading"):
         check_input(file)
     show(file, picture)
@@ -113,9 +109,7 @@ def report(
     top: Whole = 10,
     wavelength: LightOf = None,
     confirm: bool = True,
-    views: Annotated[Whole | None, Parameter(group=VIEWS)] = None,
-    max_displacement: Annotated[LengthWithUnit | None, Parameter(group=VIEWS)] = None,
-    max_incidence: Annotated[Angle | None, Parameter(group=VIEWS)] = None,
+    several: ViewOptions = ViewOptions(),
 ) -> None:
     """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
 
@@ -131,25 +125,17 @@ def report(
         Rows of the ranking.
     confirm
         Trace the best poses once more through the field, as ``iriftrace plan`` does.
-    views
-        Number of poses that together are to see as much area as possible.
-    max_displacement
-        A pose does not see a face whose mean displacement is larger, with its unit: "20 um".
-    max_incidence
-        A pose does not see a face that its rays hit at a larger angle, in degrees.
     """
     from iriftrace.figures.report import write_report
     from iriftrace.planning.summary import summarise
     from iriftrace.sweep.store import read_sweep
 
-    limits = view_limits(views, max_displacement, max_incidence)
-    check_output(output, ".html", "report.html", make=False)
+    limits = several.limits()
+    check_output(output, "report.html")
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
-    confirmation = None
-    if confirm:
-        dataset, confirmation = confirmed(dataset, ranking)
+    dataset, confirmation = confirmed(dataset, ranking, confirm)
     summary = summarise(dataset, ranking)
     with working("Writing the report"):
         missing = write_report(
@@ -159,7 +145,7 @@ def report(
             summary,
             top=top,
             confirmation=confirmation,
-            views=views,
+            views=several.views,
             limits=limits,
         )
     _print_missing(missing)

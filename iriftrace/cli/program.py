@@ -110,7 +110,7 @@ def _of_the_command_line(error: CycloptsError) -> str:
 
 
 @app.command
-def doctor() -> int:
+def doctor() -> None:
     """Check this machine: versions, variants, the LLVM or CUDA library, and how to mend them.
 
     Example: ``iriftrace doctor``
@@ -124,27 +124,21 @@ def doctor() -> int:
             say(f"      {finding.remedy}")
     if not diagnosis.ok:
         raise InputError("Something that iriftrace needs is missing; see the lines marked error.")
-    return 0
 
 
 # By name, so that the program starts fast: a module is imported when its command is called or
 # listed.
-for _name, _module in {
-    "shells": "scene",
-    "scene": "scene",
-    "render": "render",
-    "metrics": "render",
-    "demo": "render",
-    "sweep": "sweep",
-    "plan": "plan",
-    "plot": "plot",
-    "view": "plot",
-    "report": "plot",
-    "measure": "measure",
-    "correct": "measure",
-    "compare": "compare",
-    "study": "study",
-    "field": "field",
-    "part": "part",
+for _module, _names in {
+    "scene": ("shells", "scene"),
+    "render": ("render", "metrics", "demo"),
+    "sweep": ("sweep",),
+    "plan": ("plan",),
+    "plot": ("plot", "view", "report"),
+    "measure": ("measure", "correct"),
+    "compare": ("compare",),
+    "study": ("study",),
+    "field": ("field",),
+    "part": ("part",),
 }.items():
-    app.command(f"iriftrace.cli.{_module}:{_name}", name=_name)
+    for _name in _names:
+        app.command(f"iriftrace.cli.{_module}:{_name}", name=_name)

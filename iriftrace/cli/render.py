@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from iriftrace.cli.console import command_line, out, say, show_warning, working
+from iriftrace.cli.console import command_line, say, show_warning, working
 from iriftrace.cli.options import (
+    LightOf,
     Statuses,
-    Wavelength,
     check_folder,
     check_input,
     check_output,
@@ -22,7 +22,6 @@ from iriftrace.cli.options import (
 from iriftrace.cli.trace_options import TraceOptions, check_light
 
 if TYPE_CHECKING:
-    from iriftrace.part.part import Part
     from iriftrace.scene.load import LoadedScene
     from iriftrace.trace.render import Rendering
 
@@ -55,8 +54,6 @@ def render(
         The scene's XML file.
     output
         The EXR file; by default the scene's name with .exr. JSON and PNG go beside it.
-    trace
-        How it is traced.
     figures
         Draw the displacement picture.
     surface
@@ -64,36 +61,25 @@ def render(
         CloudCompare (.ply).
     rgb
         Repeat these channels of the EXR as R, G and B, for programs that show no others.
-    include
-        Further status codes whose rays the metrics use, such as 5.
     check_shells
         Trace a sample of the rays through the field itself too, and say how far the shells are
         from it; needs the field.npz likewise.
     """
-    from iriftrace.cli.output import print_summary
-    from iriftrace.image.surface import SUFFIXES, write_surface
+    from iriftrace.image.surface import write_surface
     from iriftrace.scene.file import require_scene
 
     check_input(scene)
     # Before the output, whose folder is the scene's unless another one is given.
     require_scene(scene)
     exr = scene.with_suffix(".exr") if output is None else output
-    check_output(exr, ".exr", "out.exr", make=False)
-    if surface is not None:
-        known = surface.suffix.lower() in SUFFIXES
-        check_output(
-            surface, surface.suffix.lower() if known else SUFFIXES[0], "out.vtp", make=False
-        )
+    check_output(exr, "out.exr")
+    check_output(surface, "out.vtp", ".ply")
     used = statuses(include)
-    rendering, loaded = _render(scene, exr, trace, used, figures, check_shells, rgb)
-    part = loaded.part
-    print_summary(out, rendering.metrics)
-    _print_view(rendering, part)
-    more = [_scatter_picture(exr)] if figures and rendering.image.is_ensemble else []
+    rendering, loaded, files = _render(scene, exr, trace, used, figures, check_shells, rgb)
     if surface is not None:
-        write_surface(surface, rendering.image, part)
-        more.append(surface)
-    _list_files(exr, figures, *more)
+        write_surface(surface, rendering.image, loaded.part)
+        files.append(surface)
+    _print_rendering(rendering, loaded, files)
 
 
 def metrics(
@@ -103,7 +89,7 @@ def metrics(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     include: Statuses = None,
     nearest: Annotated[bool, Parameter(negative=())] = False,
-    wavelength: Wavelength | None = None,
+    wavelength: LightOf = None,
 ) -> None:
     """Reduce an AOV EXR to metrics again.
 
@@ -117,12 +103,8 @@ def metrics(
         The part's mesh, where it no longer lies where the EXR says.
     output
         The JSON file; by default beside the EXR.
-    include
-        Further status codes whose rays the metrics use, such as 5.
     nearest
         Add the two nearest-neighbour readings of the resolution, which takes longer.
-    wavelength
-        Wavelength that the EXR must be of, "450 nm"; one of other light is refused.
     """
     from iriftrace.cli.output import print_summary
     from iriftrace.image.aov_image import read_exr
@@ -131,7 +113,7 @@ def metrics(
 
     check_input(image, part)
     target = image.with_suffix(".json") if output is None else output
-    check_output(target, ".json", "out.json", make=False)
+    check_output(target, "out.json")
     pixels = read_exr(image)
     check_light(wavelength, pixels.header, image)
     shown = pixels.part_from(part)
@@ -143,8 +125,8 @@ def metrics(
         # There may be no report of this image yet.
         result = keep_checks(result, json.loads(target.read_text(encoding="utf-8")))
     write_metrics(target, result)
-    print_summary(out, result)
-    out.print(f"Metrics in {target}", markup=False, soft_wrap=True)
+    print_summary(result)
+    say(f"Metrics in {target}")
 
 
 def demo(
@@ -164,10 +146,7 @@ def demo(
     scene
         Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, fringe_cylinder,
         gear_tooth, hybrid_cylinder, slab or wishbone.
-    trace
-        How it is traced.
     """
-    from iriftrace.cli.output import print_summary
     from iriftrace.scenes import scene_copied
 
     check_folder(output)
@@ -176,16 +155,13 @@ def demo(
     exr = output / f"{scene}.exr"
     folder = output / ("scene" if scene == DEMO else scene)
     with scene_copied(scene, folder) as (xml, shells):
-        rendering, loaded = _render(xml, exr, trace, (0,), True)
-    part = loaded.part
-    pictures = _scene_picture(loaded, shells, output / f"{scene}_scene.png")
-    print_summary(out, rendering.metrics)
-    _print_view(rendering, part)
-    _list_files(exr, True, *pictures)
+        rendering, loaded, files = _render(xml, exr, trace, (0,), True)
+    files += _scene_picture(loaded, shells, output / f"{scene}_scene.png")
+    _print_rendering(rendering, loaded, files)
     if loaded.second is not None:
         from iriftrace.cli.measure import write_scan
 
-        write_scan(loaded, output / f"{scene}_scan.vtp", None, None, (), False, True)
+        write_scan(loaded, output / f"{scene}_scan.vtp")
     say(f"Change {xml} and run:  {command_line('render', xml)}")
 
 
@@ -197,17 +173,17 @@ def _render(
     figures: bool,
     check_field: bool = False,
     rgb: str | None = None,
-) -> tuple[Rendering, LoadedScene]:
+) -> tuple[Rendering, LoadedScene, list[Path]]:
     """Render a scene and write all its files."""
     from iriftrace.trace.render import render_scene
     from iriftrace.trace.shell_convergence import SAMPLE
 
-    with working("Loading the scene"):
-        loaded = trace.load(scene)
+    loaded = trace.load(scene)
     with working("Tracing"):
         rendering = render_scene(
             loaded, include=include, check_shells=SAMPLE, check_field=check_field
         )
+    pictures = []
     if figures:
         from iriftrace.figures.pose import pose_figures
         from iriftrace.figures.style import write_figure
@@ -215,23 +191,20 @@ def _render(
         with working("Drawing"):
             started = time.perf_counter()
             for name, figure in pose_figures(rendering.image, exr.stem, include).items():
-                write_figure(figure, exr.with_name(f"{name}.png"))
+                pictures.append(exr.with_name(f"{name}.png"))
+                write_figure(figure, pictures[-1])
             rendering.metrics.add_time("figures", time.perf_counter() - started)
     with working("Writing"):
-        rendering.save(exr, rgb=rgb)
-    return rendering, loaded
+        return rendering, loaded, [*rendering.save(exr, rgb=rgb), *pictures]
 
 
-def _print_view(rendering: Rendering, part: Part) -> None:
-    from iriftrace.cli.output import print_view
-    from iriftrace.scene.viewpoint import part_view
+def _print_rendering(rendering: Rendering, loaded: LoadedScene, files: list[Path]) -> None:
+    from iriftrace.cli.output import print_summary, print_view
 
+    print_summary(rendering.metrics)
     remedy = "move the camera or change focus_near and focus_far in the scene's file"
-    print_view(out, part_view(part, rendering.image.camera), remedy)
-
-
-def _scatter_picture(exr: Path) -> Path:
-    return exr.with_name(f"{exr.stem}_scatter.png")
+    print_view(loaded.part, rendering.image.camera, remedy)
+    say("Files: " + ", ".join(map(str, files)))
 
 
 def _scene_picture(scene: LoadedScene, shells_folder: Path, picture: Path) -> list[Path]:
@@ -255,8 +228,3 @@ def _scene_picture(scene: LoadedScene, shells_folder: Path, picture: Path) -> li
         figure = scene_figure(scene.part, shells, scene.camera, scene.second, name)
         write_figure(figure, picture)
     return [picture]
-
-
-def _list_files(exr: Path, figures: bool, *more: Path) -> None:
-    files = [exr, exr.with_suffix(".json"), *([exr.with_suffix(".png")] if figures else []), *more]
-    out.print("Files: " + ", ".join(str(file) for file in files), markup=False, soft_wrap=True)

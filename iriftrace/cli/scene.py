@@ -12,12 +12,7 @@ from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale, SecondOptions
 from iriftrace.cli.console import command_line, out, say, show_warning, working
-from iriftrace.cli.field_options import (
-    AirOptions,
-    FieldOptions,
-    PartOptions,
-    ShellOptions,
-)
+from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
 from iriftrace.cli.options import (
     Length,
     check_field,
@@ -64,7 +59,7 @@ def shells(
     part
         The part's mesh; adds gaps and cuts to the table.
     """
-    from iriftrace.cli.output import print_fit, print_shells
+    from iriftrace.cli.output import print_shells
     from iriftrace.field.part_fit import fit_part_to_field
     from iriftrace.shells.files import save_shells
     from iriftrace.shells.report import report_shells
@@ -86,9 +81,7 @@ def shells(
         reports = report_shells(stack, volume, measured)
     notes = field_options.notes() | shell_options.notes()
     files = save_shells(stack, output, report=reports, notes=notes)
-    print_shells(out, stack, reports, _unit_of(stack))
-    if fit is not None:
-        print_fit(out, fit)
+    print_shells(stack, reports, fit)
     out.print(f"{len(files)} files in {output}", soft_wrap=True)
 
 
@@ -137,19 +130,19 @@ def scene(
         Leave out what lies farther than this beside the camera's view, such as "10 mm"; the scene
         then serves this camera only.
     """
-    from iriftrace.cli.output import print_fit, print_shells
+    from iriftrace.cli.output import print_shells
     from iriftrace.field.readers.members import chosen_members
     from iriftrace.scene.build import build_scene
     from iriftrace.scene.write import refuse_edited
 
     if not field_options.isosurfaces:
         check_order(field, part)
-    check_field(field)
+    fields = [field, *(member or [])]
+    check_field(*fields)
     check_input(part)
-    check_output(output, ".xml", "scene.xml")
+    check_output(output, "scene.xml", make=True)
     refuse_edited(output)
     measured = part_options.read(part)
-    check_field(*(member or []))
     if field_options.isosurfaces and member:
         raise InputError(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
@@ -164,49 +157,36 @@ def scene(
         "inside_hit": inside_hit,
         "notes": field_options.notes() | shell_options.notes(),
     }
-    states = (
-        ()
-        if field_options.isosurfaces
-        else chosen_members([field, *(member or [])], field_options.time)
-    )
+
+    def devices(volume: IndexField | None, stack: ShellStack) -> Camera:
+        """The camera; the second device, if there is one, goes into the settings."""
+        camera = camera_options.camera(measured, volume, stack)
+        camera.scaled(scale)  # refuses a scale that leaves no pixel
+        if two_devices:
+            from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+
+            second = second_options.device(camera_options, camera, measured, volume, stack)
+            settings["second"] = second
+            settings["second_id"] = DEVICE_OF_SYSTEM[second_options.system or "fringe"]
+        return camera
+
+    states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)
     if len(states) > 1:
 
         def cut(one: Member) -> tuple[ShellStack, IndexField]:
             volume = field_options.read(one.path, air.air(), measured, one.index)
             return shell_options.build(volume), volume
 
-        _ensemble(states, measured, output, camera_options, second_options, cut, settings)
+        _ensemble(states, measured, output, devices, cut, settings)
         return
     # Without --time whoever reads the file says which of several states it is.
     number = states[0].index if states and field_options.time is not None else None
     stack, volume = _stack(field, measured, air, field_options, shell_options, number)
-    camera = camera_options.camera(measured, volume, stack, scale)
-    if two_devices:
-        settings |= _second(camera_options, second_options, camera, measured, volume, stack, scale)
+    camera = devices(volume, stack)
     with working("Comparing part and field, measuring the shells"):
         built = build_scene(volume, measured, camera, output, shells=stack, **settings)
-    print_shells(out, built.shells, built.report, _unit_of(stack))
-    if built.fit is not None:
-        print_fit(out, built.fit)
+    print_shells(built.shells, built.report, built.fit)
     _print_scene(output, camera, measured, settings)
-
-
-def _second(
-    camera_options: CameraOptions,
-    second_options: SecondOptions,
-    camera: Camera,
-    part: Part,
-    field: IndexField | None,
-    stack: ShellStack,
-    scale: float,
-) -> dict[str, Any]:
-    """The second device and its id, as `iriftrace.build_scene` takes them."""
-    from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
-
-    return {
-        "second": second_options.device(camera_options, camera, part, field, stack, scale),
-        "second_id": DEVICE_OF_SYSTEM[second_options.system or "fringe"],
-    }
 
 
 def _stack(
@@ -244,17 +224,11 @@ def _stack(
         return shell_options.build(volume), volume
 
 
-def _unit_of(stack: ShellStack) -> str:
-    """Length unit in which the field was read."""
-    return "mm" if stack.source is None else stack.source.length_unit
-
-
 def _ensemble(
     given: Sequence[Member],
     part: Part,
     output: Path,
-    camera_options: CameraOptions,
-    second_options: SecondOptions,
+    devices: Callable[[IndexField | None, ShellStack], Camera],
     cut: Callable[[Member], tuple[ShellStack, IndexField]],
     settings: dict[str, Any],
 ) -> None:
@@ -273,16 +247,11 @@ def _ensemble(
 
     fields = members()
     first = next(fields)
-    air = first.field, first.shells, settings["scale"]
-    camera = camera_options.camera(part, *air)
-    if second_options.given():
-        settings |= _second(camera_options, second_options, camera, part, *air)
+    camera = devices(first.field, first.shells)
     built = build_ensemble(chain((first,), fields), part, camera, output, **settings)
     table = Table(title=f"Ensemble of {len(built.members)} fields")
-    table.add_column("member", justify="right")
-    table.add_column("field")
-    for heading in ("shells", "triangles", "hottest degC", "outermost degC"):
-        table.add_column(heading, justify="right")
+    for heading in ("member", "field", "shells", "triangles", "hottest degC", "outermost degC"):
+        table.add_column(heading, justify="left" if heading == "field" else "right")
     for member, report, hottest in zip(built.members, built.reports, hottest_k, strict=True):
         table.add_row(
             str(member.number),
@@ -296,24 +265,21 @@ def _ensemble(
     for origin in dict.fromkeys(member.source["origin"] for member in built.members):
         if origin:
             say(f"Field: {origin}.")
-    what = f"Scene of an ensemble of {len(built.members)} fields"
-    _print_scene(output, camera, part, settings, what)
+    _print_scene(output, camera, part, settings, f" of an ensemble of {len(built.members)} fields")
 
 
 def _print_scene(
-    path: Path, camera: Camera, part: Part, settings: dict[str, Any], what: str = "Scene"
+    path: Path, camera: Camera, part: Part, settings: dict[str, Any], of_what: str = ""
 ) -> None:
     """Say where the devices of a written scene stand, what is seen, and how to go on."""
     from iriftrace.cli.output import print_camera, print_view
-    from iriftrace.scene.viewpoint import part_view
 
-    print_camera(out, camera, settings["scale"])
-    print_view(
-        out,
-        part_view(part, camera),
-        "move it back with --origin, give --focus, or leave out both for a camera that sees all",
+    print_camera(camera, settings["scale"])
+    remedy = (
+        "move it back with --origin, give --focus, or leave out both for a camera that sees all"
     )
-    say(f"{what} written; now run:  {command_line('render', path)}")
+    print_view(part, camera, remedy)
+    say(f"Scene{of_what} written; now run:  {command_line('render', path)}")
     if "second" in settings:
         x, y, z = settings["second"].origin
         say(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import evolve, frozen
 from cyclopts import Group, Parameter
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
 from iriftrace.cli.console import notes, out, say, say_finding, working
 from iriftrace.cli.field import scene_command
@@ -37,10 +37,7 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
 
 
-SIMULATION = Group("Simulation", sort_key=1)
-
-
-@Parameter(name="*", group=SIMULATION)
+@Parameter(name="*", group=Group("Simulation", sort_key=1))
 @frozen
 class SimulationOptions:
     """Physics, mesh and times of a simulation.
@@ -124,41 +121,21 @@ class SimulationOptions:
         return found
 
 
-def hot_part(options: PartOptions, simulation: SimulationOptions) -> PartOptions:
-    """The part's options, with the wall's temperature as that of a part that has expanded."""
-    if options.expansion is None or options.hot_temperature is not None:
-        return options
-    return evolve(options, hot_temperature=simulation.wall_temperature)
-
-
 @contextmanager
 def simulation_progress() -> Iterator[Display]:
-    """Show the step in hand and, while the solver runs, the state of the flow.
-
-    Yields
-    ------
-    Display
-        To hand to `iriftrace.cfd.openfoam.simulate.simulate`.
-    """
+    """Show the step in hand and, while the solver runs, the state of the flow."""
     from iriftrace.cfd.openfoam.simulate import Display
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=20),
-        TextColumn("{task.fields[flow]}"),
-        TimeElapsedColumn(),
-    )
+    bar_column = BarColumn(bar_width=20)
+    columns = "{task.description}", bar_column, "{task.fields[flow]}", TimeElapsedColumn()
     # Finished bars would stay on a terminal that only logs.
     with Progress(*columns, console=notes, transient=True) as bar:
         task = bar.add_task("Case", total=None, flow="")
 
-        def describe(text: str) -> None:
-            bar.update(task, description=text)
-
         def watch(state: State) -> None:
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 
-        yield Display(describe, _say_expected, watch)
+        yield Display(lambda text: bar.update(task, description=text), _say_expected, watch)
 
 
 def _say_expected(cells: int, seconds: float) -> None:
@@ -175,14 +152,10 @@ def _say_expected(cells: int, seconds: float) -> None:
 def flow_text(state: State) -> str:
     """The state of the flow in a few words."""
     words = [f"{state.time:.3f} of {state.end:g} s"]
-    if state.steadiness is not None:
-        words.append(f"{state.steadiness.heat_w:.1f} W")
-        words.append(
-            "steady"
-            if state.steadiness.steady
-            else f"heat varies {state.steadiness.heat_variation:.1%}, "
-            f"plume {state.steadiness.plume_swing_k:.0f} K"
-        )
+    flow = state.steadiness
+    if flow is not None:
+        varies = f"heat varies {flow.heat_variation:.1%}, plume {flow.plume_swing_k:.0f} K"
+        words += [f"{flow.heat_w:.1f} W", "steady" if flow.steady else varies]
     if state.left is not None:
         words.append(f"{timedelta(seconds=round(state.left))} left")
     return ", ".join(words)
@@ -228,13 +201,16 @@ def simulate(
     check_input(part)
     check_folder(output)
     target = output / "field.vtu" if field is None else field
-    check_output(target, ".vtu", "field.vtu")
+    check_output(target, "field.vtu", make=True)
     installation = None
     if not write_only:
         # Before anything is written: a case is of no use where nothing can run it.
         installation = find_openfoam()
         check_solver(installation)
-    hot = hot_part(part_options, simulation)
+    hot = part_options
+    if hot.expansion is not None and hot.hot_temperature is None:
+        # It has expanded as far as its wall is hot.
+        hot = evolve(hot, hot_temperature=simulation.wall_temperature)
     measured = hot.read(part)
     case = simulation.case(measured, processes)
     _print_case(case)
@@ -266,20 +242,17 @@ def doctor(*, mend: Annotated[bool, Parameter(negative=())] = False) -> None:
         installed package, into your own data folder; the package and apt's lists stay as they are.
     """
     from iriftrace.cfd.openfoam.programs import MEND, find_openfoam, mended_solver
-    from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, build_solver, try_solver
+    from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, build_solver
 
     installation = find_openfoam()
     say_finding("ok", "OpenFOAM", installation.folder or "on the search path")
-    verdict = try_solver(installation)
-    _print_solver(installation, verdict)
+    verdict = _try_solver(installation)
     if verdict != TRIAL_PASSED and mend:
         target = mended_solver(installation.installed)
         say(f"Building it anew as {target}")
         with working("Fetching the source and compiling"):
             build_solver(target)
-        installation = find_openfoam()
-        verdict = try_solver(installation)
-        _print_solver(installation, verdict)
+        verdict = _try_solver(find_openfoam())
     if verdict != TRIAL_PASSED:
         advice = "nor does one that was built anew; install a newer OpenFOAM from openfoam.com"
         raise SetupError(
@@ -288,10 +261,15 @@ def doctor(*, mend: Annotated[bool, Parameter(negative=())] = False) -> None:
         )
 
 
-def _print_solver(installation: Installation, verdict: str) -> None:
+def _try_solver(installation: Installation) -> str:
+    """Try the solver and print the verdict, which is returned."""
+    from iriftrace.cfd.openfoam.solver_check import try_solver
+
+    verdict = try_solver(installation)
     said = verdict or "three steps on a mesh with inclined faces came out right"
     built = f", built in place of {installation.installed}" if installation.mended else ""
     say_finding("error" if verdict else "ok", "solver", f"{installation.solver}{built}: {said}")
+    return verdict
 
 
 def _print_case(case: Case) -> None:
@@ -309,7 +287,7 @@ def _print_case(case: Case) -> None:
     for region, kelvin in (table if wall.regions else {"all": wall.default}).items():
         say(f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)")
     found = symmetric_axes(case.part)
-    if found and not case.mirrors and not case.wall.regions:
+    if found and not case.mirrors and not wall.regions:
         say(
             f"The part is symmetric along {' and '.join(found)}: --symmetry {found} computes 1/"
             f"{2 ** len(found)} of the air, if a plume that cannot move sideways is good enough."

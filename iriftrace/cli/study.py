@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from attrs import frozen
 from cyclopts import App, Group, Parameter
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import out, pose_progress, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
 from iriftrace.cli.options import (
+    Numbers,
     Whole,
     check_field,
     check_input,
     check_order,
     check_output,
-    numbers,
 )
 from iriftrace.core.errors import InputError
 from iriftrace.shells.levels import RULES
@@ -121,8 +120,7 @@ def whole_numbers(text: str, option: str) -> list[int]:
                 f'{option} is "{text}"; give whole numbers separated by commas, or a range such as '
                 "1:20."
             )
-        start = int(first)
-        stop = int(last) if colon else start
+        start, stop = int(first), int(last if colon else first)
         if stop < start or stop - start > 10_000:
             raise InputError(
                 f'{option} is "{text}", but the range {piece.strip()} does not rise, or is too '
@@ -131,8 +129,6 @@ def whole_numbers(text: str, option: str) -> list[int]:
         values += range(start, stop + 1)
     return values
 
-
-_WIDEST = 1000
 
 STAGES = ("straight", "metrics", "write", "load", "build")
 
@@ -167,26 +163,26 @@ def _run(
     check_order(fields[0], part)
     check_field(*fields)
     check_input(part)
-    check_output(output, ".nc", "study.nc", make=False)
+    check_output(output, "study.nc")
     traced_by = variant.ensure(options.variant)
     mesh = options.part.read(part)
     with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
         volumes = [options.field.read(path, options.air.air(), mesh) for path in fields]
     stack = contour_shells(volumes[-1], 1)
-    camera = options.camera.camera(mesh, volumes[-1], stack, scale)
+    camera = options.camera.camera(mesh, volumes[-1], stack)
     refuse_camera_inside(camera.origin, mesh, stack, volumes[-1])
     view = View(mesh, camera.scaled(scale), traced_by, options.field.notes())
     described = describe(*volumes, view=view, modes=modes)
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
-    (print_comparison if described.references else print_timing)(out, dataset)
+    (print_comparison if described.references else print_timing)(dataset)
     picture = output.with_suffix(".png")
     with working("Drawing"):
         write_figure(study_figure(dataset), picture)
     say(f"Study in {output}, figure in {picture}")
 
 
-def print_comparison(console: Console, dataset: xr.Dataset) -> None:
+def print_comparison(dataset: xr.Dataset) -> None:
     """A table for each reference: differences of the hits in micrometres."""
     from iriftrace.studies.study import reference_words
 
@@ -213,15 +209,15 @@ def print_comparison(console: Console, dataset: xr.Dataset) -> None:
                     str(int(some["only_here"]) + int(some["only_reference"])),
                     str(int(case["rays_lost"])),
                 )
-        _show(console, table)
-    console.print(
+        _show(table)
+    out.print(
         "share: median over the median displacement; trimmed: rmse without the 1 % of rays that "
         "differ most; unmatched: rays that are good in one of the two runs only; lost: rays of the "
         "case whose straight twin hits the part in focus, but which are not good."
     )
 
 
-def print_timing(console: Console, dataset: xr.Dataset) -> None:
+def print_timing(dataset: xr.Dataset) -> None:
     """Times as ratios: of stages to the refracted trace, and of this to the first case's."""
     (axis,) = set(dataset["time_search"].dims) - {"mode"}
     across = "rays" if dataset.attrs["study"] == "rays" else "triangles_per_shell"
@@ -241,13 +237,13 @@ def print_timing(console: Console, dataset: xr.Dataset) -> None:
                 f"{float(case['search_share']):.2f}",
                 *(f"{float(case[f'time_{stage}']) / refracted:.2f}" for stage in STAGES),
             )
-        _show(console, table)
-    console.print(
+        _show(table)
+    out.print(
         "growth: refracted trace over that of the first case, if one run measured both; search: "
         "the intersection search of the refracted trace, the rest of it is refraction."
     )
     if float(dataset["search_share"].max()) > 1.0:
-        console.print(
+        out.print(
             "A search above 1 is noise: the search is timed in a run of its own, so that other "
             "programs on the machine can make it the longer one."
         )
@@ -263,14 +259,14 @@ def _table(title: str, texts: Sequence[str], numbers: Sequence[str]) -> Table:
     return table
 
 
-def _show(console: Console, table: Table) -> None:
+def _show(table: Table) -> None:
     """Print a table in the terminal's width, or wider where words and numbers would be cut."""
     # A measurement ends at the console's width, unless the options know of more.
-    least = console.measure(table, options=console.options.update(width=_WIDEST)).minimum
-    if least > console.width:
+    least = out.measure(table, options=out.options.update(width=1000)).minimum
+    if least > out.width:
         table.width = least
-    console.print(table, crop=False, soft_wrap=True)
-    console.print()
+    out.print(table, crop=False, soft_wrap=True)
+    out.print()
 
 
 study = App(
@@ -408,7 +404,7 @@ def rays(
     part: StudiedPart,
     *,
     output: Output = Path("rays.nc"),
-    scales: str = "0.0625,0.125,0.25,0.5",
+    scales: Numbers = (0.0625, 0.125, 0.25, 0.5),
     layers: Layers = 13,
     options: StudyOptions = StudyOptions(),
     scale: Scale = 1.0,
@@ -424,8 +420,7 @@ def rays(
     """
     from iriftrace.studies.cost import rays_study
 
-    factors = numbers(scales, scales.count(",") + 1, "--scales")
-    made = partial(rays_study, scales=factors, layers=layers)
+    made = partial(rays_study, scales=scales, layers=layers)
     _run([field], part, output, options, scale, made)
 
 

@@ -52,8 +52,6 @@ def sweep(
         The netCDF file.
     focal_length
         In place of the sensor's focal length: one or several, "8mm,10mm".
-    trace
-        How they are traced.
     nearest
         Add the two nearest-neighbour readings of the resolution, which takes longer.
     exr
@@ -69,14 +67,24 @@ def sweep(
     workers
         Number of local workers; by default one for every two cores, at least two.
     """
+    from iriftrace.sweep.export import check_table, write_surface, write_table
     from iriftrace.sweep.sweep import SweepOptions, run_sweep
-    from iriftrace.sweep.workers import pose_workers
+    from iriftrace.sweep.workers import check_scheduler, pose_workers
 
     if workers is not None and scheduler is None:
         scheduler = "local"
-    _check(scenes, output, export, surface, scheduler, workers)
-    with notes.status("Loading the scene ..."):
-        loaded = [trace.load(scene) for scene in scenes]
+    check_input(*scenes)
+    twice = [scene for scene in scenes if scenes.count(scene) > 1]
+    if twice:
+        raise InputError(f"{twice[0]} is given twice, so its poses would count twice; remove one.")
+    check_output(output, "sweep.nc")
+    check_output(export, "sweep.csv", ".parquet")
+    if export is not None:
+        check_table(export)
+    check_output(surface, "part.vtp", ".vtu")
+    if scheduler is not None:
+        check_scheduler(scheduler, workers)
+    loaded = [trace.load(scene) for scene in scenes]
     render = None
     with ExitStack() as stack:
         if scheduler is not None:
@@ -97,44 +105,12 @@ def sweep(
         )
     _print_sweep(dataset)
     if export is not None:
-        from iriftrace.sweep.export import write_table
-
         write_table(export, dataset)
         say(f"Table in {export}")
     if surface is not None:
-        from iriftrace.sweep.export import write_surface
-
         write_surface(surface, dataset, loaded[0].part)
         say(f"Part with the maps of all poses in {surface}")
     say(f"Sweep in {output}; now run:  iriftrace plan {output}")
-
-
-def _check(
-    scenes: list[Path],
-    output: Path,
-    export: Path | None,
-    surface: Path | None,
-    scheduler: str | None,
-    workers: int | None,
-) -> None:
-    """Find before the work what would fail after it."""
-    from iriftrace.sweep.export import check_surface, check_table
-    from iriftrace.sweep.workers import check_scheduler
-
-    check_input(*scenes)
-    twice = [scene for scene in scenes if scenes.count(scene) > 1]
-    if twice:
-        raise InputError(f"{twice[0]} is given twice, so its poses would count twice; remove one.")
-    check_output(output, ".nc", "sweep.nc", make=False)
-    for path, check, example in (
-        (export, check_table, "sweep.csv"),
-        (surface, check_surface, "part.vtp"),
-    ):
-        if path is not None:
-            check(path)
-            check_output(path, path.suffix.lower(), example, make=False)
-    if scheduler is not None:
-        check_scheduler(scheduler, workers)
 
 
 def _print_sweep(dataset: xr.Dataset) -> None:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from attrs import frozen
 from cyclopts import Parameter
 
-from iriftrace.cli.options import Variables, Wavelength, variables_of
+from iriftrace.cli.console import working
+from iriftrace.cli.options import Wavelength
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.scene.load import LoadedScene
-
-RELATIVE_TOLERANCE = 1e-6
-"""By which two wavelengths may differ and still be one."""
 
 
 @Parameter(name="*")
@@ -38,48 +37,33 @@ class TraceOptions:
         where that is shells, but they are too few for a view, the field if it is there.
     """
 
-    define: Variables = None
+    define: Annotated[list[str] | None, Parameter(name=["-D", "--define"], negative=())] = None
     wavelength: Wavelength | None = None
     variant: str | None = None
     engine: Literal["shells", "continuous"] | None = None
 
     def variables(self) -> dict[str, str]:
-        """Scene parameters by name, the wavelength (nm) among them if it is given.
-
-        Raises
-        ------
-        InputError
-            A definition is not written as name=value.
-        """
-        values = variables_of(self.define)
-        return (
-            values if self.wavelength is None else values | {"wavelength": f"{self.wavelength!r}"}
-        )
+        """Scene parameters by name, the wavelength (nm) among them if it is given."""
+        values = {}
+        for text in self.define or []:
+            name, equals, value = text.partition("=")
+            if not (name and equals and value):
+                raise InputError(f'-D is "{text}"; write it as name=value, such as -D scale=0.25.')
+            values[name] = value
+        if self.wavelength is not None:
+            values["wavelength"] = repr(self.wavelength)
+        return values
 
     def load(self, scene: Path) -> LoadedScene:
         """A scene with these options."""
         from iriftrace.scene.load import load_scene
 
-        return load_scene(scene, self.variables(), variant=self.variant, engine=self.engine)
+        with working("Loading the scene"):
+            return load_scene(scene, self.variables(), variant=self.variant, engine=self.engine)
 
 
 def check_light(wavelength: float | None, header: Mapping[str, Any], file: Path) -> None:
-    """Refuse a result that was traced in other light than the one that is asked for.
-
-    Parameters
-    ----------
-    wavelength
-        Value of the option, nm.
-    header
-        Header of an EXR, or attributes of a netCDF file.
-    file
-        Its name.
-
-    Raises
-    ------
-    InputError
-        Also where the result does not state its wavelength.
-    """
+    """Refuse a result of other light (nm) than is asked for, or whose header does not state it."""
     if wavelength is None:
         return
     if not wavelength > 0:
@@ -90,7 +74,7 @@ def check_light(wavelength: float | None, header: Mapping[str, Any], file: Path)
             f"{file} does not state its wavelength, because its scene does not, so it is not known "
             "to be the one that --wavelength asks for; leave the option out."
         )
-    if abs(stated - wavelength) > RELATIVE_TOLERANCE * wavelength:
+    if not math.isclose(stated, wavelength, rel_tol=1e-6):
         raise InputError(
             f"{file} is of light of {stated:g} nm and not of {wavelength:g} nm, as --wavelength "
             "asks for; give the file of the other light, or trace it with this option."

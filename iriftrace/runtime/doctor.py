@@ -92,8 +92,7 @@ def _packages() -> list[Finding]:
         text = "runs from a folder without being installed: the plugins cannot be found"
         return [Finding("iriftrace", "error", text, f"{sys.executable} -m pip install -e .")]
     findings = [Finding("iriftrace", "ok", own.version)]
-    needed = [Requirement(text) for text in own.requires or ()]
-    for requirement in needed:
+    for requirement in map(Requirement, own.requires or ()):
         if requirement.marker is None:
             findings.append(_package(requirement))
         if requirement.name == "mitsuba":
@@ -105,15 +104,13 @@ def _package(requirement: Requirement) -> Finding:
     try:
         version = importlib.metadata.version(requirement.name)
     except importlib.metadata.PackageNotFoundError:
-        return Finding(requirement.name, "error", "not installed", _pip_install(requirement))
-    if not requirement.specifier.contains(version, prereleases=True):
+        text = "not installed"
+    else:
+        if requirement.specifier.contains(version, prereleases=True):
+            return Finding(requirement.name, "ok", version)
         text = f"{version}, but {requirement.specifier} is needed"
-        return Finding(requirement.name, "error", text, _pip_install(requirement))
-    return Finding(requirement.name, "ok", version)
-
-
-def _pip_install(requirement: Requirement) -> str:
-    return f'{sys.executable} -m pip install "{requirement}"'
+    remedy = f'{sys.executable} -m pip install "{requirement}"'
+    return Finding(requirement.name, "error", text, remedy)
 
 
 def _llvm(libraries: tuple[LlvmLibrary, ...]) -> list[Finding]:
@@ -158,13 +155,7 @@ def _variant() -> Finding:
 
 
 def run_trial(variant: str) -> None:
-    """Run one kernel and one ray query with `variant` in another process.
-
-    Raises
-    ------
-    SetupError
-        The process failed or died; the message ends with the last line it wrote.
-    """
+    """Run one kernel and one ray query in another process; SetupError with its last line if not."""
     trouble = _last_words(_TRIAL.format(variant=variant))
     if trouble:
         raise SetupError(f"{variant} does not work here: {trouble}")

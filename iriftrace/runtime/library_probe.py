@@ -53,19 +53,17 @@ def probe_cuda() -> dict[str, Any]:
     status = driver.cuInit(0)
     if status != 0:
         return {"devices": [], "error": f"cuInit failed with code {status}"}
-    count = ctypes.c_int()
+    count, memory = ctypes.c_int(), ctypes.c_size_t()
     driver.cuDeviceGetCount(ctypes.byref(count))
-    names = []
+    names: list[str] = []
     for ordinal in range(count.value):
         device = ctypes.c_int()
         driver.cuDeviceGet(ctypes.byref(device), ordinal)
         name = ctypes.create_string_buffer(256)
         driver.cuDeviceGetName(name, len(name), device)
+        if not names:
+            driver.cuDeviceTotalMem_v2(ctypes.byref(memory), device)
         names.append(name.value.decode(errors="replace"))
-    memory, first = ctypes.c_size_t(), ctypes.c_int()
-    if names:
-        driver.cuDeviceGet(ctypes.byref(first), 0)
-        driver.cuDeviceTotalMem_v2(ctypes.byref(memory), first)
     why = "" if names else "the driver reports no device"
     return {"devices": names, "memory_bytes": memory.value, "error": why}
 

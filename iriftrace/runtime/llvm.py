@@ -60,16 +60,10 @@ _INSTALL = {
 
 @frozen
 class LlvmLibrary:
-    """One LLVM library that was found.
+    """One LLVM library that was found: a file, or a name that the system's loader resolves.
 
-    Attributes
-    ----------
-    path
-        File name, or the name that the system's loader resolves.
-    version
-        (major, minor, patch), or None where the library does not say.
-    why
-        One clause that says why Dr.Jit cannot run iriftrace's kernels with it; empty if it can.
+    The version (major, minor, patch) is None where it does not say; `why` is a clause that says why
+    Dr.Jit cannot run iriftrace's kernels with it, empty if it can.
     """
 
     path: str
@@ -105,16 +99,9 @@ def current_platform() -> str:
     return "linux"
 
 
-def llvm_install_command(platform: str | None = None) -> str:
-    """Return the command that installs a usable LLVM; by default on this platform.
-
-    Parameters
-    ----------
-    platform
-        "debian" or "ubuntu", "fedora", "macos", "windows" or "linux".
-    """
-    name = platform or current_platform()
-    return _INSTALL["debian" if name == "ubuntu" else name]
+def llvm_install_command() -> str:
+    """Return the command that installs a usable LLVM on this platform."""
+    return _INSTALL[current_platform()]
 
 
 def llvm_libraries() -> tuple[LlvmLibrary, ...]:
@@ -136,26 +123,20 @@ def llvm_libraries() -> tuple[LlvmLibrary, ...]:
 def require_llvm() -> LlvmLibrary:
     """Return the LLVM library to use: what `DRJIT_LIBLLVM_PATH` names, else the newest usable one.
 
-    Raises
-    ------
-    SetupError
-        No library is usable, or the one the variable names is not.
+    SetupError if no library is usable, or the one the variable names is not.
     """
     named = os.environ.get(PATH_VARIABLE, "")
-    if named:
-        library = inspect_llvm(named)
-        if not library.ok:
-            raise SetupError(
-                f"{PATH_VARIABLE} names {named!r}, which {library.why}; unset it or name a libLLVM "
-                f"of version {OLDEST_MAJOR} or newer (to install one: {llvm_install_command()})."
-            )
-        return library
     rejected = []
-    for path in candidate_paths():  # newest file name first, so usually one is opened
+    for path in [named] if named else candidate_paths():  # newest name first: usually one is opened
         library = inspect_llvm(path)
         if library.ok:
             return library
         rejected.append(library)
+    if named:
+        raise SetupError(
+            f"{PATH_VARIABLE} names {named!r}, which {rejected[0].why}; unset it or name a libLLVM "
+            f"of version {OLDEST_MAJOR} or newer (to install one: {llvm_install_command()})."
+        )
     trouble = "No LLVM library was found, and rays are traced by code that LLVM compiles"
     if rejected:
         newest = max(rejected, key=lambda library: library.version or (0, 0, 0))
@@ -209,12 +190,12 @@ def candidate_paths() -> list[str]:
     for pattern in _patterns():
         for path in sorted(glob.glob(pattern)):
             files.setdefault(os.path.realpath(path), path)
-    return sorted(files.values(), key=_version_in_name, reverse=True)
 
+    def numbers(path: str) -> tuple[int, ...]:
+        # Those of the file's own name; a name without any is asked last.
+        return tuple(map(int, re.findall(r"\d+", os.path.basename(os.path.realpath(path)))))
 
-def _version_in_name(path: str) -> tuple[int, ...]:
-    """Return the numbers in the file's own name; a name without any is asked last."""
-    return tuple(map(int, re.findall(r"\d+", os.path.basename(os.path.realpath(path)))))
+    return sorted(files.values(), key=numbers, reverse=True)
 
 
 def _patterns() -> list[str]:

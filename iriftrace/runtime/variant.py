@@ -1,7 +1,6 @@
 """Choice of Mitsuba's variant, with an LLVM or CUDA that works.
 
-Everything that other modules need to know of LLVM, CUDA and variants is here. Importing it imports
-neither Mitsuba nor Dr.Jit.
+Everything that other modules need to know of LLVM, CUDA and variants is here.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ from iriftrace.runtime.llvm import (
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")
 DEFAULT_VARIANT = "llvm_ad_mono"
 VARIANT_VARIABLE = "IRIFTRACE_VARIANT"
-LIBRARY_SUFFIXES = (".so", ".dylib", ".dll")
 
 
 @frozen
@@ -61,12 +59,7 @@ def wanted_variant(variant: str | None = None) -> str:
     """Return the variant that `ensure(variant)` would set.
 
     In this order: the argument, the variant that is set already, the environment variable
-    `IRIFTRACE_VARIANT`, `llvm_ad_mono`.
-
-    Raises
-    ------
-    InputError
-        It is not one of `VARIANTS`, scalar ones among them.
+    `IRIFTRACE_VARIANT`, `llvm_ad_mono`. InputError if it is not one of `VARIANTS`.
     """
     already = current_variant()
     if variant is not None:
@@ -110,9 +103,17 @@ def ensure(variant: str | None = None) -> str:
     if name != current_variant():
         _set_variant(name)
     if name.startswith("llvm"):
-        _check_loaded_llvm()
+        # Someone else may have imported Mitsuba first: what has Dr.Jit really loaded?
+        version = importlib.import_module("drjit.detail").llvm_version()
+        if version[0] < OLDEST_MAJOR:
+            raise SetupError(
+                f"Mitsuba was imported earlier and has loaded LLVM {'.'.join(map(str, version))}, "
+                f"and versions before {OLDEST_MAJOR} can abort the whole process; restart Python "
+                "and call iriftrace.runtime.ensure() before importing mitsuba, or set "
+                f"{PATH_VARIABLE} first."
+            )
     refuse_foreign_plugins(Path.cwd())
-    _register_plugins()
+    importlib.import_module("iriftrace.plugins").register()
     return name
 
 
@@ -121,13 +122,9 @@ def refuse_foreign_plugins(folder: Path) -> None:
 
     For a plugin Mitsuba runs the library ``plugins/NAME.so`` of a scene's folder and of the working
     folder, whoever put it there, before it looks among its own.
-
-    Raises
-    ------
-    InputError
     """
     files = (folder / "plugins").glob("*")
-    found = sorted(file.name for file in files if file.suffix in LIBRARY_SUFFIXES)
+    found = sorted(file.name for file in files if file.suffix in (".so", ".dylib", ".dll"))
     if found and folder.resolve() != Path(str(_mitsuba().__file__)).parent.resolve():
         raise InputError(
             f"{folder / 'plugins'} holds compiled code ({found[0]}) that Mitsuba would run as a "
@@ -169,9 +166,16 @@ def using(variant: str) -> Iterator[str]:
 def _set_variant(name: str) -> None:
     imported_before = "mitsuba" in sys.modules
     if not imported_before:
-        _point_to_llvm(required=name.startswith("llvm"))
-    if name.startswith("cuda"):
-        _require_cuda()
+        try:
+            os.environ[PATH_VARIABLE] = require_llvm().path
+        except SetupError:
+            if name.startswith("llvm"):
+                raise
+    if name.startswith("cuda") and not cuda_state().devices:
+        raise SetupError(
+            "cuda_ad_mono needs an NVIDIA GPU with its driver, and none answers "
+            f"({cuda_state().why}); install the driver or use {DEFAULT_VARIANT}."
+        )
     mitsuba = _import_mitsuba()
     if name not in mitsuba.variants():
         raise SetupError(
@@ -192,54 +196,13 @@ def _set_variant(name: str) -> None:
         raise SetupError(f"Mitsuba cannot work with {name}: {cause}") from error
 
 
-def _point_to_llvm(*, required: bool) -> None:
-    """Set `DRJIT_LIBLLVM_PATH` when it is unset; without a usable LLVM raise only if required."""
-    try:
-        library = require_llvm()
-    except SetupError:
-        if required:
-            raise
-        return
-    if not os.environ.get(PATH_VARIABLE):
-        os.environ[PATH_VARIABLE] = library.path
-
-
-def _require_cuda() -> None:
-    state = cuda_state()
-    if not state.devices:
-        raise SetupError(
-            f"cuda_ad_mono needs an NVIDIA GPU with its driver, and none answers ({state.why}); "
-            f"install the driver or use {DEFAULT_VARIANT}."
-        )
-
-
 def refuse_gpu_without_optix(error: Exception) -> None:
-    """Say what to do where Mitsuba's error is that the driver brings no OptiX that it can use.
-
-    Raises
-    ------
-    SetupError
-    """
+    """Raise what to do where Mitsuba's error is that the driver brings no OptiX it can use."""
     if "initialize OptiX" in str(error):
         raise SetupError(
             "This GPU's driver has no OptiX that Mitsuba can trace rays with; install a newer "
             f"NVIDIA driver, or use {DEFAULT_VARIANT}."
         ) from error
-
-
-def _check_loaded_llvm() -> None:
-    """Ask Dr.Jit what it has really loaded: someone else may have imported Mitsuba first."""
-    version = importlib.import_module("drjit.detail").llvm_version()
-    if version[0] < OLDEST_MAJOR:
-        raise SetupError(
-            f"Mitsuba was imported earlier and has loaded LLVM {'.'.join(map(str, version))}, and "
-            f"versions before {OLDEST_MAJOR} can abort the whole process; restart Python and call "
-            f"iriftrace.runtime.ensure() before importing mitsuba, or set {PATH_VARIABLE} first."
-        )
-
-
-def _register_plugins() -> None:
-    importlib.import_module("iriftrace.plugins").register()
 
 
 def _import_mitsuba() -> Any:

@@ -162,16 +162,15 @@ def mesh_study(
     InputError
         If there is one field only, or a name to split is none of theirs.
     """
-    names = list(fields)
+    names, given = list(fields), list(fields.values())
     if len(names) < 2:
         raise InputError(
             "A study of resolutions needs at least two fields, coarse to fine; give another one."
         )
     for name in split:
         if name not in fields:
-            raise InputError(
-                f"There is no field {name} to split; the study has {', '.join(names)}."
-            )
+            listed = ", ".join(names)
+            raise InputError(f"There is no field {name} to split; the study has {listed}.")
     for mode in modes:
         mode.check_layers(layers, len(names))
     # Name, original field and what is done to it.
@@ -185,16 +184,14 @@ def mesh_study(
     @lru_cache(maxsize=1)
     def cut(position: int) -> IndexField:
         _, number, suffix = cases[position]
-        field = fields[names[number]]
         if not suffix:
-            return field
-        tetrahedra = as_tetrahedra(field)
+            return given[number]
+        tetrahedra = as_tetrahedra(given[number])
         return tetrahedra if suffix == TETRAHEDRA else split_tetrahedra(tetrahedra)
 
     def stack(mode: Mode, position: int) -> ShellStack | None:
-        number, finest = cases[position][1], fields[names[-1]]
-        field = cut(position)
-        return shells_of(field, layers, mode, number=number, index_range=_range(finest))
+        number, field = cases[position][1], cut(position)
+        return shells_of(field, layers, mode, number=number, index_range=_range(given[-1]))
 
     return Study(
         name="mesh",
@@ -202,8 +199,8 @@ def mesh_study(
         modes=tuple(modes),
         view=lambda position: view,
         stack=stack,
-        source=source_of(view, list(fields.values()), layers=layers),
-        references=_finest(list(fields.values()), layers, references),
+        source=source_of(view, given, layers=layers),
+        references=_finest(given, layers, references),
     )
 
 

@@ -18,12 +18,6 @@ from iriftrace.studies.modes import Mode, shells_of, some_shells_of
 from iriftrace.studies.picture import View
 from iriftrace.studies.study import Axis, Study, source_of
 
-SMALLEST = 4_700
-"""Triangles of a shell with which Kern et al. (2025) begin."""
-
-LARGEST = 320_000
-"""Triangles of a shell with which the study ends unless asked for more (theirs: 4.8 million)."""
-
 
 def rays_study(
     field: IndexField,
@@ -76,8 +70,8 @@ def polygons_study(
     modes: Sequence[Mode],
     *,
     layers: int = 13,
-    smallest: int = SMALLEST,
-    largest: int = LARGEST,
+    smallest: int = 4_700,
+    largest: int = 320_000,
 ) -> Study:
     """Time the stages of one picture at several numbers of triangles.
 
@@ -92,9 +86,11 @@ def polygons_study(
     layers : int
         Number of shells.
     smallest : int
-        Triangles of each shell to begin with; larger shells are thinned out to it.
+        Triangles of each shell to begin with, by default as Kern et al. (2025); larger shells are
+        thinned out to it.
     largest : int
-        No more subdivisions than give this mean number of triangles for each shell.
+        No more subdivisions than give this mean number of triangles for each shell (4.8 million in
+        Kern et al.).
 
     Raises
     ------

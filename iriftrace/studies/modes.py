@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from attrs import Attribute, asdict, evolve, field, frozen
@@ -20,11 +20,8 @@ LINEAR_CELLS = "linear cells"
 """Names of references: shells of the finest field in a case's own mode, the continuous engine, and
 the same with one gradient in each cell."""
 
-NORMALS = ("gradient", "facet")
-INSIDE_HITS = ("refract", "drop")
 
-
-def _one_of(allowed: Sequence[str]) -> Callable[[Any, Attribute[str], str], None]:
+def _one_of(*allowed: str) -> Callable[[Any, Attribute[str], str], None]:
     def check(_: Any, choice: Attribute[str], value: str) -> None:
         if value not in allowed:
             raise InputError(
@@ -57,9 +54,9 @@ class Mode:
     """
 
     name: str
-    normals: str = field(default="gradient", validator=_one_of(NORMALS))
-    index_rule: str = field(default=RULES[0], validator=_one_of(RULES))
-    inside_hit: str = field(default="refract", validator=_one_of(INSIDE_HITS))
+    normals: str = field(default="gradient", validator=_one_of("gradient", "facet"))
+    index_rule: str = field(default=RULES[0], validator=_one_of(*RULES))
+    inside_hit: str = field(default="refract", validator=_one_of("refract", "drop"))
     drop_inner: tuple[int, ...] = field(default=(0,), converter=tuple[int, ...])
 
     @drop_inner.validator
@@ -139,29 +136,10 @@ def shells_of(
     number: int = 0,
     index_range: tuple[float, float] | None = None,
 ) -> ShellStack | None:
-    """Shells of a field as a mode wants them.
+    """Shells of the study's field ``number``, from 0, as a mode wants them; None if none is left.
 
-    Parameters
-    ----------
-    field : IndexField
-    layers : int
-        Number of levels.
-    mode : Mode
-    number : int
-        Which of the study's fields it is, counted from 0; for ``drop_inner``.
-    index_range : (2,) tuple, optional
-        See :func:`iriftrace.shells.contour.contour_shells`.
-
-    Returns
-    -------
-    ShellStack or None
-        None if no shell is left. The ``drop_inner`` innermost *levels* are left out, whether the
-        field reaches them or not.
-
-    Raises
-    ------
-    InputError
-        Number of layers or range are wrong.
+    Of ``layers`` levels the ``drop_inner`` innermost *levels* are left out, whether the field
+    reaches them or not. The range is that of :func:`iriftrace.shells.contour.contour_shells`.
     """
     if layers > 0 and not mode.leaves(layers, number):
         return None

@@ -5,7 +5,8 @@ from __future__ import annotations
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any
 
 from attrs import field, frozen
 
@@ -44,25 +45,23 @@ class View:
 
 
 @contextmanager
-def loaded_shells(view: View, stack: ShellStack, mode: Mode) -> Iterator[LoadedScene]:
-    """A scene of a stack of shells, from files that are removed afterwards."""
+def _loaded(
+    view: View, stack: ShellStack, engine: str | None, **written: Any
+) -> Iterator[LoadedScene]:
     with tempfile.TemporaryDirectory() as folder:
-        path = write_scene(
-            folder,
-            view.part,
-            stack,
-            view.camera,
-            normals=mode.normals,
-            inside_hit=mode.inside_hit,
-            paraview=False,
-        )
+        path = write_scene(folder, view.part, stack, view.camera, paraview=False, **written)
         # Millions of triangles need not be in memory twice.
         del stack
-        scene = load_scene(path, variant=view.variant)
+        scene = load_scene(path, variant=view.variant, engine=engine)
         try:
             yield scene
         finally:
             scene.integrator.forget()
+
+
+def loaded_shells(view: View, stack: ShellStack, mode: Mode) -> AbstractContextManager[LoadedScene]:
+    """A scene of a stack of shells, from files that are removed afterwards."""
+    return _loaded(view, stack, None, normals=mode.normals, inside_hit=mode.inside_hit)
 
 
 def picture_of_shells(view: View, stack: ShellStack, mode: Mode) -> Hits:
@@ -72,34 +71,20 @@ def picture_of_shells(view: View, stack: ShellStack, mode: Mode) -> Hits:
     return hits_of(rendering.image, len(stack.shells), stack.triangles)
 
 
-@contextmanager
 def loaded_field(
     view: View, field: IndexField, *, normals: str = "gradient"
-) -> Iterator[LoadedScene]:
+) -> AbstractContextManager[LoadedScene]:
     """A scene of the field itself for the continuous engine, likewise; see `picture_of_field`."""
     # The engine looks at no shell, but a scene of the program has some.
     stack = contour_shells(field, 1)
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_scene(
-            folder, view.part, stack, view.camera, normals=normals, paraview=False, field=field
-        )
-        scene = load_scene(path, variant=view.variant, engine="continuous")
-        try:
-            yield scene
-        finally:
-            scene.integrator.forget()
+    return _loaded(view, stack, "continuous", normals=normals, field=field)
 
 
 def picture_of_field(view: View, field: IndexField, *, normals: str = "gradient") -> Hits:
     """Trace the picture through the field itself, by the continuous engine.
 
-    Parameters
-    ----------
-    view : View
-    field : IndexField
-    normals : str
-        Which limit: the field to whose gradient shells with ``"gradient"`` normals converge, or
-        the one that is linear in each tetrahedron, to which ``"facet"`` normals do.
+    Its gradient is that to which shells with ``"gradient"`` normals converge, or that of the field
+    that is linear in each tetrahedron, to which ``"facet"`` normals do.
     """
     with loaded_field(view, field, normals=normals) as scene:
         rendering = rendered(scene)

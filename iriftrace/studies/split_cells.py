@@ -29,17 +29,12 @@ def as_tetrahedra(field: IndexField) -> IndexField:
 
 
 def split_tetrahedra(field: IndexField) -> IndexField:
-    """Every tetrahedron divided into eight at the middles of its edges.
+    """Every cell of a field of tetrahedra divided into eight at the middles of its edges.
 
     The index at a new point is the mean of the edge's ends, which the field already had there; so
     surfaces of equal index stay where they are and get more triangles, all of them coplanar with
     those they come from. Recovered gradients change: the mean at a new point is taken over smaller
     cells, so that refining a linear field ever further gives back the steps of its gradient.
-
-    Parameters
-    ----------
-    field : IndexField
-        Of tetrahedra only.
     """
     corners = np.asarray(field.grid.cell_connectivity, dtype=np.int64).reshape(-1, 4)
     points = np.asarray(field.grid.points)

@@ -61,16 +61,7 @@ TIMES: Variables = {
 
 @frozen(eq=False)
 class Axis:
-    """Quantity that a study varies.
-
-    Attributes
-    ----------
-    name : str
-        Dimension in the file.
-    values : tuple
-        Numbers, or names.
-    long_name : str
-    """
+    """Quantity that a study varies: dimension in the file, numbers or names, name in figures."""
 
     name: str
     values: tuple[Any, ...]
@@ -81,15 +72,9 @@ class Axis:
 class References:
     """Runs that every case of a study is compared with.
 
-    Attributes
-    ----------
-    names : tuple of str
-        ``"continuous"``: the continuous engine. ``"linear cells"``: likewise, on the field that is
-        linear in each cell, to which facet normals converge. Any other is for `stack`.
-    field : IndexField
-        For the continuous engine.
-    stack : callable
-        From a case's mode and a name to the shells of the reference, or None where none is left.
+    ``"continuous"`` is the continuous engine on the field, ``"linear cells"`` likewise on the field
+    that is linear in each cell, to which facet normals converge. Of any other name `stack` gives
+    the shells for a case's mode, or None where none is left.
     """
 
     names: tuple[str, ...]
@@ -223,14 +208,11 @@ def _compared(study: Study, references: References) -> Callable[[Mode, int], dic
         return picture_of_field(study.view(0), references.field, normals=normals)
 
     @cache
-    def of_shells(mode: Mode, name: str) -> Hits | None:
-        stack = references.stack(mode, name)
-        return None if stack is None else picture_of_shells(study.view(0), stack, mode)
-
     def reference(mode: Mode, name: str) -> Hits | None:
         if name in (CONTINUOUS, LINEAR_CELLS):
             return of_field("gradient" if name == CONTINUOUS else "facet")
-        return of_shells(mode, name)
+        stack = references.stack(mode, name)
+        return None if stack is None else picture_of_shells(study.view(0), stack, mode)
 
     def measure(mode: Mode, position: int) -> dict[str, Any]:
         stack = study.stack(mode, position)
@@ -280,6 +262,7 @@ def _dataset(study: Study, references: Sequence[str], entries: Sequence[dict[str
     pairs = [one for entry in entries for one in entry["differences"]]
     sizes, differences = (SIZES, DIFFERENCES) if references else (TIMES, {})
     names = any(isinstance(value, str) for value in axis.values)
+    described = np.array([mode.describe() for mode in study.modes], dtype=object)
     dataset = xr.Dataset(
         {
             **_variables(sizes, cases, over, shape),
@@ -287,12 +270,9 @@ def _dataset(study: Study, references: Sequence[str], entries: Sequence[dict[str
         },
         coords={
             "mode": np.array([mode.name for mode in study.modes], dtype=object),
-            "mode_description": (
-                ("mode",),
-                np.array([mode.describe() for mode in study.modes], dtype=object),
-            ),
+            "mode_description": ("mode", described),
             axis.name: (
-                (axis.name,),
+                axis.name,
                 np.array(axis.values, dtype=object if names else None),
                 {"long_name": axis.long_name, **({} if names else {"units": "1"})},
             ),

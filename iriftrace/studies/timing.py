@@ -21,7 +21,6 @@ STAGES = {
     "metrics": "reduction to metrics",
     "write": "writing the EXR",
 }
-_IN_METRICS = ("load", "build", "straight", "metrics", "write")
 
 COUNTS = {
     "rays": "rays launched",
@@ -47,7 +46,7 @@ def times(scene: LoadedScene) -> dict[str, float | int]:
             pictures.append(picture.metrics)
     fastest = {
         f"time_{stage}": min(metrics.time_s[stage] or 0.0 for metrics in pictures[1:])
-        for stage in _IN_METRICS
+        for stage in ("load", "build", "straight", "metrics", "write")
     }
     recording = Recording(scene)
     pairs = recording.time_pairs(REPEATS)

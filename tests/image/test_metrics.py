@@ -80,7 +80,9 @@ def test_statistics_of_displacement_and_shift() -> None:
 
 
 @pytest.mark.parametrize(("tilt", "text"), [(0.0, "0 (plane seen frontally)"), (0.01, "9.548 um")])
-def test_summary_says_why_an_axial_resolution_is_0(tilt: float, text: str) -> None:
+def test_summary_says_why_an_axial_resolution_is_0(
+    tilt: float, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A plate that falls back from one pixel of 1 mm to the next one on the right.
 
     199 of the 200 pixels have a neighbour on the right or below, 190 of them one on the right:
@@ -92,11 +94,14 @@ def test_summary_says_why_an_axial_resolution_is_0(tilt: float, text: str) -> No
     metrics = pose_metrics(make_image(CAMERA, part, displacement=moved, header=header), part)
     metrics.time_s.update(dict.fromkeys(TIMES, 1.0))
     console = Console(width=200, file=io.StringIO())
-    print_summary(console, metrics)
+    monkeypatch.setattr("iriftrace.cli.output.out", console)
+    print_summary(metrics)
     assert f"lateral 1000 um, axial {text} (step to the next pixel)" in console.file.getvalue()
 
 
-def test_regions_with_long_names_have_a_line_each_on_80_columns() -> None:
+def test_regions_with_long_names_have_a_line_each_on_80_columns(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     part = plate((10, 0, 0), (0, 5, 0), (0, 0, 50))
     header = {**HEADER, "part": {"path": "by hand", "sha256": part.sha256}}
     metrics = pose_metrics(make_image(CAMERA, part, header=header), part)
@@ -104,7 +109,8 @@ def test_regions_with_long_names_have_a_line_each_on_80_columns() -> None:
     (region,) = metrics.regions.values()
     name = "hole 5 (x -21.5, y -37.24, r 12.25)"
     console = Console(width=80, file=io.StringIO())
-    print_summary(console, evolve(metrics, regions={name: region}))
+    monkeypatch.setattr("iriftrace.cli.output.out", console)
+    print_summary(evolve(metrics, regions={name: region}))
     lines = console.file.getvalue().partition("Assumptions")[0].splitlines()
     assert any(f"region {name}" in line for line in lines)
     assert max(map(len, lines)) <= 80

@@ -75,13 +75,19 @@ def test_missing_or_old_llvm_gives_this_platforms_command(
     assert not diagnose().ok
 
 
-def test_windows_users_are_told_the_variable_too() -> None:
-    command = llvm.llvm_install_command("windows")
+def test_windows_users_are_told_the_variable_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "win32")
+    command = llvm.llvm_install_command()
     assert r'setx DRJIT_LIBLLVM_PATH "C:\Program Files\LLVM\bin\LLVM-C.dll"' in command
 
 
-def test_ubuntu_is_a_debian() -> None:
-    assert llvm.llvm_install_command("ubuntu") == llvm.llvm_install_command("debian")
+def test_ubuntu_is_a_debian(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    commands = []
+    for release in ({"ID": "ubuntu"}, {"ID": "debian"}):
+        monkeypatch.setattr(platform, "freedesktop_os_release", lambda found=release: found)
+        commands.append(llvm.llvm_install_command())
+    assert commands[0] == commands[1]
 
 
 @pytest.mark.parametrize(

@@ -80,12 +80,13 @@ def test_render_says_it_and_metrics_keeps_it(
 
 @pytest.mark.parametrize(("mismatches", "said"), [(900, False), (1100, True)])
 def test_a_summary_says_when_more_than_single_rays_do_not_add_up(
-    hot: HotBlock, mismatches: int, said: bool
+    hot: HotBlock, mismatches: int, said: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     metrics = pose_metrics(read_exr(hot.image))
     rays = evolve(metrics.rays, hit=100_000, index_mismatch=mismatches)
     text = io.StringIO()
-    print_summary(Console(file=text, width=200), evolve(metrics, rays=rays))
+    monkeypatch.setattr("iriftrace.cli.output.out", Console(file=text, width=200))
+    print_summary(evolve(metrics, rays=rays))
     assert ("shells have holes or are another field's" in text.getvalue()) == said
 
 

@@ -126,7 +126,11 @@ def test_times_are_printed_as_ratios(
     ],
 )
 def test_numbers_of_a_study_are_never_cut(
-    width: int, value: float, fields: list[str], texts: list[str]
+    width: int,
+    value: float,
+    fields: list[str],
+    texts: list[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Many digits, long names of modes and fields, and a narrow terminal: words may wrap."""
     shape = (1, 2, 1)
@@ -152,7 +156,8 @@ def test_numbers_of_a_study_are_never_cut(
         },
     )
     console = Console(width=width, file=io.StringIO())
-    print_comparison(console, dataset)
+    monkeypatch.setattr("iriftrace.cli.study.out", console)
+    print_comparison(dataset)
     said = console.file.getvalue()
     assert "Difference from 20 shells of the same mode / um" in " ".join(said.split())
     for text in texts:
