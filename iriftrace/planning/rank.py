@@ -168,6 +168,13 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     )
 
 
+def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:
+    """As `rank_poses`, without the warnings, which are said of the ranking that is shown."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IriftraceWarning)
+        return rank_poses(dataset, criteria)
+
+
 def _of_fine_faces(
     dataset: xr.Dataset, region: str, coverage: FloatArray, ranked: BoolArray
 ) -> list[str]:
