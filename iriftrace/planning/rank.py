@@ -350,12 +350,6 @@ def _normalise(values: FloatArray, lower: float, upper: float) -> FloatArray:
     return np.where(np.isfinite(values), np.where(values > lower, 1.0, 0.0), np.nan)
 
 
-def share_of_range(values: FloatArray, low: float, high: float) -> FloatArray:
-    """Values (n,) as shares of a range, 0 at its lower end; 0 throughout if there is no range."""
-    share: FloatArray = 0.0 * values if high <= low else (values - low) / (high - low)
-    return share
-
-
 def _cost(name: str, normalised: FloatArray, constant: Collection[str]) -> FloatArray:
     return 1 - normalised if name == "coverage" and name not in constant else normalised
 
