@@ -138,14 +138,13 @@ def lines_of_sight(
         if len(active) == 0:
             break
         direction[active] = unit_vectors(aim[active] - origin)
-        ends = bent_ends(scene, origin, direction[active])
-        beyond = points[active] - ends.last_point
-        along = np.einsum("ij,ij->i", beyond, ends.direction)
-        off = along[:, None] * ends.direction - beyond
+        last_point, last_way, face[active], crossings = bent_ends(scene, origin, direction[active])
+        beyond = points[active] - last_point
+        along = np.einsum("ij,ij->i", beyond, last_way)
+        off = along[:, None] * last_way - beyond
         miss[active] = np.linalg.norm(off, axis=1)
-        lacking[active] = np.where(ends.face >= 0, along, np.nan)
-        face[active] = ends.face
-        in_air[active] = ends.crossings > 0
+        lacking[active] = np.where(face[active] >= 0, along, np.nan)
+        in_air[active] = crossings > 0
         unsettled = ~(miss[active] <= MISS_MM)
         active = active[unsettled]
         aim[active] -= off[unsettled]
