@@ -29,13 +29,7 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.render import trace_rays
-from iriftrace.triangulation.cloud import (
-    PointStatus,
-    by_axis,
-    save_cloud,
-    scatter_along,
-    spread,
-)
+from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
 from iriftrace.triangulation.features import feature_table, size_scatter
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
@@ -56,7 +50,6 @@ DEVICE_OF_SYSTEM = {system: device for device, system in SYSTEM_OF_DEVICE.items(
 
 LEAST_ANGLE = math.radians(1.0)
 """Lines at a smaller angle are warned of: their intersection moves 57 times as far as they do."""
-
 
 CLEAR_MM = 1e-3
 """Length of a ray that may lack at a point it sees: what the miss allows at 0.06 degrees."""
@@ -164,6 +157,7 @@ class Scan:
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.scan/1``."""
         translation, rotation, left = self.best_fit()
+        scatter = self.scatter_normal
         return {
             "schema": SCHEMA,
             **self.provenance,
@@ -172,7 +166,7 @@ class Scan:
             "points": {"pixels": int(self.status.size), **ScanStatus.counts(self.status)},
             "error_normal_mm": spread(self.error_normal),
             "error_mm": spread(np.linalg.norm(self.error, axis=1)),
-            **_spread_of("scatter_normal_mm", self.scatter_normal),
+            **({} if scatter is None else {"scatter_normal_mm": spread(scatter)}),
             "gap_mm": spread(self.gap),
             "angle_deg": spread(np.degrees(self.angle)),
             "best_fit": {
@@ -218,14 +212,12 @@ class Scan:
         values = self.as_dict() | {"features": list(features)}
         if acceptance:
             values["acceptance"] = list(acceptance)
-        return save_cloud(path, self.points, self._columns(), values)
-
-    def _columns(self) -> dict[str, NDArray[Any]]:
-        return {
+        scatter = self.scatter_normal
+        columns: dict[str, NDArray[Any]] = {
             **by_axis("true", self.true),
             **by_axis("error", self.error),
             "error_normal": self.error_normal,
-            **({} if self.scatter_normal is None else {"scatter_normal": self.scatter_normal}),
+            **({} if scatter is None else {"scatter_normal": scatter}),
             "gap": self.gap,
             "angle": self.angle,
             "pixel_u": self.pixel[:, 0],
@@ -234,6 +226,7 @@ class Scan:
             # Of the points that were measured, which are the cloud.
             "status": np.full(len(self.points), ScanStatus.MEASURED, dtype=np.int32),
         }
+        return save_cloud(path, self.points, columns, values)
 
 
 def measure(
@@ -327,10 +320,6 @@ def _together(scans: Sequence[Scan]) -> Scan:
     )
 
 
-def _spread_of(name: str, values: FloatArray | None) -> dict[str, dict[str, float]]:
-    return {} if values is None else {name: spread(values)}
-
-
 def devices_of(
     scene: LoadedScene | str | Path,
     camera: Camera | None,
@@ -338,17 +327,10 @@ def devices_of(
     system: System | None,
     phase: Phase | None,
 ) -> tuple[LoadedScene, Camera, Camera, System, Phase]:
-    """The scene, its two devices and the kind of sensor, with the defaults of `measure`.
-
-    Raises
-    ------
-    InputError
-        As `measure`.
-    """
+    """The scene, its two devices and the kind of sensor, with the defaults of `measure`."""
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
     camera = loaded.camera if camera is None else camera
-    if second is None:
-        second = loaded.second
+    second = loaded.second if second is None else second
     if second is None:
         raise InputError(
             f"{loaded.path} has no second device, so there is nothing to triangulate with; write "
@@ -356,7 +338,15 @@ def devices_of(
         )
     if system is None:
         system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")
-    _check(camera, second, system, phase)
+    for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
+        if value is not None and value not in get_args(kinds):
+            raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
+    if "orthographic" in (camera.projection, second.projection):
+        raise InputError(
+            "A device with parallel rays has no place from which to triangulate; give both devices "
+            "a focal length."
+        )
+    refuse_one_place(camera, second)
     if system == "stereo":
         return loaded, camera, second, system, "both"
     if system == "laser":
@@ -368,18 +358,6 @@ def better_phase(camera: Camera, projector: Camera) -> Phase:
     """The lines of a projector's picture that run more across the way to the camera."""
     base = projector.matrix[:3, :2].T @ (camera.origin - projector.origin)
     return "columns" if abs(base[0]) >= abs(base[1]) else "rows"
-
-
-def _check(camera: Camera, second: Camera, system: str, phase: str | None) -> None:
-    for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
-        if value is not None and value not in get_args(kinds):
-            raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
-    if "orthographic" in (camera.projection, second.projection):
-        raise InputError(
-            "A device with parallel rays has no place from which to triangulate; give both devices "
-            "a focal length."
-        )
-    refuse_one_place(camera, second)
 
 
 def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:
@@ -399,11 +377,10 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         if serving is not scene:
             return _scan(serving, camera, second, system, phase)
     status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
-    normals = scene.part.surface.normals
     candidates = hits.ray[seen]
     place = number[candidates]
     true, face = hits.refracted[seen], hits.refracted_face[seen]
-    normal = normals[face]
+    normal = scene.part.surface.normals[face]
 
     distance = np.linalg.norm(true - solved.origin, axis=1)
     near, far = solved.focus_mm
