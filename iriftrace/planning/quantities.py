@@ -31,7 +31,7 @@ _WIDE = 20.0
 class Quantity:
     """One metric of all n poses.
 
-    Limits are the ends of the normalisation; of the score, which is normalised as it is, its
+    Limits are the ends of the normalisation; of the score, which is not normalised again, its
     smallest and largest value.
     """
 

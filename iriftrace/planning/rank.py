@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# Metrics that differ by less than these shares of their size differ by rounding, and hardly.
+# Differences, as shares of a metric's size, that are rounding and that hardly tell poses apart.
 _ROUNDING, _LITTLE = 1e-9, 0.01
 
 # Faces hit over area that pixels cover: below this, faces are missed and not cut by silhouettes.
@@ -229,8 +229,8 @@ def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray
     """
     metrics, eligible, _ = _candidates(dataset, criteria, METRICS)
     poses = np.flatnonzero(eligible)
-    better_low = {**metrics, "coverage": -metrics["coverage"]}
-    costs = np.stack([better_low[name][poses] for name in METRICS], axis=1)
+    by_name = {**metrics, "coverage": -metrics["coverage"]}
+    costs = np.stack([by_name[name][poses] for name in METRICS], axis=1)
     # In this order, a pose can only be dominated by an earlier one.
     order = np.lexsort(costs.T[::-1])
     poses, costs = poses[order], costs[order]
@@ -266,11 +266,13 @@ def _candidates(
     column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
     metrics = {name: _column(dataset, v, column) for name, v in variables.items()}
     good_rays = _column(dataset, "rays_good", column)
-    failures = _failures(dataset)
+    count = len(good_rays)
+    failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else [""] * count
     reasons = {}
     seen = metrics["coverage"].tolist()
     for pose, (failure, rays) in enumerate(zip(failures, good_rays.tolist(), strict=True)):
-        if failure:
+        # Text that was never written comes back from some writers as NaN or None.
+        if failure and isinstance(failure, str):
             reasons[pose] = f"failed: {failure}"
         elif not rays >= 0:
             reasons[pose] = "not traced"
@@ -278,12 +280,12 @@ def _candidates(
             reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
         elif seen[pose] < min_coverage:
             reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
-    rich = np.ones(len(good_rays), dtype=np.bool_)
+    rich = np.ones(count, dtype=np.bool_)
     rich[list(reasons)] = False
     if not rich.any():
         pose, reason = next(iter(reasons.items()))
         raise InputError(
-            f"None of the {len(rich)} poses can be ranked for {region} (pose {pose}: {reason}); "
+            f"None of the {count} poses can be ranked for {region} (pose {pose}: {reason}); "
             "check where the cameras stand and look, or rank another region."
         )
     eligible = rich.copy()
@@ -299,7 +301,7 @@ def _candidates(
         eligible &= known
     if not eligible.any():
         raise InputError(
-            f"None of the {len(rich)} poses has all of {', '.join(needed)} for {region}, so none "
+            f"None of the {count} poses has all of {', '.join(needed)} for {region}, so none "
             "can be ranked; give the weight 0 to what is not known."
         )
     return metrics, eligible, reasons
@@ -324,14 +326,6 @@ def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int
 def _column(dataset: xr.Dataset, variable: str, region: int) -> FloatArray:
     values = np.asarray(dataset[variable].isel(region=region).to_numpy(), dtype=np.float64)
     return np.where(np.isfinite(values), values, np.nan)
-
-
-def _failures(dataset: xr.Dataset) -> list[str]:
-    if "failure" not in dataset:
-        return [""] * dataset.sizes["pose"]
-    texts = dataset["failure"].to_numpy().tolist()
-    # Text that was never written comes back from some writers as NaN or None.
-    return [text if isinstance(text, str) else "" for text in texts]
 
 
 def limits_of(values: FloatArray, percentile: float) -> tuple[float, float]:

@@ -376,7 +376,6 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         serving = field_where_needed(scene, (forward, solved), hits.refracted[seen])
         if serving is not scene:
             return _scan(serving, camera, second, system, phase)
-    status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
     candidates = hits.ray[seen]
     place = number[candidates]
     true, face = hits.refracted[seen], hits.refracted_face[seen]
@@ -385,8 +384,11 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     distance = np.linalg.norm(true - solved.origin, axis=1)
     near, far = solved.focus_mm
     turned = np.einsum("ij,ij->i", normal, solved.origin - true) <= 0
+    with np.errstate(invalid="ignore"):
+        places = solved.project(true)
+        inside = ((places >= 0) & (places <= solved.resolution)).all(axis=1)
     codes = np.select(
-        [~_in_picture(solved, true), (distance < near) | (distance > far), turned],
+        [~inside, (distance < near) | (distance > far), turned],
         [ScanStatus.OUTSIDE_PICTURE, ScanStatus.OUT_OF_FOCUS, ScanStatus.SHADOW],
         ScanStatus.MEASURED,
     )
@@ -395,6 +397,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     clear = np.abs(lines.lacking) <= CLEAR_MM
     codes[asked[~lines.found]] = ScanStatus.SEVERAL_IMAGES
     codes[asked[lines.found & ~clear]] = ScanStatus.SHADOW
+    status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
     status[place] = codes
     good = np.flatnonzero(lines.found & clear)
     good = good[np.argsort(place[asked[good]])]
@@ -468,13 +471,6 @@ def _towards_part(device: Camera, part: Part, pixels: FloatArray) -> NDArray[np.
     return np.asarray(((pixels >= low - 1.0) & (pixels <= high + 1.0)).all(axis=1))
 
 
-def _in_picture(device: Camera, points: FloatArray) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore"):
-        places = device.project(points)
-        inside = (places >= 0) & (places <= device.resolution)
-    return np.asarray(inside.all(axis=1))
-
-
 def triangulated(
     camera: Camera, second: Camera, a: FloatArray, b: FloatArray, system: System, phase: Phase
 ) -> tuple[FloatArray, FloatArray]:
@@ -482,18 +478,14 @@ def triangulated(
     if phase == "both":
         return nearest_point(camera.origin, a, second.origin, b)
     if system == "laser":
-        normal = np.broadcast_to(_sheet_normal(second), a.shape)
+        # The plane of the laser's middle column.
+        middle = second.resolution[0] / 2
+        _, (top, bottom) = second.rays(((middle, 0.0), (middle, second.resolution[1])))
+        across = np.cross(top, bottom)
+        normal = np.broadcast_to(across / np.linalg.norm(across), a.shape)
     else:
         normal = phase_planes(second, b, phase)
     return on_plane(camera.origin, a, second.origin, normal), np.zeros(len(a))
-
-
-def _sheet_normal(laser: Camera) -> FloatArray:
-    """Normal of the plane of the laser's middle column."""
-    middle = laser.resolution[0] / 2
-    _, (top, bottom) = laser.rays(((middle, 0.0), (middle, laser.resolution[1])))
-    normal: FloatArray = np.cross(top, bottom)
-    return normal / np.linalg.norm(normal)
 
 
 def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:
