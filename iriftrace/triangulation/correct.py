@@ -25,7 +25,7 @@ from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
-from iriftrace.triangulation.features import feature_table, size_scatter
+from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.scan import (
     Phase,
     System,
@@ -135,15 +135,14 @@ class Correction:
         good = self.status == CorrectionStatus.CORRECTED
         measured, face = self.measured[good], self.face[good]
         clouds = {"measured": measured, "corrected": self.points[good]}
-        rows = feature_table(clouds, face, part, choices)
-        scatter: list[float | None] = [None] * len(rows)
-        if self.errors is not None:
-            scatter = size_scatter(list(measured - self.errors[:, good]), face, part, rows)
-        for row, by_member in zip(rows, scatter, strict=True):
+        by_member = () if self.errors is None else measured - self.errors[:, good]
+        rows = feature_table(clouds, face, part, choices, by_member)
+        for row in rows:
             size, expanded = row["size_mm"], None
+            scatter = row.pop("size_scatter_mm", None) or 0.0
             if size["measured"] is not None and self.u_normal is not None:
                 by_field = self.field_uncertainty * (size["measured"] - size["corrected"])
-                expanded = COVERAGE_FACTOR * math.hypot(by_field, by_member or 0.0)
+                expanded = COVERAGE_FACTOR * math.hypot(by_field, scatter)
             row["size_uncertainty_mm"] = expanded
         return rows
 

@@ -6,7 +6,7 @@ Levenberg and Marquardt's method by SciPy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -109,50 +109,43 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
 
 
 def feature_table(
-    clouds: Mapping[str, FloatArray], face: IntArray, part: Part, choices: Sequence[str]
+    clouds: Mapping[str, FloatArray],
+    face: IntArray,
+    part: Part,
+    choices: Sequence[str],
+    by_member: Iterable[FloatArray] = (),
 ) -> list[dict[str, Any]]:
     """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature, and the
     region if not all of the part: ``"cylinder:lateral"``; without any, `found_features`. Gives
     ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``form_mm``, ``position_mm`` and
-    ``direction``.
+    ``direction``; with the same points by each member of an ensemble also ``size_scatter_mm``, the
+    size's standard deviation over them, None for a feature without a size.
     """
+    members = list(by_member)
     rows = []
     for choice in choices or found_features(part, face):
         kind, region, chosen = chosen_points(choice, face, part)
         fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
-        rows.append(
-            {
-                "kind": kind,
-                "region": region or None,
-                "points": int(chosen.sum()),
-                "size_mm": {name: fit.size_mm for name, fit in fits.items()},
-                "form_mm": {name: fit.form_mm for name, fit in fits.items()},
-                "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
-                "direction": {
-                    name: None if fit.direction is None else fit.direction.tolist()
-                    for name, fit in fits.items()
-                },
-            }
-        )
+        row: dict[str, Any] = {
+            "kind": kind,
+            "region": region or None,
+            "points": int(chosen.sum()),
+            "size_mm": {name: fit.size_mm for name, fit in fits.items()},
+            "form_mm": {name: fit.form_mm for name, fit in fits.items()},
+            "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
+            "direction": {
+                name: None if fit.direction is None else fit.direction.tolist()
+                for name, fit in fits.items()
+            },
+        }
+        if members:
+            sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in members]
+            known = [size for size in sizes if size is not None]
+            row["size_scatter_mm"] = float(np.std(known, ddof=1)) if known else None
+        rows.append(row)
     return rows
-
-
-def size_scatter(
-    clouds: Sequence[FloatArray], face: IntArray, part: Part, rows: Sequence[Mapping[str, Any]]
-) -> list[float | None]:
-    """Standard deviation of each feature's size over an ensemble's members, mm; None without size.
-
-    Clouds are the same points, (n, 3) arrays, mm, by each member; rows those of `feature_table`.
-    """
-    found: list[float | None] = []
-    for row in rows:
-        kind, _, chosen = chosen_points(f"{row['kind']}:{row['region'] or ''}", face, part)
-        sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in clouds]
-        known = [size for size in sizes if size is not None]
-        found.append(float(np.std(known, ddof=1)) if known else None)
-    return found
 
 
 def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, BoolArray]:

@@ -30,7 +30,7 @@ from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.render import trace_rays
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
-from iriftrace.triangulation.features import feature_table, size_scatter
+from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
 
@@ -184,11 +184,8 @@ class Scan:
         Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members.
         """
         clouds = {"cold": self.true, "measured": self.points}
-        rows = feature_table(clouds, self.face, part, choices)
-        if self.errors is None:
-            return rows
-        sizes = size_scatter(list(self.true + self.errors), self.face, part, rows)
-        return [row | {"size_scatter_mm": size} for row, size in zip(rows, sizes, strict=True)]
+        by_member = () if self.errors is None else self.true + self.errors
+        return feature_table(clouds, self.face, part, choices, by_member)
 
     def save(
         self,
