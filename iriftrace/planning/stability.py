@@ -24,20 +24,14 @@ _OTHER_DIFFERENCE = 0.05
 class Stability:
     """Ranks of a plan's best pose when the weights vary.
 
-    Attributes
-    ----------
-    ranks : dict of (2,) tuples of int
-        Rank of the best pose (1: still the best) when this one weight is smaller and larger.
-    winners : dict of (2,) tuples of int
-        Number of the best pose then.
-    rivals : (k,) array of int
-        All poses that are better than the best one for some weights within the share, when all
-        weights vary at once; its rank is never worse than k + 1.
+    Ranks (1: still the best) and winners are by the one weight that is smaller, and larger. The k
+    rivals are all poses that are better than the best one for some weights within the share, when
+    all weights vary at once; its rank is never worse than k + 1.
     """
 
-    ranks: dict[str, tuple[int, int]]
-    winners: dict[str, tuple[int, int]]
-    rivals: IntArray
+    ranks: dict[str, tuple[int, int]]  # of the pose that is the best by the plan
+    winners: dict[str, tuple[int, int]]  # number of the best pose then
+    rivals: IntArray  # (k,), numbers
 
     @property
     def worst_rank(self) -> int:

@@ -35,17 +35,11 @@ WHY = "when every second shell is left out, as where lines of sight run along th
 class ShellResolution:
     """By how much hits move when every second shell is left out.
 
-    Attributes
-    ----------
-    rays : int
-        Of the sample that hit the part both times.
-    median_mm, p95_mm : float, mm
-        Median and 95th percentile of the distances between the hits.
-    median_share, p95_share : float
-        The same as shares of the displacement's median and 95th percentile.
+    Median and 95th percentile of the distances between the hits are also stated as shares of the
+    displacement's.
     """
 
-    rays: int
+    rays: int  # of the sample that hit the part both times
     median_mm: float
     p95_mm: float
     median_share: float
