@@ -301,11 +301,10 @@ def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
 
 def _round(points: FloatArray, opening: bool) -> Feature:
     """Fit from the principal axis along which a sample of the points fits best."""
-    thin = len(points) // SAMPLE
-    sample = points[::thin] if thin > 1 else points
+    sample = points[:: max(1, len(points) // SAMPLE)]
     fits = [_about_axis(sample, axis, opening) for axis in _axes(points)]
     best = min(fits, key=lambda fit: float(fit.residuals @ fit.residuals))
-    if sample is points or best.direction is None:
+    if len(sample) == len(points) or best.direction is None:
         return best
     return _about_axis(points, best.direction, opening)
 
