@@ -432,8 +432,7 @@ def _with_views(
     views: int,
     limits: ViewLimits,
 ) -> ReportContent:
-    criteria = summary.plan.criteria
-    chosen = plan_views(dataset, views, limits, region=criteria.region, min_hits=criteria.min_hits)
+    chosen = plan_views(dataset, views, limits, summary.plan.criteria)
     return evolve(
         content,
         views=views_table(summary, chosen),

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 from attrs import frozen
 
-from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
+from iriftrace.core.errors import InputError, SetupError
 from iriftrace.planning.criteria import STANDARD, Criteria
-from iriftrace.planning.rank import Plan, rank_poses
+from iriftrace.planning.rank import ranked_quietly
 from iriftrace.sweep.confirm import field_tracer, traced_through_field
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ def confirm_winners(
         As `iriftrace.planning.rank.rank_poses`.
     """
     trace, found = field_tracer(dataset), dataset
-    first = last = _ranked(dataset, criteria)
+    first = last = ranked_quietly(dataset, criteria)
     traced: list[int] = []
     through = traced_through_field(dataset)
     while not through[last.best] or not traced:
@@ -97,17 +96,10 @@ def confirm_winners(
             return dataset, Confirmation(missing=str(error).rstrip("."))
         traced += winners
         through[winners] = True
-        last = _ranked(found, criteria)
+        last = ranked_quietly(found, criteria)
     one, other = (plan.metrics["displacement"][first.best] for plan in (first, last))
     before, after = (tuple(plan.order[:WINNERS].tolist()) for plan in (first, last))
     return found, Confirmation(tuple(traced), before, after, (float(one), float(other)))
-
-
-def _ranked(dataset: xr.Dataset, criteria: Criteria) -> Plan:
-    with warnings.catch_warnings():
-        # Said of the ranking that is shown.
-        warnings.simplefilter("ignore", IriftraceWarning)
-        return rank_poses(dataset, criteria)
 
 
 def _poses(numbers: tuple[int, ...]) -> str:

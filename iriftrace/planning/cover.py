@@ -14,6 +14,7 @@ from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.image.sightings import seen_by_pose
+from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.rank import ranked_region
 
 if TYPE_CHECKING:
@@ -85,24 +86,6 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     InputError
         If shapes do not match, an area is negative or not finite, or there is nothing to see.
     """
-    visible, areas = _checked(seen, face_areas, k)
-    groups, shares = _grouped(visible, areas / areas.sum())
-    views = min(k, len(visible))
-    entries = np.count_nonzero(groups)
-    chosen = _exchanged(groups, shares, _greedy(groups, shares, views))
-    bound = _bound_of_gains(groups, shares, chosen, views)
-    if entries <= _LARGE and bound - _covered(groups, shares, chosen) > _PROOF:
-        bound = min(bound, _relaxed_bound(groups, shares, views))
-    if entries <= _SMALL and bound - _covered(groups, shares, chosen) > _PROOF:
-        found, best = _integer_program(groups, shares, views)
-        bound = min(bound, best)
-        if _covered(groups, shares, found) > _covered(groups, shares, chosen):
-            chosen = found
-    chosen = chosen[_greedy(groups[chosen], shares, len(chosen))]
-    return _view_set(groups, shares, chosen, bound)
-
-
-def _checked(seen: ArrayLike, face_areas: ArrayLike, k: int) -> tuple[BoolArray, FloatArray]:
     visible = np.asarray(seen, dtype=np.bool_)
     areas = np.asarray(face_areas, dtype=np.float64)
     if k < 1:
@@ -121,7 +104,31 @@ def _checked(seen: ArrayLike, face_areas: ArrayLike, k: int) -> tuple[BoolArray,
             f"None of the {len(visible)} poses sees any of the part, so there is nothing to choose "
             "from; check the poses or relax the limits."
         )
-    return visible, areas
+    groups, shares = _grouped(visible, areas / areas.sum())
+    views = min(k, len(visible))
+    entries = np.count_nonzero(groups)
+    chosen = _exchanged(groups, shares, _greedy(groups, shares, views))
+    bound = _bound_of_gains(groups, shares, chosen, views)
+    if entries <= _LARGE and bound - _covered(groups, shares, chosen) > _PROOF:
+        bound = min(bound, _relaxed_bound(groups, shares, views))
+    if entries <= _SMALL and bound - _covered(groups, shares, chosen) > _PROOF:
+        found, best = _integer_program(groups, shares, views)
+        bound = min(bound, best)
+        if _covered(groups, shares, found) > _covered(groups, shares, chosen):
+            chosen = found
+    chosen = chosen[_greedy(groups[chosen], shares, len(chosen))]
+    together = np.logical_or.accumulate(groups[chosen], axis=0) @ shares
+    covered = float(together[-1])
+    gap = max(0.0, bound - covered)
+    exact = gap <= _PROOF
+    return ViewSet(
+        poses=chosen,
+        covered=covered,
+        added=np.diff(together, prepend=0.0),
+        coverable=float(shares.sum()),
+        exact=exact,
+        gap=0.0 if exact else gap,
+    )
 
 
 def _grouped(seen: BoolArray, shares: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -221,21 +228,6 @@ def _integer_program(groups: BoolArray, shares: FloatArray, k: int) -> tuple[Int
     return poses.astype(np.int64), -float(best) / _UNIT if known else float(shares.sum())
 
 
-def _view_set(groups: BoolArray, shares: FloatArray, poses: IntArray, bound: float) -> ViewSet:
-    together = np.logical_or.accumulate(groups[poses], axis=0) @ shares
-    covered = float(together[-1])
-    gap = max(0.0, bound - covered)
-    exact = gap <= _PROOF
-    return ViewSet(
-        poses=poses,
-        covered=covered,
-        added=np.diff(together, prepend=0.0),
-        coverable=float(shares.sum()),
-        exact=exact,
-        gap=0.0 if exact else gap,
-    )
-
-
 @frozen
 class ViewLimits:
     """Limits within which a face counts as seen by a pose.
@@ -269,39 +261,14 @@ def plan_views(
     dataset: xr.Dataset,
     views: int,
     limits: ViewLimits = NO_LIMITS,
-    *,
-    region: str = "part",
-    min_hits: int = 100,
+    criteria: Criteria = STANDARD,
 ) -> ViewSet:
-    """Choose the poses that together see the most area, each face within the limits.
+    """Choose the poses of a sweep that together see the most of the criteria's region.
 
-    Parameters
-    ----------
-    dataset
-        A sweep that says which faces each pose sees.
-    views
-        Number of poses, at least 1.
-    limits
-        A face beyond them does not count as seen.
-    region
-        ``part`` (all of it), or the region that matters.
-    min_hits
-        Poses with fewer good rays on the region are no candidates.
-
-    Returns
-    -------
-    ViewSet
-        Its shares are those of the region's area.
-
-    Raises
-    ------
-    InputError
-        A limit or the number of views is wrong, the sweep is an older one without faces, or no
-        pose sees a face within the limits.
+    Faces beyond the limits do not count as seen, and poses with fewer good rays on the region than
+    ``min_hits`` are no candidates. Shares are those of the region's area.
     """
-    if views < 1:
-        raise InputError(f"The number of views is {views}, so nothing is seen; give at least 1.")
-    number = ranked_region(dataset, ["rays_good"], region)
+    number = ranked_region(dataset, ["rays_good"], criteria.region)
     seen = seen_by_pose(
         dataset,
         max_displacement_mm=limits.displacement_mm,
@@ -310,10 +277,9 @@ def plan_views(
     areas = np.asarray(dataset["face_area"].values, dtype=np.float64)
     if number > 0:
         areas = np.where(dataset["face_region"].values == number, areas, 0.0)
-    enough = np.asarray(dataset["rays_good"].isel(region=number).values) >= min_hits
-    seen &= enough[:, None]
+    seen &= dataset["rays_good"].isel(region=number).values[:, None] >= criteria.min_hits
     if not np.any(seen & (areas > 0)):
-        raise InputError(_nothing(dataset, areas > 0, region))
+        raise InputError(_nothing(dataset, areas > 0, criteria.region))
     return choose_views(seen, areas, views)
 
 

@@ -17,7 +17,7 @@ from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import STANDARD, Criteria
-from iriftrace.planning.rank import limits_of, ranked_region, share_of_range
+from iriftrace.planning.rank import limits_of, ranked_region
 from iriftrace.sweep.confirm import scene_with_field
 from iriftrace.sweep.reload import load_swept_scene, swept_camera, swept_part
 from iriftrace.sweep.store import WHOLE_PART
@@ -172,7 +172,7 @@ def plan_pairs(
         )
     table = np.array(rows)
     size, bias, coverage, angle = table[:, 2:].T
-    counted = quantities(size, bias, coverage, angle, bool(feature))
+    counted = quantities(table[:, 2:].T, bool(feature))
     limits = {name: limits_of(values, criteria.percentile) for name, values in counted.items()}
     score = score_of_pairs(counted, limits, criteria, clipped=True)
     order = np.argsort(score, kind="stable")
@@ -185,7 +185,11 @@ def plan_pairs(
         try:
             scan = measure(scene, views[i].camera, views[j].camera, system=system)
             engine = scan.provenance["engine"]
-            exact.append(_exact(scan, part, region, criteria, feature))
+            exact.append(
+                size_error(scan, part, feature)
+                if feature
+                else statistic_along(scan, in_region(region, scan.face, part), criteria)
+            )
         except InputError as reason:
             raise InputError(
                 f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
@@ -207,18 +211,13 @@ def plan_pairs(
     )
 
 
-def quantities(
-    size: FloatArray, bias: FloatArray, coverage: FloatArray, angle_deg: FloatArray, feature: bool
-) -> dict[str, FloatArray]:
-    """What pairs are ranked by, the smaller the better: error, mm, unseen share, noise.
+def quantities(values: FloatArray, feature: bool) -> dict[str, FloatArray]:
+    """What n pairs are ranked by, the smaller the better: error, mm, unseen share, noise.
 
-    Parameters
-    ----------
-    size, bias, coverage, angle_deg : (n,) arrays
-        As `PairPlan.error_mm`, `bias_mm`, `coverage` and `angle_deg`.
-    feature : bool
-        The bias is that of a feature's diameter.
+    From `PairPlan.error_mm`, `bias_mm`, `coverage` and `angle_deg`, (4, n) array; the bias may be
+    that of a feature's diameter.
     """
+    size, bias, coverage, angle_deg = values
     return {
         # A diameter that is right because large errors cancel is wrong in other air.
         "error": np.maximum(np.abs(bias), size) if feature else size,
@@ -234,15 +233,9 @@ def score_of_pairs(
     *,
     clipped: bool,
 ) -> FloatArray:
-    """Scores (n,) of pairs by their `quantities`, as `PairPlan.score`.
+    """Scores (n,) of pairs by their `quantities` and the limits of these, as `PairPlan.score`.
 
-    Parameters
-    ----------
-    values, limits
-        By name.
-    criteria : Criteria
-    clipped : bool
-        Nothing counts less than at its minimum or more than at its percentile.
+    Clipped, nothing counts less than at its minimum or more than at its percentile.
     """
     weights = criteria.weights
     factors = {
@@ -252,7 +245,8 @@ def score_of_pairs(
     }
     total = np.zeros(len(values["error"]))
     for name, factor in factors.items():
-        share = share_of_range(values[name], *limits[name])
+        low, high = limits[name]
+        share = (values[name] - low) / (high - low) if high > low else 0.0 * values[name]
         total += factor * (np.clip(share, 0.0, 1.0) if clipped else share)
     return total
 
@@ -325,21 +319,16 @@ def _pair(
     coverage = float(areas[face].sum() / areas.sum())
     if hits < criteria.min_hits or coverage < criteria.min_coverage:
         return None
-    error = first_order_error(
-        one.camera,
-        other.camera,
-        points,
-        one.seen.offset[first],
-        other.seen.offset[second],
-        system,
-    )
+    offsets = one.seen.offset[first], other.seen.offset[second]
+    error = first_order_error(one.camera, other.camera, points, *offsets, system)
     along = np.einsum("ij,ij->i", error, part.face_normals[face])
     area = areas[face]
     angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, area))))
-    if of_diameter:
-        bias = first_order_size(points, part.face_normals[face], error, area)
-    else:
-        bias = _quantile(along, 0.5, area)
+    bias = (
+        first_order_size(points, part.face_normals[face], error, area)
+        if of_diameter
+        else _quantile(along, 0.5, area)
+    )
     return _statistic(along, criteria, area), bias, coverage, angle
 
 
@@ -365,13 +354,6 @@ def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
             f"The best pairs cannot be measured, because their scene is not there: {error}; "
             f"{LEAVE_OUT}"
         ) from error
-
-
-def _exact(scan: Scan, part: Part, region: str, criteria: Criteria, feature: str | None) -> float:
-    """What is ranked by, of a measurement, mm; points in the region alone."""
-    if feature:
-        return size_error(scan, part, feature)
-    return statistic_along(scan, in_region(region, scan.face, part), criteria)
 
 
 def size_error(scan: Scan, part: Part, feature: str) -> float:

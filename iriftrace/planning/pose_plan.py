@@ -88,8 +88,7 @@ def plan(
     summary = summarise(dataset, criteria)
     together = refined = None
     if views is not None:
-        region, hits = criteria.region, criteria.min_hits
-        together = plan_views(dataset, views, limits, region=region, min_hits=hits)
+        together = plan_views(dataset, views, limits, criteria)
     if evaluations is not None:
         check_evaluations(evaluations)
         try:

@@ -31,34 +31,18 @@ _WIDE = 20.0
 class Quantity:
     """One metric of all n poses.
 
-    Attributes
-    ----------
-    key : str
-        Short name, for files.
-    title : str
-        What it is.
-    name : str
-        The same with the reading, for axes.
-    unit : str
-        For axes.
-    values : (n,) array
-        In that unit; NaN for a pose without a number.
-    limits : (2,) tuple
-        In that unit: ends of the normalisation; of the score its smallest and largest value.
-    normalised : (n,) array
-        0 at the lower limit and 1 at the upper one and beyond; the score as it is.
-    logarithmic : bool
-        Whether colours and axes are.
+    Limits are the ends of the normalisation; of the score, which is not normalised again, its
+    smallest and largest value.
     """
 
-    key: str
+    key: str  # for files
     title: str
-    name: str
+    name: str  # the title with the reading, for axes
     unit: str
-    values: FloatArray
-    limits: Limits
-    normalised: FloatArray
-    logarithmic: bool
+    values: FloatArray  # (n,), in that unit; NaN for a pose without a number
+    limits: Limits  # in that unit
+    normalised: FloatArray  # (n,), 0 at the lower limit, 1 at the upper one and beyond
+    logarithmic: bool  # colours and axes
 
     @property
     def label(self) -> str:
@@ -72,18 +56,13 @@ class Quantity:
 
 
 def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
-    """A metric of a ranking, as it is shown.
-
-    Parameters
-    ----------
-    plan
-        The ranking.
-    key
-        One of `iriftrace.planning.criteria.METRICS`.
-    enough
-        (n,) mask of the poses whose values rest on enough rays.
-    """
-    name = _name(plan, key)
+    """One of `METRICS` of a ranking; `enough` masks the poses whose values rest on enough rays."""
+    if key == "displacement":
+        name = f"{_STATISTICS[plan.criteria.statistic]} displacement"
+    elif key == "coverage":
+        name = "Coverage"
+    else:
+        name = f"{key.capitalize()} resolution, {_READINGS[plan.criteria.resolution]}"
     values = np.where(enough, plan.metrics[key], np.nan)
     low, high = plan.limits[key]
     factor, unit = 1e3, "µm"
@@ -105,26 +84,10 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     )
 
 
-def _name(plan: Plan, key: str) -> str:
-    match key:
-        case "displacement":
-            return f"{_STATISTICS[plan.criteria.statistic]} displacement"
-        case "coverage":
-            return "Coverage"
-    return f"{key.capitalize()} resolution, {_READINGS[plan.criteria.resolution]}"
-
-
 def scatter_quantity(view: xr.Dataset, statistic: Statistic, enough: BoolArray) -> Quantity | None:
-    """Standard deviation over the members of an ensemble; None for a single field.
+    """Standard deviation over an ensemble's members in one region; None for a single field.
 
-    Parameters
-    ----------
-    view
-        One region of a sweep.
-    statistic
-        Of the standard deviations in one view.
-    enough
-        (n,) mask of the poses whose values rest on enough rays.
+    The statistic is that of the standard deviations in one view; `enough` as in `metric_quantity`.
     """
     if f"scatter_{statistic}" not in view:
         return None
@@ -132,9 +95,7 @@ def scatter_quantity(view: xr.Dataset, statistic: Statistic, enough: BoolArray) 
     if not np.isfinite(values).any():
         return None
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    span = high - low or 1.0
     title = f"{_STATISTICS[statistic]} scatter"
-    wide = low > 0.0 and high > _WIDE * low
     return Quantity(
         key="scatter",
         title=title,
@@ -142,15 +103,13 @@ def scatter_quantity(view: xr.Dataset, statistic: Statistic, enough: BoolArray) 
         unit="µm",
         values=values,
         limits=(low, high),
-        normalised=np.clip((values - low) / span, 0.0, 1.0),
-        logarithmic=wide,
+        normalised=(values - low) / (high - low or 1.0),
+        logarithmic=low > 0.0 and high > _WIDE * low,
     )
 
 
 def score_quantity(plan: Plan) -> Quantity:
-    """The combined score of a ranking, as it is shown."""
+    """The combined score of a ranking."""
+    name, unit = "Combined score", "dimensionless, the smaller the better"
     limits = float(np.nanmin(plan.score)), float(np.nanmax(plan.score))
-    unit = "dimensionless, the smaller the better"
-    return Quantity(
-        "score", "Combined score", "Combined score", unit, plan.score, limits, plan.score, False
-    )
+    return Quantity("score", name, name, unit, plan.score, limits, plan.score, False)

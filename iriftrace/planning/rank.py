@@ -23,12 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-# Metrics that differ by less than this share of their size differ by rounding.
-_ROUNDING = 1e-9
-
-# Metrics that differ by less than this share of their size hardly tell poses apart.
-_LITTLE = 0.01
-
+# Differences, as shares of a metric's size, that are rounding and that hardly tell poses apart.
+_ROUNDING, _LITTLE = 1e-9, 0.01
 
 # Faces hit over area that pixels cover: below this, faces are missed and not cut by silhouettes.
 _MISSED = 0.5
@@ -109,23 +105,21 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
         A metric is the same, or nearly the same, in all ranked poses.
     """
     needed = criteria.needed
-    found = _candidates(dataset, criteria, needed)
+    metrics, eligible, unranked = _candidates(dataset, criteria, needed)
     limits = {
-        name: limits_of(values[found.eligible], criteria.percentile)
-        for name, values in found.metrics.items()
+        name: limits_of(values[eligible], criteria.percentile) for name, values in metrics.items()
     }
-    unranked = dict(found.reasons)
     if criteria.outside == "discard":
         for name in needed:
             upper = limits[name][1]
-            above = found.eligible & (found.metrics[name] > upper + _ROUNDING * abs(upper))
+            above = eligible & (metrics[name] > upper + _ROUNDING * abs(upper))
             for pose in np.flatnonzero(above).tolist():
                 unranked.setdefault(
                     pose,
-                    f"{name} {found.metrics[name][pose]:.4g} is above the "
+                    f"{name} {metrics[name][pose]:.4g} is above the "
                     f"{criteria.percentile:g}th percentile, {upper:.4g}",
                 )
-    ranked = np.ones(len(found.eligible), dtype=np.bool_)
+    ranked = eligible.copy()
     ranked[list(unranked)] = False
     if not ranked.any():
         raise InputError(
@@ -133,9 +127,10 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
             "clip instead of discarding."
         )
 
-    constant = tuple(name for name in METRICS if _is_constant(found.metrics[name][ranked]))
+    spreads = {name: _spread(values[ranked]) for name, values in metrics.items()}
+    constant = tuple(name for name in METRICS if spreads[name] <= _ROUNDING)
     normalised, costs = {}, {}
-    for name, values in found.metrics.items():
+    for name, values in metrics.items():
         scaled = 0 * values if name in constant else _normalise(values, *limits[name])
         normalised[name] = np.where(ranked, scaled, np.nan)
         costs[name] = _cost(name, normalised[name], constant)
@@ -148,22 +143,21 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
             f"The ranked poses ({len(order)}) do not differ in {', '.join(same)}, which therefore "
             "counts 0 in the score."
         )
-    for name in needed:
-        spread = _spread(found.metrics[name][ranked])
-        if name not in constant and spread < _LITTLE:
-            messages.append(
-                f"The ranked poses differ in {name} by {100 * spread:.2g} % only, which the "
-                "normalisation stretches so that it decides as much as the others; give it the "
-                "weight 0 if so little does not matter."
-            )
+    messages += [
+        f"The ranked poses differ in {name} by {100 * spreads[name]:.2g} % only, which the "
+        "normalisation stretches so that it decides as much as the others; give it the weight 0 "
+        "if so little does not matter."
+        for name in needed
+        if _ROUNDING < spreads[name] < _LITTLE
+    ]
     if "coverage" in needed:
-        messages += _of_fine_faces(dataset, criteria.region, found.metrics["coverage"], ranked)
+        messages += _of_fine_faces(dataset, criteria.region, metrics["coverage"], ranked)
     for message in messages:
         warnings.warn(message, IriftraceWarning, stacklevel=2)
     return Plan(
         order=order.astype(np.int64),
         score=score,
-        metrics=found.metrics,
+        metrics=metrics,
         normalised=normalised,
         costs=costs,
         limits=limits,
@@ -172,6 +166,13 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
         criteria=criteria,
         warnings=tuple(messages),
     )
+
+
+def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:
+    """As `rank_poses`, without the warnings, which are said of the ranking that is shown."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IriftraceWarning)
+        return rank_poses(dataset, criteria)
 
 
 def _of_fine_faces(
@@ -195,19 +196,8 @@ def _of_fine_faces(
 def score_of(plan: Plan, metrics: Mapping[str, float]) -> float:
     """Score of a pose that is not in the sweep, by the sweep's own normalisation.
 
-    Parameters
-    ----------
-    plan
-        The ranking of the sweep.
-    metrics
-        The pose's value of each of `METRICS` that has a positive weight; mm, and 0..1 for the
-        coverage.
-
-    Returns
-    -------
-    float
-        As `Plan.score`. NaN if a value is unknown, or where the plan discards poses above the
-        percentile and this one is.
+    `metrics` are its values of those of `METRICS` that have a positive weight; mm, and 0..1 for the
+    coverage. NaN if one is unknown, or above the percentile where the plan discards such poses.
     """
     total = 0.0
     for name, weight in plan.criteria.weights.items():
@@ -237,15 +227,10 @@ def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray
     InputError
         The dataset is not a sweep, or no pose can be compared.
     """
-    found = _candidates(dataset, criteria, METRICS)
-    poses = np.flatnonzero(found.eligible)
-    costs = np.stack(
-        [
-            -found.metrics[name][poses] if name == "coverage" else found.metrics[name][poses]
-            for name in METRICS
-        ],
-        axis=1,
-    )
+    metrics, eligible, _ = _candidates(dataset, criteria, METRICS)
+    poses = np.flatnonzero(eligible)
+    by_name = {**metrics, "coverage": -metrics["coverage"]}
+    costs = np.stack([by_name[name][poses] for name in METRICS], axis=1)
     # In this order, a pose can only be dominated by an earlier one.
     order = np.lexsort(costs.T[::-1])
     poses, costs = poses[order], costs[order]
@@ -269,40 +254,25 @@ def metric_variables(criteria: Criteria) -> dict[str, str]:
     }
 
 
-@frozen(eq=False)
-class _Candidates:
-    """Metrics of n poses, and the poses that can be compared.
+def _candidates(
+    dataset: xr.Dataset, criteria: Criteria, needed: Collection[str]
+) -> tuple[dict[str, FloatArray], BoolArray, dict[int, str]]:
+    """Metrics of all poses (mm; 0..1), mask of those that can be compared, and why others cannot.
 
-    Attributes
-    ----------
-    metrics : dict of (n,) arrays
-        Values of each of `METRICS` in all poses; mm, and 0..1 for the coverage.
-    eligible : (n,) array of bool
-        The poses that can be compared.
-    reasons : dict
-        Number of each other pose and why it cannot be compared.
-    """
-
-    metrics: dict[str, FloatArray]
-    eligible: BoolArray
-    reasons: dict[int, str]
-
-
-def _candidates(dataset: xr.Dataset, criteria: Criteria, needed: Collection[str]) -> _Candidates:
-    """The metrics of all poses, and why some of them cannot be compared.
-
-    Without a value of each of `needed`, of `METRICS`, a pose cannot be compared.
+    A pose without a value of each of `needed` cannot. Reasons are by number of the pose.
     """
     region, min_hits, min_coverage = criteria.region, criteria.min_hits, criteria.min_coverage
     variables = metric_variables(criteria)
     column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
     metrics = {name: _column(dataset, v, column) for name, v in variables.items()}
     good_rays = _column(dataset, "rays_good", column)
-    failures = _failures(dataset)
+    count = len(good_rays)
+    failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else [""] * count
     reasons = {}
     seen = metrics["coverage"].tolist()
     for pose, (failure, rays) in enumerate(zip(failures, good_rays.tolist(), strict=True)):
-        if failure:
+        # Text that was never written comes back from some writers as NaN or None.
+        if failure and isinstance(failure, str):
             reasons[pose] = f"failed: {failure}"
         elif not rays >= 0:
             reasons[pose] = "not traced"
@@ -310,12 +280,12 @@ def _candidates(dataset: xr.Dataset, criteria: Criteria, needed: Collection[str]
             reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
         elif seen[pose] < min_coverage:
             reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
-    rich = np.ones(len(good_rays), dtype=np.bool_)
+    rich = np.ones(count, dtype=np.bool_)
     rich[list(reasons)] = False
     if not rich.any():
         pose, reason = next(iter(reasons.items()))
         raise InputError(
-            f"None of the {len(rich)} poses can be ranked for {region} (pose {pose}: {reason}); "
+            f"None of the {count} poses can be ranked for {region} (pose {pose}: {reason}); "
             "check where the cameras stand and look, or rank another region."
         )
     eligible = rich.copy()
@@ -331,20 +301,14 @@ def _candidates(dataset: xr.Dataset, criteria: Criteria, needed: Collection[str]
         eligible &= known
     if not eligible.any():
         raise InputError(
-            f"None of the {len(rich)} poses has all of {', '.join(needed)} for {region}, so none "
+            f"None of the {count} poses has all of {', '.join(needed)} for {region}, so none "
             "can be ranked; give the weight 0 to what is not known."
         )
-    return _Candidates(metrics, eligible, reasons)
+    return metrics, eligible, reasons
 
 
 def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int:
-    """Number of a region in a sweep that has some variables of poses and regions.
-
-    Raises
-    ------
-    InputError
-        If the dataset is no sweep, has no pose or no such region.
-    """
+    """Number of a region in a sweep, which must have some variables of poses and regions."""
     missing = [v for v in variables if v not in dataset or set(dataset[v].dims) != _DIMENSIONS]
     if missing or "region" not in dataset.coords:
         raise InputError(
@@ -364,14 +328,6 @@ def _column(dataset: xr.Dataset, variable: str, region: int) -> FloatArray:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _failures(dataset: xr.Dataset) -> list[str]:
-    if "failure" not in dataset:
-        return [""] * dataset.sizes["pose"]
-    texts = dataset["failure"].to_numpy().tolist()
-    # Text that was never written comes back from some writers as NaN or None.
-    return [text if isinstance(text, str) else "" for text in texts]
-
-
 def limits_of(values: FloatArray, percentile: float) -> tuple[float, float]:
     """Minimum and percentile of the known values."""
     known = values[np.isfinite(values)]
@@ -388,18 +344,8 @@ def _normalise(values: FloatArray, lower: float, upper: float) -> FloatArray:
     return np.where(np.isfinite(values), np.where(values > lower, 1.0, 0.0), np.nan)
 
 
-def share_of_range(values: FloatArray, low: float, high: float) -> FloatArray:
-    """Values (n,) as shares of a range, 0 at its lower end; 0 throughout if there is no range."""
-    share: FloatArray = 0.0 * values if high <= low else (values - low) / (high - low)
-    return share
-
-
 def _cost(name: str, normalised: FloatArray, constant: Collection[str]) -> FloatArray:
     return 1 - normalised if name == "coverage" and name not in constant else normalised
-
-
-def _is_constant(values: FloatArray) -> bool:
-    return _spread(values) <= _ROUNDING
 
 
 def _spread(values: FloatArray) -> float:

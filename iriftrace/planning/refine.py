@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
@@ -23,9 +23,9 @@ from iriftrace.camera.pose import look_at_of
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
-from iriftrace.planning.criteria import METRICS
-from iriftrace.planning.rank import Plan, score_of
-from iriftrace.sweep.store import attribute
+from iriftrace.planning.rank import Plan, metric_variables, score_of
+from iriftrace.sweep.measures import MEASURES
+from iriftrace.sweep.store import WHOLE_PART, attribute
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,11 +40,9 @@ FEWEST_EVALUATIONS = 10
 # How far the search goes: as far as the next pose of the sweep, in these limits.
 _REACH_DEG = (2.0, 30.0)
 # Distance by this factor either way, roll by this angle either way.
-_FACTOR = 1.25
-_ROLL_DEG = 45.0
-# First steps and last ones, as a share of these ranges.
-_FIRST_STEP = 0.4
-_LAST_STEP = 1e-3
+_FACTOR, _ROLL_DEG = 1.25, 45.0
+# As a share of these ranges.
+_FIRST_STEP, _LAST_STEP = 0.4, 1e-3
 
 # Less is rounding, or no more than a ray at an edge.
 _LEAST_GAIN = 1e-4
@@ -105,12 +103,7 @@ class _Trial:
 
 
 def check_evaluations(evaluations: int) -> None:
-    """Refuse a search that could not even look at every direction.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a search that could not even look at every direction."""
     if evaluations < FEWEST_EVALUATIONS:
         raise InputError(
             f"{evaluations} evaluations are too few to search around a pose; give at least "
@@ -234,9 +227,8 @@ class Around:
 
     def turn(self, place: FloatArray) -> FloatArray:
         """Rotation vector, rad, world, about the camera's x- and y-axis through its target."""
-        axes = self.start[:3, :2]
-        angles: FloatArray = math.radians(self.reach_deg) * (axes @ place[:2])
-        return angles
+        turn: FloatArray = math.radians(self.reach_deg) * (self.start[:3, :2] @ place[:2])
+        return turn
 
     def distance(self, place: FloatArray) -> float:
         """From camera to target, mm."""
@@ -247,11 +239,8 @@ class Around:
         target = self.start[:3, 3] + self.start_mm * self.start[:3, 2]
         roll = Rotation.from_rotvec((0.0, 0.0, math.radians(_ROLL_DEG) * place[3]))
         pose = np.eye(4)
-        pose[:3, :3] = (
-            Rotation.from_rotvec(self.turn(place)).as_matrix()
-            @ self.start[:3, :3]
-            @ roll.as_matrix()
-        )
+        turn = Rotation.from_rotvec(self.turn(place))
+        pose[:3, :3] = turn.as_matrix() @ self.start[:3, :3] @ roll.as_matrix()
         pose[:3, 3] = target - self.distance(place) * pose[:3, 2]
         return pose
 
@@ -278,47 +267,21 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
         rendering = swept.render(matrix, nearest=criteria.resolution != "step")
     except InputError:
         return None
-    whole = rendering.metrics
-    view = whole if criteria.region == "part" else whole.regions[criteria.region]
-    if view.rays.good < criteria.min_hits or (view.coverage or 0.0) < criteria.min_coverage:
+    view = rendering.metrics.as_dict()
+    if criteria.region != WHOLE_PART:
+        view = view["regions"][criteria.region]
+    if view["rays"]["good"] < criteria.min_hits or (view["coverage"] or 0) < criteria.min_coverage:
         return None
-    reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
-    values = (
-        getattr(view.displacement_mm, criteria.statistic),
-        view.coverage,
-        getattr(view, f"axial_resolution_mm{reading}"),
-        getattr(view, f"lateral_resolution_mm{reading}"),
-    )
-    return {
-        name: math.nan if value is None else float(value)
-        for name, value in zip(METRICS, values, strict=True)
-    }
+    variables = metric_variables(criteria)
+    return {name: MEASURES[variable].value(view) for name, variable in variables.items()}
 
 
 def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Dataset) -> None:
-    """Write a refined pose, how it was found and what it is worth.
-
-    Parameters
-    ----------
-    path
-        The file; an existing one is replaced when the new one is complete.
-    refined
-        The result of :func:`iriftrace.planning.refine.refine_pose`.
-    plan, dataset
-        The ranking and the sweep from which the search went out.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write a refined pose, how it was found in the ranking of a sweep, and what it is worth."""
     origin, target, up = look_at_of(refined.matrix, refined.distance_mm)
+    wavelength = dataset.attrs.get("wavelength_nm")
     content = {
-        "schema": SCHEMA,
-        "version": version("iriftrace"),
-        "length_unit": "mm",
-        "wavelength_nm": _wavelength(dataset),
-        "convention": "camera to world; x right, y down, z forward",
+        "wavelength_nm": float(wavelength) if isinstance(wavelength, int | float) else None,
         "matrix": refined.matrix.tolist(),
         "look_at": {"origin": origin.tolist(), "target": target.tolist(), "up": up.tolist()},
         "distance_mm": refined.distance_mm,
@@ -333,17 +296,26 @@ def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Datas
         "gain": refined.gain,
         "evaluations": refined.evaluations,
         "converged": refined.converged,
-        "ranking": {
-            **plan.criteria.as_dict(),
-            "limits": {name: list(limits) for name, limits in plan.limits.items()},
-        },
+    }
+    write_search(path, SCHEMA, content, {**plan.criteria.as_dict(), "limits": plan.limits}, dataset)
+
+
+def write_search(
+    path: Path,
+    schema: str,
+    found: Mapping[str, Any],
+    ranking: Mapping[str, Any],
+    dataset: xr.Dataset,
+) -> None:
+    """Write what a search found (.json), with the ranking of the sweep that it went out from."""
+    content = {
+        "schema": schema,
+        "version": version("iriftrace"),
+        "length_unit": "mm",
+        "convention": "camera to world; x right, y down, z forward",
+        **found,
+        "ranking": ranking,
         "scene": attribute(dataset, "scene"),
     }
     with whole_file(path) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-
-
-def _wavelength(dataset: xr.Dataset) -> float | None:
-    """Of the light of the sweep, nm; None where it is not stated."""
-    stated = dataset.attrs.get("wavelength_nm")
-    return float(stated) if isinstance(stated, int | float) else None

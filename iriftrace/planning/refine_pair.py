@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 import warnings
 from collections.abc import Callable
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +13,6 @@ from attrs import asdict, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.files import whole_file
 from iriftrace.planning.pairs import (
     PairPlan,
     feature_region,
@@ -26,9 +23,8 @@ from iriftrace.planning.pairs import (
     size_error,
     statistic_along,
 )
-from iriftrace.planning.refine import around_pose, check_evaluations, search
+from iriftrace.planning.refine import around_pose, check_evaluations, search, write_search
 from iriftrace.sweep.reload import swept_camera
-from iriftrace.sweep.store import attribute
 from iriftrace.trace.render import is_inside
 from iriftrace.triangulation.scan import measure
 
@@ -47,22 +43,14 @@ _NOTHING = 1e3
 
 @frozen(eq=False)
 class PairValue:
-    """What a pair measures.
+    """What a pair measures: `error_mm` to `angle_deg` as in `PairPlan`, of all measured points.
 
-    Attributes
-    ----------
-    matrices : (2, 4, 4) array
-        Of the camera and the second device, camera to world, mm.
-    distances_mm : (2,) array, mm
-        From each to what it looks at.
-    score : float
-        By the normalisation of the sweep's pairs, less than 0 where it is better than all of them.
-    error_mm, bias_mm, coverage, angle_deg : float
-        As in `PairPlan`, of all measured points.
+    The score is by the normalisation of the sweep's pairs, and less than 0 where it is better than
+    all of them.
     """
 
-    matrices: FloatArray
-    distances_mm: FloatArray
+    matrices: FloatArray  # (2, 4, 4), of the camera and the second device, camera to world, mm
+    distances_mm: FloatArray  # (2,), from each to what it looks at
     score: float
     error_mm: float = math.nan
     bias_mm: float = math.nan
@@ -72,14 +60,10 @@ class PairValue:
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
         values = asdict(self)
+        matrices, distances = values.pop("matrices"), values.pop("distances_mm")
         devices = {
-            name: {"matrix": matrix.tolist(), "distance_mm": float(distance)}
-            for name, matrix, distance in zip(
-                ("camera", "second"),
-                values.pop("matrices"),
-                values.pop("distances_mm"),
-                strict=True,
-            )
+            name: {"matrix": matrices[row].tolist(), "distance_mm": float(distances[row])}
+            for row, name in enumerate(("camera", "second"))
         }
         return {**devices, **values}
 
@@ -106,33 +90,17 @@ class PairRefinement:
 def write_refined_pair(
     path: Path, refined: PairRefinement, plan: PairPlan, dataset: xr.Dataset
 ) -> None:
-    """Write a refined pair and what it is worth (.json); an existing file is replaced when done.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+    """Write a refined pair and what it is worth (.json)."""
     content = {
-        "schema": SCHEMA,
-        "version": version("iriftrace"),
-        "length_unit": "mm",
-        "convention": "camera to world; x right, y down, z forward",
         "system": plan.system,
         "feature": plan.feature or None,
         **refined.best.as_dict(),
         "start": {"poses": plan.pairs[0].tolist(), **refined.start.as_dict()},
         "evaluations": refined.evaluations,
         "converged": refined.converged,
-        "ranking": {
-            **plan.criteria.as_dict(),
-            "angles_deg": list(plan.angles_deg),
-            "limits": {name: list(limits) for name, limits in plan.limits.items()},
-        },
-        "scene": attribute(dataset, "scene"),
     }
-    with whole_file(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    ranking = {"angles_deg": plan.angles_deg, "limits": plan.limits}
+    write_search(path, SCHEMA, content, {**plan.criteria.as_dict(), **ranking}, dataset)
 
 
 def refine_pair(
@@ -172,9 +140,9 @@ def refine_pair(
     trials: list[PairValue] = []
 
     def evaluate(place: FloatArray) -> float:
-        halves = place[:4], place[4:]
-        matrices = np.array([one.matrix(half) for one, half in zip(around, halves, strict=True)])
-        distances = np.array([one.distance(half) for one, half in zip(around, halves, strict=True)])
+        one, other = around
+        matrices = np.array((one.matrix(place[:4]), other.matrix(place[4:])))
+        distances = np.array((one.distance(place[:4]), other.distance(place[4:])))
         devices = [camera.at(matrix) for camera, matrix in zip(cameras, matrices, strict=True)]
         trials.append(_value(scene, devices, matrices, distances, plan))
         if progress is not None:
@@ -224,7 +192,7 @@ def _value(
     else:
         bias = float(np.median(scan.error_normal[chosen]))
     middle = float(np.median(angle[chosen]))
-    values = np.array(((error, bias, coverage, middle),)).T
-    counted = quantities(values[0], values[1], values[2], values[3], bool(plan.feature))
+    values = np.array((error, bias, coverage, middle))[:, None]
+    counted = quantities(values, bool(plan.feature))
     score = float(score_of_pairs(counted, plan.limits, criteria, clipped=False)[0])
     return PairValue(matrices, distances, score, error, bias, coverage, middle)

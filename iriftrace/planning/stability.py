@@ -24,23 +24,14 @@ _OTHER_DIFFERENCE = 0.05
 class Stability:
     """Ranks of a plan's best pose when the weights vary.
 
-    Attributes
-    ----------
-    share : float
-        By how much a weight varies, 0.5 for +-50 %.
-    ranks : dict of (2,) tuples of int
-        Rank of the best pose (1: still the best) when this one weight is smaller and larger.
-    winners : dict of (2,) tuples of int
-        Number of the best pose then.
-    rivals : (k,) array of int
-        All poses that are better than the best one for some weights within the share, when all
-        weights vary at once; its rank is never worse than k + 1.
+    Ranks (1: still the best) and winners are by the one weight that is smaller, and larger. The k
+    rivals are all poses that are better than the best one for some weights within the share, when
+    all weights vary at once; its rank is never worse than k + 1.
     """
 
-    share: float
-    ranks: dict[str, tuple[int, int]]
-    winners: dict[str, tuple[int, int]]
-    rivals: IntArray
+    ranks: dict[str, tuple[int, int]]  # of the pose that is the best by the plan
+    winners: dict[str, tuple[int, int]]  # number of the best pose then
+    rivals: IntArray  # (k,), numbers
 
     @property
     def worst_rank(self) -> int:
@@ -50,41 +41,19 @@ class Stability:
 
 @frozen(eq=False)
 class Alternative:
-    """A pose that scores nearly as well as the best one and shows something else.
-
-    Attributes
-    ----------
-    pose : int
-        Its number.
-    behind : float
-        By how much its score is worse.
-    coverage, best_coverage : float
-        0..1, its own and that of the best pose.
-    """
+    """A pose that scores nearly as well as the best one and shows something else."""
 
     pose: int
-    behind: float
-    coverage: float
+    behind: float  # by how much its score is worse
+    coverage: float  # 0..1, its own
     best_coverage: float
 
 
 def stability(plan: Plan, share: float = 0.5) -> Stability:
-    """Tell how a plan's best pose fares when the weights vary.
+    """Tell how a plan's best pose fares when each weight varies by a share, above 0 and below 1.
 
     The score is linear in the weights, so a pose beats another somewhere in the box of weights if
     it does where each weight is at the end that favours it.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    share
-        By how much each weight varies, above 0 and below 1.
-
-    Raises
-    ------
-    InputError
-        If the share is out of range.
     """
     if not 0 < share < 1:
         raise InputError(
@@ -107,19 +76,14 @@ def stability(plan: Plan, share: float = 0.5) -> Stability:
     for name, weight in weights.items():
         behind = weight * (costs[name][0] - costs[name])
         lead += behind + share * np.abs(behind)
-    return Stability(share, ranks, winners, plan.order[lead > equal])
+    return Stability(ranks, winners, plan.order[lead > equal])
 
 
 def close_alternative(plan: Plan) -> Alternative | None:
     """The best of the poses that score nearly as well as the winner and cover far more or less.
 
     Nearly means within `CLOSE_SCORES`; far means at least twice or at most half the coverage, and
-    5 % of the area.
-
-    Returns
-    -------
-    Alternative or None
-        None if the winner is clear, or the coverage is unknown.
+    5 % of the area. None if the winner is clear, or the coverage is unknown.
     """
     behind = plan.score[plan.order] - plan.score[plan.best]
     coverage = plan.metrics["coverage"][plan.order]
@@ -129,10 +93,6 @@ def close_alternative(plan: Plan) -> Alternative | None:
     found = np.flatnonzero(other & (behind <= margin * (1 + _EQUAL_SCORES)))
     if len(found) == 0:
         return None
-    first = int(found[0])
-    return Alternative(
-        pose=int(plan.order[first]),
-        behind=float(behind[first]),
-        coverage=float(coverage[first]),
-        best_coverage=float(coverage[0]),
-    )
+    first = found[0]
+    pose, score = int(plan.order[first]), float(behind[first])
+    return Alternative(pose, score, float(coverage[first]), float(coverage[0]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property
@@ -14,31 +13,28 @@ from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.resolution import FRONTAL, seen_frontally
 from iriftrace.planning.cover import ViewLimits, ViewSet
-from iriftrace.planning.criteria import STANDARD, Criteria, Statistic
+from iriftrace.planning.criteria import METRICS, STANDARD, Criteria, Statistic
 from iriftrace.planning.quantities import (
     Quantity,
     metric_quantity,
     scatter_quantity,
     score_quantity,
 )
-from iriftrace.planning.rank import Plan, pareto_front, rank_poses
+from iriftrace.planning.rank import Plan, pareto_front, rank_poses, ranked_quietly
 from iriftrace.planning.stability import close_alternative, stability
 from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
 from iriftrace.sweep.faces import faces_seen
-from iriftrace.sweep.store import attribute, scene_of
+from iriftrace.sweep.store import WHOLE_PART, attribute, scene_of
 from iriftrace.sweep.warned import FLAGS, Flag, warned_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-
-SAME_ANGLE_DEG = 1e-6
-"""Angles of one direction differ by rounding alone."""
 
 STATISTICS = {"mean": "mean", "median": "median", "p95": "95th percentile"}
 """Names in sentences."""
@@ -144,18 +140,14 @@ class SweepSummary:
         """Whether the poses differ in their distance alone."""
         others = [one for one in self.varied if not one.name.startswith("stand-off")]
         angles = np.stack((self.azimuth, self.elevation))
-        near = np.ptp(angles, axis=1).max() < SAME_ANGLE_DEG
+        # Those of one direction differ by rounding alone.
+        near = np.ptp(angles, axis=1).max() < 1e-6
         return near and not others and bool(np.unique(self.distance).size > 1)
 
     def grid(self, members: IntArray) -> IntArray | None:
-        """Pose of each elevation (rows) and azimuth (columns); None if the poses are no grid.
+        """Pose of each elevation (rows) and azimuth (columns); None if the members are no grid.
 
         The one pose at a pole stands for all azimuths.
-
-        Parameters
-        ----------
-        members
-            Numbers of the poses to arrange.
         """
         azimuths, column = np.unique(self.azimuth[members], return_inverse=True)
         elevations, row = np.unique(self.elevation[members], return_inverse=True)
@@ -181,15 +173,11 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
         As `iriftrace.planning.rank.rank_poses`.
     """
     plan = rank_poses(dataset, criteria)
-    front = pareto_front(dataset, criteria)
     view = dataset.sel(region=criteria.region)
     enough = np.asarray(view["rays_good"].values) >= criteria.min_hits
     azimuth, elevation, angles_of = _angles(dataset)
     return SweepSummary(
-        displacement=metric_quantity(plan, "displacement", enough),
-        coverage=metric_quantity(plan, "coverage", enough),
-        axial=metric_quantity(plan, "axial", enough),
-        lateral=metric_quantity(plan, "lateral", enough),
+        **{key: metric_quantity(plan, key, enough) for key in METRICS},
         score=score_quantity(plan),
         matrices=np.asarray(_variable(dataset, "matrix"), dtype=np.float64),
         distance=_variable(dataset, "distance"),
@@ -200,7 +188,7 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
         polygons=np.asarray(_variable(dataset, "shell_triangles_in_view"), dtype=np.int64),
         faces=faces_seen(dataset, criteria.region),
         varied=varied_of(dataset),
-        front=front,
+        front=pareto_front(dataset, criteria),
         plan=plan,
         subtitle=_subtitle(dataset, criteria.region, len(enough), len(plan.unranked)),
         warned=warned_of(dataset),
@@ -223,10 +211,9 @@ def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:
     for statistic in get_args(Statistic):
         if statistic == criteria.statistic:
             continue
-        # What a ranking warns of is said of the one that was asked for; a sweep may lack others.
-        with warnings.catch_warnings(), suppress(InputError):
-            warnings.simplefilter("ignore", IriftraceWarning)
-            found[statistic] = rank_poses(dataset, evolve(criteria, statistic=statistic)).best
+        # A sweep may lack it.
+        with suppress(InputError):
+            found[statistic] = ranked_quietly(dataset, evolve(criteria, statistic=statistic)).best
     return found
 
 
@@ -260,10 +247,11 @@ def _rays(view: xr.Dataset) -> dict[Status, IntArray]:
 
 
 def _subtitle(dataset: xr.Dataset, region: str, poses: int, unranked: int) -> str:
+    scene, _ = scene_of(dataset)
     parts = [
         synthetic_mark(attribute(dataset, "field").get("origin")),
-        scene.parent.name + "/" + scene.name if (scene := scene_of(dataset)[0]) else None,
-        "whole part" if region == "part" else f"region {region}",
+        f"{scene.parent.name}/{scene.name}" if scene else None,
+        "whole part" if region == WHOLE_PART else f"region {region}",
         f"{poses} poses",
         f"{unranked} without a rank" if unranked else None,
     ]
@@ -282,21 +270,8 @@ def extreme_images(
 ) -> Iterator[tuple[str, AovImage]]:
     """Images of `extreme_poses`, with their names.
 
-    Read where the sweep kept them, else rendered again, as where numbers come from the field since.
-
-    Parameters
-    ----------
-    dataset, summary
-        The sweep.
-    beside
-        Folder that the names of the EXRs start from.
-
-    Raises
-    ------
-    InputError
-        An EXR is damaged, or there is none and the scene is gone or has changed.
-    SetupError
-        There is no EXR, and no usable LLVM or CUDA either.
+    Read where the sweep kept them in the folder `beside`, else rendered again, as where numbers
+    come from the field since; `InputError` and `SetupError` where neither can be done.
     """
     from iriftrace.sweep.confirm import traced_through_field
     from iriftrace.sweep.reload import load_swept_scene
@@ -316,39 +291,16 @@ def extreme_images(
 
 @frozen
 class RankingTable:
-    """The best poses and their numbers.
+    """The best poses and their numbers, the best first."""
 
-    Attributes
-    ----------
-    headings, short_headings : tuple of str
-        With units; the short ones fit into a terminal.
-    rows : tuple of tuples of str
-        The best pose first.
-    note : str
-        What a number in them means, a sentence; empty where there is nothing to say.
-    """
-
-    headings: tuple[str, ...]
-    short_headings: tuple[str, ...]
+    headings: tuple[str, ...]  # with units
+    short_headings: tuple[str, ...]  # fit into a terminal
     rows: tuple[tuple[str, ...], ...]
-    note: str = ""
+    note: str = ""  # what a number in the rows means, in sentences
 
 
 def ranking_table(summary: SweepSummary, top: int) -> RankingTable:
-    """Write down the best poses.
-
-    Parameters
-    ----------
-    summary
-        What is known of the sweep.
-    top
-        Number of rows, at least 1; fewer if fewer poses are ranked.
-
-    Raises
-    ------
-    InputError
-        If no row is wanted.
-    """
+    """Write down the best poses, at most `top`, which is at least 1."""
     if top < 1:
         raise InputError(f"A ranking of {top} rows shows no pose; give at least 1.")
     return _table(summary, summary.plan.order[:top].tolist())
@@ -377,9 +329,12 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
         )
         for pose in poses
     ]
-    frontal = any(map(summary.sees_frontally, poses))
-    legend = ", ".join(f"{flag.letter} {flag.text}" for flag in flags)
     short = (summary.plan.criteria.statistic, "cover", "axial", "lat.")
+    notes = []
+    if any(map(summary.sees_frontally, poses)):
+        notes.append(f"Axial resolution 0: {FRONTAL}.")
+    if flags:
+        notes.append(f"Warned of: {', '.join(f'{flag.letter} {flag.text}' for flag in flags)}.")
     return RankingTable(
         (
             *("rank", "pose", "azimuth (°)", "elevation (°)"),
@@ -396,12 +351,7 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
             *(("warn",) if flags else ()),
         ),
         tuple(rows),
-        " ".join(
-            (
-                *((f"Axial resolution 0: {FRONTAL}.",) if frontal else ()),
-                *((f"Warned of: {legend}.",) if flags else ()),
-            )
-        ),
+        " ".join(notes),
     )
 
 
@@ -426,12 +376,11 @@ def other_statistics_text(summary: SweepSummary) -> str | None:
         for statistic, pose in summary.other_winners.items()
         if pose != summary.plan.best
     ]
-    own = STATISTICS[summary.plan.criteria.statistic]
+    if not others:
+        return None
     return (
-        f"By the {own} of the displacement pose {summary.plan.best} is the best, "
-        f"{' and '.join(others)} (--statistic)."
-        if others
-        else None
+        f"By the {STATISTICS[summary.plan.criteria.statistic]} of the displacement pose "
+        f"{summary.plan.best} is the best, {' and '.join(others)} (--statistic)."
     )
 
 
@@ -448,7 +397,7 @@ def alternative_text(summary: SweepSummary) -> str | None:
         return None
     return (
         f"The winner is not clear: pose {found.pose} scores only {found.behind:.3f} more and sees "
-        f"{100 * found.coverage:.1f} % of the {_what(summary.plan.criteria.region)} instead of "
+        f"{100 * found.coverage:.1f} % of {_region(summary)} instead of "
         f"{100 * found.best_coverage:.1f} %; choose by what has to be measured, change the "
         "weights or ask for a --min-coverage."
     )
@@ -456,15 +405,14 @@ def alternative_text(summary: SweepSummary) -> str | None:
 
 def views_table(summary: SweepSummary, views: ViewSet) -> RankingTable:
     """Write down poses that together see the most, and what each adds."""
-    together = 100.0 * np.cumsum(views.added)
+    shares = 100.0 * np.column_stack((views.added, np.cumsum(views.added)))
     rows = tuple(
         (
             str(number),
             str(pose),
             f"{summary.azimuth[pose]:.1f}",
             f"{summary.elevation[pose]:.1f}",
-            f"{100 * views.added[number - 1]:.2f}",
-            f"{together[number - 1]:.2f}",
+            *(f"{share:.2f}" for share in shares[number - 1]),
         )
         for number, pose in enumerate(views.poses.tolist(), start=1)
     )
@@ -478,36 +426,33 @@ def views_table(summary: SweepSummary, views: ViewSet) -> RankingTable:
 
 def views_text(summary: SweepSummary, views: ViewSet) -> str:
     """What poses see together, and how good the choice is, one sentence."""
-    what = _the(summary.plan.criteria.region)
     proof = (
         "no other choice of as many poses sees more (exact)."
         if views.exact
         else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
     )
     return (
-        f"Together they see {100 * views.covered:.2f} % of the area of {what}, of "
+        f"Together they see {100 * views.covered:.2f} % of the area of {_region(summary)}, of "
         f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}"
     )
 
 
 def views_title(summary: SweepSummary, limits: ViewLimits) -> str:
     """Title of `views_table`, half a sentence."""
-    what = _the(summary.plan.criteria.region)
-    return f"Poses that together see the most of {what}; a face counts that is seen {limits.text}"
+    return (
+        f"Poses that together see the most of {_region(summary)}; a face counts that is seen "
+        f"{limits.text}"
+    )
 
 
 def front_text(summary: SweepSummary) -> str:
     """The poses on the Pareto front, one sentence."""
     return (
         "Not beaten in displacement, coverage and resolution at once (Pareto front): poses "
-        + ", ".join(map(str, summary.front.tolist()))
-        + "."
+        f"{', '.join(map(str, summary.front.tolist()))}."
     )
 
 
-def _what(region: str) -> str:
-    return "part" if region == "part" else f"region {region}"
-
-
-def _the(region: str) -> str:
-    return "the part" if region == "part" else f"region {region}"
+def _region(summary: SweepSummary) -> str:
+    region = summary.plan.criteria.region
+    return "the part" if region == WHOLE_PART else f"region {region}"

@@ -10,9 +10,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.trace.pose_image import pose_image
-
-FEWEST = 100
-"""As for the metrics: fewer good rays give no numbers."""
+from iriftrace.trace.shell_convergence import FEWEST
 
 SAMPLE = 100_000
 """Pixels of the two pictures that are compared."""
@@ -23,26 +21,15 @@ MEDIAN_LIMIT, P95_LIMIT = 0.02, 0.04
 
 @frozen
 class ShellError:
-    """Differences between the shells' hits and the continuous engine's.
+    """Differences between the shells' refracted hits and the continuous engine's.
 
-    Attributes
-    ----------
-    shells : int
-        In the scene.
-    rays : int
-        Rays of the sample that are good with both engines.
-    unmatched : int
-        Rays that are good with one of them only.
-    median_mm, p95_mm : float, mm
-        Of the distances between the two refracted hits.
-    median_share, p95_share : float
-        The same as shares of the displacement's median and 95th percentile, by the continuous
-        engine.
+    Median and 95th percentile of the distances are also stated as shares of the displacement's, by
+    the continuous engine.
     """
 
-    shells: int
-    rays: int
-    unmatched: int
+    shells: int  # in the scene
+    rays: int  # of the sample that are good with both engines
+    unmatched: int  # good with one of them only
     median_mm: float
     p95_mm: float
     median_share: float
@@ -61,19 +48,9 @@ class ShellError:
 def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
     """Trace a coarser picture through the shells and through the field itself, and compare.
 
-    Parameters
-    ----------
-    scene : LoadedScene
-        With the engine ``"shells"``, and with the field file that `write_scene` puts beside the
-        XML. The other engine loads it anew, which takes longer than the comparison.
-    sample : int
-        Pixels of the pictures, about.
-
-    Raises
-    ------
-    InputError
-        If the scene's engine is the continuous one, the scene is an ensemble, has no field file or
-        one that its shells were not cut from, or fewer than `FEWEST` rays are good with both.
+    The scene's engine is ``"shells"``, and the field file that `write_scene` puts beside the XML is
+    there; the other engine loads it anew, which takes longer than the comparison. The pictures have
+    about `sample` pixels.
     """
     if scene.engine != "shells":
         raise InputError(
@@ -120,4 +97,4 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
 def _sampled(scene: LoadedScene, sample: int) -> Hits:
     width, height = scene.camera.resolution
     camera = scene.camera.scaled(min(1.0, math.sqrt(sample / (width * height))))
-    return hits_of(pose_image(scene, camera).image)
+    return hits_of(pose_image(scene, camera))

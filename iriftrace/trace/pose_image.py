@@ -6,7 +6,6 @@ from collections.abc import Collection
 from typing import Any
 
 import numpy as np
-from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
@@ -28,32 +27,14 @@ _SCATTERED = (*(f"displacement.{axis}" for axis in "XYZ"), "shift.px.X", "shift.
 _AVERAGED = (*_SCATTERED, "path.length", "path.crossings")
 
 
-@frozen(eq=False)
-class PoseImage:
-    """An image and the seconds it took, stage by stage."""
-
-    image: AovImage
-    time_s: dict[str, float]
-
-
 def pose_image(
     scene: LoadedScene, camera: Camera | None = None, include: Collection[int] = (0,)
-) -> PoseImage:
-    """Trace a camera's rays, straight and bent.
+) -> AovImage:
+    """Trace the rays of a scene's own sensor, or of a camera in its place, straight and bent.
 
-    Parameters
-    ----------
-    scene : LoadedScene
-        Of an ensemble all members are traced, one after the other; straight rays only once.
-    camera : Camera, optional
-        Takes the place of the scene's own sensor.
-    include : collection of int
-        Status codes of the rays that enter an ensemble's mean and scatter.
-
-    Raises
-    ------
-    InputError
-        If the camera stands in the hot air or in the part, or the film would smear the channels.
+    Of an ensemble all members are traced, one after the other; straight rays only once. The codes
+    in `include` are those of the rays that enter its mean and scatter. Refused is a camera in the
+    hot air or in the part, and a film that would smear the channels.
     """
     if scene.ensemble is None:
         return _one_field(scene, camera)[0]
@@ -62,81 +43,59 @@ def pose_image(
     counts: dict[str, int] = {}
     straight: Any = None
     for number, member in enumerate(scene.ensemble.scenes(), start=1):
-        found, straight = _one_field(member, camera, straight, f" of member {number}")
-        statistics.add(found.image)
-        for key, seconds in found.time_s.items():
+        image, straight = _one_field(member, camera, straight, f" of member {number}")
+        statistics.add(image)
+        last = image.header
+        for key, seconds in last["time_s"].items():
             time_s[key] = time_s.get(key, 0.0) + seconds
-        for key, count in found.image.header["counts"].items():
+        for key, count in last["counts"].items():
             counts[key] = max(counts.get(key, 0), count)
-        last = found.image.header
-    header = {
-        **last,
-        **provenance(scene, Camera.from_dict(last["camera"])),
-        "time_s": time_s,
-        "counts": counts,
-    }
-    return PoseImage(statistics.image(header), time_s)
+    whole = provenance(scene, Camera.from_dict(last["camera"]))
+    return statistics.image({**last, **whole, "time_s": time_s, "counts": counts})
 
 
 def _one_field(
     scene: LoadedScene, camera: Camera | None, straight: Any = None, whose: str = ""
-) -> tuple[PoseImage, Any]:
+) -> tuple[AovImage, Any]:
     """The image of one field, and its straight hits, which serve other fields too."""
     with runtime.using(scene.variant):
-        sensor = sensor_of_pose(scene, camera)
-        _refuse_inside(scene, sensor, whose)
+        if camera is None:
+            sensor = scene.mitsuba_scene.sensors()[0]
+        else:
+            from iriftrace.plugins.calibrated_camera import sensor_of
+
+            sensor = sensor_of(camera)
+        where = scene.integrator.surroundings(scene.mitsuba_scene, sensor)
+        if where is not None:
+            raise InputError(
+                f"The camera stands inside the {where}{whose if where == 'hot air' else ''}, where "
+                "its picture means nothing; move it farther away."
+            )
         tensor, report = scene.integrator.image(scene.mitsuba_scene, sensor, straight)
         # A view of Dr.Jit's memory where that is the processor's own.
         planes = tensor.numpy()
-    time_s = {
-        "load": scene.load_s,
-        "build": scene.build_s,
-        "straight": report["time_s"]["straight"],
-        "refracted": report["time_s"]["refracted"],
+    seen_by, times = report["camera"], report["time_s"]
+    same_film = camera is None or camera.resolution == scene.camera.resolution
+    header = {
+        "schema": SCHEMA,
+        **provenance(scene, Camera.from_dict(seen_by)),
+        "camera": seen_by,
+        "pose": {
+            "origin_mm": [row[3] for row in seen_by["matrix"][:3]],
+            "matrix": seen_by["matrix"],
+        },
+        "time_s": {
+            "load": scene.load_s,
+            "build": scene.build_s,
+            "straight": times["straight"],
+            "refracted": times["refracted"],
+        },
+        "counts": report["counts"],
+        # Of the scene's film before ``scale`` changed it, px.
+        "full_resolution": list(scene.full_resolution) if same_film else None,
     }
     channels = dict(zip(scene.integrator.aov_names(), planes, strict=True))
-    header = {**_header(scene, report, time_s), "full_resolution": _full_resolution(scene, camera)}
-    return PoseImage(AovImage(channels, header), time_s), report["straight"]
-
-
-def _full_resolution(scene: LoadedScene, camera: Camera | None) -> list[int] | None:
-    """Of the scene's film before ``scale`` changed it, px; None for a camera with another film."""
-    if camera is not None and camera.resolution != scene.camera.resolution:
-        return None
-    return list(scene.full_resolution)
-
-
-def sensor_of_pose(scene: LoadedScene, camera: Camera | None) -> Any:
-    """The scene's own sensor, or one for the camera that takes its place (mi.Sensor)."""
-    if camera is None:
-        return scene.mitsuba_scene.sensors()[0]
-    from iriftrace.plugins.calibrated_camera import sensor_of
-
-    return sensor_of(camera)
-
-
-def _refuse_inside(scene: LoadedScene, sensor: Any, whose: str) -> None:
-    where = scene.integrator.surroundings(scene.mitsuba_scene, sensor)
-    if where is not None:
-        raise InputError(
-            f"The camera stands inside the {where}{whose if where == 'hot air' else ''}, where its "
-            "picture means nothing; move it farther away."
-        )
-
-
-def _header(scene: LoadedScene, report: dict[str, Any], time_s: dict[str, float]) -> dict[str, Any]:
-    camera = report["camera"]
-    return {
-        "schema": SCHEMA,
-        **provenance(scene, Camera.from_dict(camera)),
-        "camera": camera,
-        "pose": {
-            "origin_mm": [row[3] for row in camera["matrix"][:3]],
-            "matrix": camera["matrix"],
-        },
-        "time_s": time_s,
-        "counts": report["counts"],
-    }
+    return AovImage(channels, header), report["straight"]
 
 
 class EnsembleStatistics:
@@ -144,12 +103,7 @@ class EnsembleStatistics:
 
     Memory does not grow with the number of members: for each pixel on the part 7 means and 5
     variances. Only rays that count enter, so the number of members differs between pixels near
-    silhouettes; the channel ``ensemble.members`` holds it.
-
-    Parameters
-    ----------
-    include : collection of int
-        Status codes of the rays that count.
+    silhouettes; the channel ``ensemble.members`` holds it. Rays count by their status codes.
     """
 
     def __init__(self, include: Collection[int] = (Status.GOOD,)) -> None:
@@ -157,13 +111,7 @@ class EnsembleStatistics:
         self._include = tuple(include)
 
     def add(self, image: AovImage) -> None:
-        """Take in the image of one more member, of the same part and camera.
-
-        Raises
-        ------
-        InputError
-            Its straight rays hit other faces than those of the members before.
-        """
+        """Take in the image of one more member, of the same part and camera."""
         face = image.channels["part.face"].ravel()
         if self.count == 0:
             self._begin(image, face)

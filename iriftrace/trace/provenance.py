@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,6 @@ from typing import Any
 from iriftrace.camera.camera import Camera
 from iriftrace.core.files import sha256_of
 from iriftrace.field.origin import is_steady
-from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedEnsemble, LoadedScene
 
 ENGINES = {
@@ -22,20 +21,14 @@ _MOST_LISTED = 2
 
 
 def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
-    """Version, scene, field, part and assumptions in force, as plain JSON values.
-
-    Parameters
-    ----------
-    scene : LoadedScene
-    camera : Camera
-    """
-    table = scene.shells_table
-    part = scene.part
-    notes = table.get("notes") or {}
-    source = table.get("source")
-    ensemble = scene.ensemble
+    """Version, scene, field, part and assumptions in force, as plain JSON values."""
+    table, part, ensemble = scene.shells_table, scene.part, scene.ensemble
+    notes, written = table.get("notes") or {}, table.get("part") or {}
+    source, wavelength = table.get("source"), scene.wavelength_nm
     sources = [source] if ensemble is None else [m.source for m in ensemble.members]
-    wavelength = scene.wavelength_nm
+    known = [one for one in sources if one]
+    steady = all(is_steady((one or {}).get("origin")) for one in sources)
+    rules = {"index_rule": scene.index_rule, "normals": scene.normals, "bending": scene.bending}
     return {
         "version": version("iriftrace"),
         "scene": {
@@ -44,16 +37,17 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             "variables": scene.variables,
         },
         "engine": scene.engine,
-        "index_rule": scene.index_rule,
-        "normals": scene.normals,
-        "bending": scene.bending,
+        **rules,
         "wavelength_nm": wavelength,
         "field": source,
         **({} if ensemble is None else {"ensemble": _members(ensemble)}),
         "part": {
             "path": str(Path(part.path).resolve()),
             "sha256": part.sha256,
-            "source": _users_file(table.get("part") or {}, part),
+            # The file that the user gave, of which the scene has a copy.
+            "source": written.get("source", "")
+            if written.get("sha256") == part.sha256
+            else Path(part.path).name,
             "length_unit": part.length_unit,
             "to_world": scene.part_to_world.tolist(),
         },
@@ -61,14 +55,14 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
         "length_unit": "mm",
         "assumptions": {
             "engine": ENGINES[scene.engine],
-            "index_rule": scene.index_rule,
-            "normals": scene.normals,
-            "bending": scene.bending,
+            **rules,
             **_for_studies(scene, notes),
-            **_fields(sources),
+            "field_source": _listed(f"{one['quantity']} from {one['path']}" for one in known),
+            "field_origin": _listed(one["origin"] for one in known if one.get("origin")),
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
-            "field_time": notes.get("time") or _time(sources),
+            # As the fields state it, where the user did not.
+            "field_time": notes.get("time") or ("steady" if steady else "not stated"),
             "field_symmetry": notes.get("symmetry", "not stated"),
             **({"field_fit": notes["fit"]} if "fit" in notes else {}),
             "open_boundary": "air beyond the data is not modelled",
@@ -79,12 +73,6 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             "air": "static during the exposure",
         },
     }
-
-
-def _users_file(written: Mapping[str, str], part: Part) -> str:
-    """Name of the file that the user gave, of which the scene has a copy."""
-    same = written.get("sha256") == part.sha256
-    return written.get("source", "") if same else Path(part.path).name
 
 
 def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]:
@@ -108,25 +96,8 @@ def _meaning(ensemble: LoadedEnsemble) -> str:
     )
 
 
-def _fields(sources: Sequence[dict[str, Any] | None]) -> dict[str, str]:
-    """Quantity, files and origins of the fields, each said once."""
-    known = [source for source in sources if source]
-    files = dict.fromkeys(f"{source['quantity']} from {source['path']}" for source in known)
-    origins = dict.fromkeys(origin for source in known if (origin := source.get("origin")))
-    return {
-        "field_source": _listed(files),
-        "field_origin": _listed(origins),
-    }
-
-
-def _time(sources: Sequence[dict[str, Any] | None]) -> str:
-    """Steadiness as the fields state it, where the user did not."""
-    origins = [(source or {}).get("origin") for source in sources]
-    return "steady" if all(is_steady(origin) for origin in origins) else "not stated"
-
-
 def _listed(texts: Iterable[str]) -> str:
-    """The first ones of a list, which `ensemble` has in full."""
-    found = list(texts)
+    """The first of some texts, each said once; `ensemble` has all."""
+    found = list(dict.fromkeys(texts))
     rest = [f"and {len(found) - _MOST_LISTED} more"] if len(found) > _MOST_LISTED else []
     return "; ".join([*found[:_MOST_LISTED], *rest]) or "not stated"

@@ -25,12 +25,7 @@ class PairOfTimes(NamedTuple):
 class Recording:
     """All queries of a pose's refracted rays, in the order in which the tracer makes them.
 
-    Parameters
-    ----------
-    scene : LoadedScene
-        With the integrator ``first_hit``.
-    queries : int
-        Most queries recorded of each ray.
+    Of a scene with the integrator ``first_hit``; of each ray at most `queries` are recorded.
     """
 
     def __init__(self, scene: LoadedScene, queries: int = RECORDED) -> None:

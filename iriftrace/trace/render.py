@@ -147,10 +147,10 @@ def render_scene(
     began = time.perf_counter()
     against_field = shell_error(loaded).as_dict() if check_field else None
     started = time.perf_counter()
-    traced = pose_image(loaded, camera, include)
+    image = pose_image(loaded, camera, include)
     every_second_shell = None
     checking = time.perf_counter()
-    resolution = shell_resolution(loaded, traced.image, check_shells)
+    resolution = shell_resolution(loaded, image, check_shells)
     check_s = started - began + time.perf_counter() - checking
     if resolution is not None:
         instead = None if resolution.suffices else loaded.through_field
@@ -158,19 +158,17 @@ def render_scene(
         if instead is not None:
             # All up to here was the check: the picture is traced once more.
             check_s = time.perf_counter() - began
-            traced = pose_image(instead, camera, include)
+            image = pose_image(instead, camera, include)
             # Loading the field is part of the check, too, and done once for many poses.
-            traced.time_s.update(load=loaded.load_s, build=loaded.build_s)
-        through_field = {"through_field": instead is not None}
-        every_second_shell = resolution.as_dict() | through_field
-    image, time_s = traced.image, traced.time_s
+            image.header["time_s"].update(load=loaded.load_s, build=loaded.build_s)
+        every_second_shell = resolution.as_dict() | {"through_field": instead is not None}
     if not empty:
         _refuse_empty(image)
     reduced = time.perf_counter()
     metrics = pose_metrics(image, loaded.part, include=tuple(include), nearest=nearest)
     done = time.perf_counter()
     times: dict[str, float | None] = {
-        **time_s,
+        **image.header["time_s"],
         "check": check_s,
         "metrics": done - reduced,
         "write": 0.0,
@@ -188,14 +186,9 @@ def render_scene(
 
 
 def keep_checks(metrics: PoseMetrics, earlier: Mapping[str, Any]) -> PoseMetrics:
-    """Fill in times and checks of the shells that only rendering knew.
+    """Fill in times and checks of the shells that only rendering knew, for an image reduced again.
 
-    Parameters
-    ----------
-    metrics : PoseMetrics
-        Of an image, reduced again.
-    earlier : mapping
-        JSON values written when the image was rendered; those of another pose are not used.
+    `earlier` are the JSON values written when it was rendered; another pose's are not used.
     """
     known = earlier.get("time_s")
     if earlier.get("pose") != metrics.as_dict()["pose"] or not isinstance(known, Mapping):
@@ -270,7 +263,8 @@ def trace_rays(
             trace_all=trace_all,
         ).trace
         if trace is None:
-            return _no_hits()
+            way, count = np.empty((0, 3)), np.empty(0, dtype=np.int64)
+            return RayHits(way, way, way, way, count, count, np.empty(0), count, count, count)
         refracted = trace.refracted
         on_part = np.array(trace.straight_outcome) == 1
         bent_on_part = np.array(refracted.outcome) == 1
@@ -295,36 +289,14 @@ def trace_rays(
         )
 
 
-@frozen(eq=False)
-class BentEnds:
-    """Ends of bent rays.
+def bent_ends(
+    scene: LoadedScene, origin: FloatArray, directions: FloatArray
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+    """Trace neighbouring rays from one point along their bent lines alone, through one field.
 
-    Attributes
-    ----------
-    last_point, direction : (n, 3) arrays, mm and unit vectors, world
-        Where the ray hit or was last bent, and its direction from there.
-    face : (n,) array of int
-        Face of the part under the hit; -1 where the ray ends elsewhere.
-    crossings : (n,) array of int
-        Shells, or pieces of the field, that the ray met.
-    """
-
-    last_point: FloatArray
-    direction: FloatArray
-    face: IntArray
-    crossings: IntArray
-
-
-def bent_ends(scene: LoadedScene, origin: FloatArray, directions: FloatArray) -> BentEnds:
-    """Trace neighbouring rays from one point along their bent lines alone.
-
-    Parameters
-    ----------
-    scene : LoadedScene
-        Of one field.
-    origin : (3,) array, mm, world
-    directions : (n, 3) array, world
-        Unit vectors.
+    From a (3,) array, mm, and (n, 3) unit vectors, world: (n, 3) points where each ray hit or was
+    last bent, mm, and unit directions from there; (n,) faces of the part under the hit, -1 where it
+    ends elsewhere, and numbers of shells, or pieces of the field, that it met.
     """
     with runtime.using(scene.variant):
         import drjit as dr
@@ -340,11 +312,11 @@ def bent_ends(scene: LoadedScene, origin: FloatArray, directions: FloatArray) ->
         ends = bend(start, heading)
         dr.eval(*ends)
         face = np.array(ends.face, dtype=np.int64) - prepared.tables.part_first_face
-        return BentEnds(
-            last_point=np.array(ends.point, dtype=np.float64).T,
-            direction=np.array(ends.direction, dtype=np.float64).T,
-            face=np.where(np.array(ends.outcome) == HIT_PART, face, -1),
-            crossings=np.array(ends.crossings, dtype=np.int64),
+        return (
+            np.array(ends.point, dtype=np.float64).T,
+            np.array(ends.direction, dtype=np.float64).T,
+            np.where(np.array(ends.outcome) == HIT_PART, face, -1),
+            np.array(ends.crossings, dtype=np.int64),
         )
 
 
@@ -355,23 +327,6 @@ def _on_device(vectors: FloatArray) -> Any:
     from iriftrace.plugins.kernels.tables import aligned
 
     return mi.Float64(aligned(vectors.ravel()))
-
-
-def _no_hits() -> RayHits:
-    """Hits of no ray."""
-    points, numbers = np.empty((0, 3)), np.empty(0, dtype=np.int64)
-    return RayHits(
-        straight=points,
-        refracted=points,
-        last_point=points,
-        direction=points,
-        face=numbers,
-        refracted_face=numbers,
-        path_length=np.empty(0),
-        crossings=numbers,
-        status=numbers,
-        ray=numbers,
-    )
 
 
 def is_inside(scene: LoadedScene, points: ArrayLike) -> NDArray[np.bool_]:

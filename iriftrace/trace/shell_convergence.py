@@ -35,17 +35,11 @@ WHY = "when every second shell is left out, as where lines of sight run along th
 class ShellResolution:
     """By how much hits move when every second shell is left out.
 
-    Attributes
-    ----------
-    rays : int
-        Of the sample that hit the part both times.
-    median_mm, p95_mm : float, mm
-        Median and 95th percentile of the distances between the hits.
-    median_share, p95_share : float
-        The same as shares of the displacement's median and 95th percentile.
+    Median and 95th percentile of the distances between the hits are also stated as shares of the
+    displacement's.
     """
 
-    rays: int
+    rays: int  # of the sample that hit the part both times
     median_mm: float
     p95_mm: float
     median_share: float
@@ -93,26 +87,23 @@ def shell_resolution(
 def resolution_of_rays(
     scene: LoadedScene, origin: FloatArray, direction: FloatArray, displacement_mm: FloatArray
 ) -> ShellResolution | None:
-    """Trace some rays again, with all shells and with every second one.
+    """As `shell_resolution`, of rays that hit the part with the displacements (n,), mm.
 
-    Parameters
-    ----------
-    scene : LoadedScene
-    origin, direction : (n, 3) arrays, mm and unit vectors, world
-        Of rays that hit the part.
-    displacement_mm : (n,) array, mm
-        Of their hits.
-
-    Returns
-    -------
-    ShellResolution or None
-        As `shell_resolution`.
+    Origins and unit directions are (n, 3) arrays, mm, world.
     """
     if scene.engine != "shells" or scene.ensemble is not None or len(origin) < FEWEST:
         return None
-    moved = _moved(scene, origin, direction)
-    if moved is None:
-        return None
+    with runtime.using(scene.variant):
+        import mitsuba as mi
+
+        from iriftrace.plugins.kernels.tables import aligned
+
+        places = mi.Point3d(*(mi.Float64(aligned(column)) for column in origin.T))
+        headings = mi.Vector3d(*(mi.Float64(aligned(column)) for column in direction.T))
+        distances = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, places, headings)
+        if distances is None:
+            return None
+        moved = np.array(distances)
     known = np.isfinite(moved)
     if known.sum() < FEWEST:
         return None
@@ -124,12 +115,7 @@ def resolution_of_rays(
 
 
 def warn_of_coarse_shells(found: ShellResolution, through_field: bool = False) -> None:
-    """Say that the shells are too few for single rays of a view, or that the field served instead.
-
-    Warns
-    -----
-    IriftraceWarning
-    """
+    """Warn that shells are too few for single rays of a view, or that the field served instead."""
     if not found.suffices:
         change = (
             f"Hits of this view change by {1e3 * found.p95_mm:.3g} um ({found.p95_share:.1%} of "
@@ -149,19 +135,9 @@ def warn_of_coarse_shells(found: ShellResolution, through_field: bool = False) -
 def warn_of_coarse_poses(
     p95_shares: FloatArray, p95_mm: FloatArray, through_field: FloatArray
 ) -> None:
-    """The same of a sweep's poses.
+    """The same of a sweep's n poses, (n,) arrays.
 
-    Parameters
-    ----------
-    p95_shares : (n,) array
-        Of each pose; NaN where nothing is known.
-    p95_mm : (n,) array, mm
-    through_field : (n,) array
-        1 where the field served instead.
-
-    Warns
-    -----
-    IriftraceWarning
+    Shares are NaN where nothing is known; `through_field` is 1 where the field served instead.
     """
     coarse = p95_shares > LIMIT
     for these, what in (
@@ -182,16 +158,3 @@ def warn_of_coarse_poses(
                 IriftraceWarning,
                 stacklevel=4,
             )
-
-
-def _moved(scene: LoadedScene, origin: FloatArray, direction: FloatArray) -> FloatArray | None:
-    """Distances (n,) of the hits of rays, mm."""
-    with runtime.using(scene.variant):
-        import mitsuba as mi
-
-        from iriftrace.plugins.kernels.tables import aligned
-
-        places = mi.Point3d(*(mi.Float64(aligned(column)) for column in origin.T))
-        headings = mi.Vector3d(*(mi.Float64(aligned(column)) for column in direction.T))
-        moved = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, places, headings)
-        return None if moved is None else np.array(moved)

@@ -26,21 +26,8 @@ def acceptance(features: Sequence[Mapping[str, Any]], part: Part) -> list[dict[s
     - sphere-spacing error: distance of two spheres' centres less the calibrated one;
     - flatness error: range of the distances from the fitted plane.
 
-    Parameters
-    ----------
-    features : sequence of dict
-        From `feature_table`; regions that are neither sphere nor plane are left out.
-    part : Part
-
-    Returns
-    -------
-    list of dict
-        ``error``, ``region``, and ``error_mm`` by cloud: ``cold``, ``measured``.
-
-    Raises
-    ------
-    InputError
-        There is no sphere and no plane.
+    Features are rows of `feature_table`; regions that are neither sphere nor plane are left out.
+    Gives ``error``, ``region``, and ``error_mm`` by cloud: ``cold``, ``measured``.
     """
     spheres = [row for row in features if row["kind"] == "sphere" and row["region"]]
     rows = []
@@ -48,8 +35,8 @@ def acceptance(features: Sequence[Mapping[str, Any]], part: Part) -> list[dict[s
     for row in spheres:
         _, diameter = calibrated[row["region"]]
         size = {name: value - diameter for name, value in row["size_mm"].items()}
-        rows.append(_row("probing error of form", row["region"], row["form_mm"]))
-        rows.append(_row("probing error of size", row["region"], size))
+        rows.append(("probing error of form", row["region"], row["form_mm"]))
+        rows.append(("probing error of size", row["region"], size))
     for one, other in combinations(spheres, 2):
         names = (one["region"], other["region"])
         (centre, _), (second_centre, _) = (calibrated[name] for name in names)
@@ -58,22 +45,15 @@ def acceptance(features: Sequence[Mapping[str, Any]], part: Part) -> list[dict[s
             name: float(np.linalg.norm(np.subtract(other["position_mm"][name], place)) - true)
             for name, place in one["position_mm"].items()
         }
-        rows.append(_row("sphere-spacing error", " to ".join(names), spacing))
-    rows += [
-        _row("flatness error", row["region"], row["form_mm"])
-        for row in features
-        if row["kind"] == "plane"
-    ]
+        rows.append(("sphere-spacing error", " to ".join(names), spacing))
+    planes = (row for row in features if row["kind"] == "plane")
+    rows += [("flatness error", row["region"], row["form_mm"]) for row in planes]
     if not rows:
         raise InputError(
             "No region of the part that was measured is a sphere or a plane, so there is nothing "
             "to test; take a part of `iriftrace part sphere`, `ball-bar` or `plate`."
         )
-    return rows
-
-
-def _row(error: str, region: str | None, error_mm: Mapping[str, float]) -> dict[str, Any]:
-    return {"error": error, "region": region, "error_mm": dict(error_mm)}
+    return [{"error": error, "region": region, "error_mm": mm} for error, region, mm in rows]
 
 
 def _calibrated(part: Part, region: str) -> tuple[FloatArray, float]:

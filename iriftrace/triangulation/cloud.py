@@ -31,32 +31,13 @@ COARSE_DECIMALS = 3
 
 
 def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
-    """Read the points of a cloud or of a mesh's vertices.
+    """Read the points of a cloud or of a mesh's vertices, (n, 3) array, mm.
 
     Text files have a point in each row, its coordinates first; what follows (normals, colours) is
     left out, and so are rows of words at the beginning and the count of points in a .pts file.
-
-    Parameters
-    ----------
-    path : path
-        .ply, .stl, .obj, .vtp, .e57, .xyz, .asc, .txt, .csv or .pts.
-    length_unit : str
-        Unit of the file; E57 files are in metres whatever it says.
-
-    Returns
-    -------
-    (n, 3) array, mm
-
-    Raises
-    ------
-    InputError
-        The file is missing, of another kind, or holds no points.
-
-    Warns
-    -----
-    IriftraceWarning
-        Coordinates are rounded to a micrometre or coarser; or the file is an STL, whose points are
-        corners of triangles and no longer what the sensor measured.
+    E57 files are in metres whatever the length unit. Warned of are coordinates rounded to a
+    micrometre or coarser, and an STL, whose points are corners of triangles and no longer what the
+    sensor measured.
     """
     file = Path(path)
     if not file.is_file():
@@ -131,21 +112,9 @@ def save_cloud(
     columns: Mapping[str, NDArray[Any]],
     values: Mapping[str, Any],
 ) -> tuple[Path, Path]:
-    """Write points with columns of numbers and, beside them, a JSON file of the same name.
+    """Write points (n, 3), mm, with columns (n,) and, beside them, values in a JSON file.
 
-    Parameters
-    ----------
-    path : path
-        .vtp, or .ply with the same names as properties.
-    points : (n, 3) array, mm
-    columns : mapping of (n,) arrays
-    values : mapping
-        What the JSON file holds.
-
-    Raises
-    ------
-    InputError
-        If the name ends otherwise, or a file cannot be written.
+    In a .vtp, or in a .ply with the same names as properties.
     """
     cloud = Path(path)
     if cloud.suffix not in WRITTEN:

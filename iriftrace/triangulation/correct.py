@@ -24,14 +24,8 @@ from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
-from iriftrace.triangulation.cloud import (
-    PointStatus,
-    by_axis,
-    save_cloud,
-    scatter_along,
-    spread,
-)
-from iriftrace.triangulation.features import feature_table, size_scatter
+from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
+from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.scan import (
     Phase,
     System,
@@ -54,7 +48,6 @@ SETTLED_MM = 1e-5
 
 ROUNDS = 20
 """Straight down a plume a round leaves a third; from a millimetre twelve leave a nanometre."""
-
 
 PIECE = 1_000_000
 """Points that are corrected at a time: 0.6 GB of rays."""
@@ -142,15 +135,14 @@ class Correction:
         good = self.status == CorrectionStatus.CORRECTED
         measured, face = self.measured[good], self.face[good]
         clouds = {"measured": measured, "corrected": self.points[good]}
-        rows = feature_table(clouds, face, part, choices)
-        scatter: list[float | None] = [None] * len(rows)
-        if self.errors is not None:
-            scatter = size_scatter(list(measured - self.errors[:, good]), face, part, rows)
-        for row, by_member in zip(rows, scatter, strict=True):
+        by_member = () if self.errors is None else measured - self.errors[:, good]
+        rows = feature_table(clouds, face, part, choices, by_member)
+        for row in rows:
             size, expanded = row["size_mm"], None
+            scatter = row.pop("size_scatter_mm", None) or 0.0
             if size["measured"] is not None and self.u_normal is not None:
                 by_field = self.field_uncertainty * (size["measured"] - size["corrected"])
-                expanded = COVERAGE_FACTOR * math.hypot(by_field, by_member or 0.0)
+                expanded = COVERAGE_FACTOR * math.hypot(by_field, scatter)
             row["size_uncertainty_mm"] = expanded
         return rows
 
@@ -240,22 +232,28 @@ def correct(
             "contrast; give one from 0 to 1, such as 0.05 (5 %)."
         )
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
-    _refuse_another_part(measured, loaded)
+    distance = np.median(loaded.part.surface.distance(measured[:: max(1, len(measured) // 1000)]))
+    if distance > REACH_MM:
+        raise InputError(
+            f"The cloud lies {distance:.3g} mm beside the part (median), so it is another part's, "
+            "in another unit or another frame; give its points in mm in the frame of the scene."
+        )
     members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.
     order = places_in_tiles(camera.project(measured))
-    found = []
-    for one in members:
-        serving = field_where_needed(one, (camera, second), measured)
-        pieces = [
-            _air_share(measured[rows], serving, camera, second, system, phase)
-            for rows in np.array_split(order, math.ceil(len(order) / PIECE))
-        ]
-        found.append(_joined(pieces, order))
-    status = np.max([one.status for one in found], axis=0)
-    if len(found) > 1:
-        shares = np.array([one.error for one in found])
-        scatter, mean = shares.std(axis=0, ddof=1), shares.mean(axis=0)
+    scenes, shares, statuses, faces = [], [], [], []
+    for member in members:
+        scenes.append(field_where_needed(member, (camera, second), measured))
+        shares.append(np.empty_like(measured))
+        statuses.append(np.empty(len(measured), dtype=np.int64))
+        faces.append(np.empty(len(measured), dtype=np.int64))
+        for rows in np.array_split(order, math.ceil(len(order) / PIECE)):
+            shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _air_share(
+                measured[rows], scenes[-1], camera, second, system, phase
+            )
+    status = np.max(statuses, axis=0)
+    if len(shares) > 1:
+        scatter, mean = np.std(shares, axis=0, ddof=1), np.mean(shares, axis=0)
         vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
         status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
     if not (status == CorrectionStatus.CORRECTED).any():
@@ -268,41 +266,17 @@ def correct(
             "than itself; check the frame of the cloud (--cloud-to-part) and where the scene has "
             "the devices."
         )
-    errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, [e.error for e in found], 0.0)
-    first = found[0]
+    errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, shares, 0.0)
     return Correction(
         measured=measured,
         error=errors.mean(axis=0),
         status=status,
-        face=first.face,
-        normal=loaded.part.surface.normals[first.face],
+        face=faces[0],
+        normal=loaded.part.surface.normals[faces[0]],
         system=system,
-        provenance=provenance_of_two(loaded if loaded.ensemble else first.scene, camera),
+        provenance=provenance_of_two(loaded if loaded.ensemble else scenes[0], camera),
         field_uncertainty=field_uncertainty,
-        errors=None if len(found) == 1 else errors,
-    )
-
-
-@frozen(eq=False)
-class _AirShare:
-    """The air's share of points, as in `Correction`, in one field."""
-
-    error: FloatArray
-    status: NDArray[np.int64]
-    face: IntArray
-    scene: LoadedScene
-
-
-def _joined(pieces: Sequence[_AirShare], order: IntArray) -> _AirShare:
-    """The shares of all points, of which the pieces one after the other are `order`."""
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
-    first = pieces[0]
-    return _AirShare(
-        np.concatenate([piece.error for piece in pieces])[place],
-        np.concatenate([piece.status for piece in pieces])[place],
-        np.concatenate([piece.face for piece in pieces])[place],
-        first.scene,
+        errors=None if len(shares) == 1 else errors,
     )
 
 
@@ -313,7 +287,8 @@ def _air_share(
     second: Camera,
     system: System,
     phase: Phase,
-) -> _AirShare:
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """`error`, `status` and `face` of points as in `Correction`, in one field."""
     place = measured.copy()
     offsets = np.zeros((2, *measured.shape))
     lacking = np.full((len(measured), 2), np.nan)
@@ -356,15 +331,4 @@ def _air_share(
         ],
         CorrectionStatus.CORRECTED,
     )
-    return _AirShare(measured - place, status, face, loaded)
-
-
-def _refuse_another_part(points: FloatArray, scene: LoadedScene) -> None:
-    """Refuse a cloud none of whose points is near the part."""
-    sample = points[:: max(1, len(points) // 1000)]
-    distance = float(np.median(scene.part.surface.distance(sample)))
-    if distance > REACH_MM:
-        raise InputError(
-            f"The cloud lies {distance:.3g} mm beside the part (median), so it is another part's, "
-            "in another unit or another frame; give its points in mm in the frame of the scene."
-        )
+    return measured - place, status, face

@@ -21,17 +21,9 @@ _MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
 
 
 def read_e57(path: Path) -> FloatArray:
-    """Read the points of the one scan of an E57 file, at its pose.
+    """Read the points (n, 3), mm, of the one scan of an E57 file, at its pose.
 
-    Returns
-    -------
-    (n, 3) array, mm
-        Points that the file marks as invalid are left out.
-
-    Raises
-    ------
-    InputError
-        pye57 is not installed, the file is damaged, or it holds several scans.
+    Points that the file marks as invalid are left out.
     """
     if find_spec("pye57") is None:
         raise InputError(

@@ -6,11 +6,11 @@ Levenberg and Marquardt's method by SciPy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
@@ -100,108 +100,58 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
         raise InputError(f"All points are the same, so they are no {kind}; give others.")
     # About their centre and of size 1, so that all parameters weigh alike.
     found = _FITS[kind]((places - centre) / scale)
-    return Feature(
-        kind,
-        centre + scale * found.position,
-        found.direction,
-        None if found.size_mm is None else scale * found.size_mm,
-        found.half_angle,
-        scale * found.residuals,
+    return evolve(
+        found,
+        position=centre + scale * found.position,
+        size_mm=None if found.size_mm is None else scale * found.size_mm,
+        residuals=scale * found.residuals,
     )
 
 
 def feature_table(
-    clouds: Mapping[str, FloatArray], face: IntArray, part: Part, choices: Sequence[str]
+    clouds: Mapping[str, FloatArray],
+    face: IntArray,
+    part: Part,
+    choices: Sequence[str],
+    by_member: Iterable[FloatArray] = (),
 ) -> list[dict[str, Any]]:
-    """Fit features to the same points as they are in several clouds.
+    """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
 
-    Parameters
-    ----------
-    clouds : mapping of (n, 3) arrays, mm
-        By name: ``"cold"``, ``"measured"``, ``"corrected"``.
-    face : (n,) array of int
-        Face of the part on which each point lies.
-    part : Part
-    choices : sequence of str
-        Kind of a feature, and the region of the part if not all of it: ``"cylinder:lateral"``.
-        If there are none, all regions with enough points that are a plane, cylinder, cone or
-        sphere; see `found_features`.
-
-    Returns
-    -------
-    list of dict
-        ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``form_mm``, ``position_mm`` and
-        ``direction``.
-
-    Raises
-    ------
-    InputError
-        There is no such kind or region, or too few points are on it.
+    `face` (n,) is the part's face on which each point lies. A choice is a kind of feature, and the
+    region if not all of the part: ``"cylinder:lateral"``; without any, `found_features`. Gives
+    ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``form_mm``, ``position_mm`` and
+    ``direction``; with the same points by each member of an ensemble also ``size_scatter_mm``, the
+    size's standard deviation over them, None for a feature without a size.
     """
+    members = list(by_member)
     rows = []
     for choice in choices or found_features(part, face):
         kind, region, chosen = chosen_points(choice, face, part)
         fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
-        rows.append(
-            {
-                "kind": kind,
-                "region": region or None,
-                "points": int(chosen.sum()),
-                "size_mm": {name: fit.size_mm for name, fit in fits.items()},
-                "form_mm": {name: fit.form_mm for name, fit in fits.items()},
-                "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
-                "direction": {
-                    name: None if fit.direction is None else fit.direction.tolist()
-                    for name, fit in fits.items()
-                },
-            }
-        )
+        row: dict[str, Any] = {
+            "kind": kind,
+            "region": region or None,
+            "points": int(chosen.sum()),
+            "size_mm": {name: fit.size_mm for name, fit in fits.items()},
+            "form_mm": {name: fit.form_mm for name, fit in fits.items()},
+            "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
+            "direction": {
+                name: None if fit.direction is None else fit.direction.tolist()
+                for name, fit in fits.items()
+            },
+        }
+        if members:
+            sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in members]
+            known = [size for size in sizes if size is not None]
+            row["size_scatter_mm"] = float(np.std(known, ddof=1)) if known else None
+        rows.append(row)
     return rows
-
-
-def size_scatter(
-    clouds: Sequence[FloatArray], face: IntArray, part: Part, rows: Sequence[Mapping[str, Any]]
-) -> list[float | None]:
-    """Standard deviation of each feature's size over the members of an ensemble, mm.
-
-    Parameters
-    ----------
-    clouds : sequence of (n, 3) arrays, mm
-        The same points by each member.
-    face, part
-        As for `feature_table`.
-    rows
-        Of `feature_table`.
-
-    Returns
-    -------
-    list of float or None
-        None for a feature without a size.
-    """
-    found: list[float | None] = []
-    for row in rows:
-        kind, _, chosen = chosen_points(f"{row['kind']}:{row['region'] or ''}", face, part)
-        sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in clouds]
-        known = [size for size in sizes if size is not None]
-        found.append(float(np.std(known, ddof=1)) if known else None)
-    return found
 
 
 def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, BoolArray]:
     """Kind, region ("" for all of the part) and mask (n,) of the points of a feature.
 
-    Parameters
-    ----------
-    choice : str
-        As for `feature_table`.
-    face : (n,) array of int
-        Face of the part on which each point lies.
-    part : Part
-
-    Raises
-    ------
-    InputError
-        There is no such region.
+    Choice and face as for `feature_table`.
     """
     kind, _, region = choice.partition(":")
     if not region:
@@ -216,19 +166,13 @@ def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, Bo
 def found_features(part: Part, face: IntArray) -> list[str]:
     """Features that regions of a part are: ``"cylinder:lateral"``.
 
-    Parameters
-    ----------
-    part : Part
-    face : (n,) array of int
-        Faces that points were measured on; regions with fewer than `FEWEST_MEASURED` points are
-        left out.
+    Regions on whose faces (n,) fewer than `FEWEST_MEASURED` points were measured are left out.
     """
     region = part.region_of_face
     measured = np.bincount(region[face], minlength=len(part.region_names))
     found = []
     for number in np.flatnonzero(measured >= FEWEST_MEASURED):
-        corners = part.vertices[np.unique(part.faces[region == number])]
-        kind = surface_kind(corners)
+        kind = surface_kind(part.vertices[np.unique(part.faces[region == number])])
         if kind is not None:
             found.append(f"{kind}:{part.region_names[number]}")
     return found
@@ -272,9 +216,9 @@ def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
     """Centre and radius by linear least squares of x^2 = 2 c x + r^2 - c^2, in any dimension."""
     squares = np.einsum("ij,ij->i", points, points)
     system = np.column_stack((2 * points, np.ones(len(points))))
-    *centre, rest = np.linalg.lstsq(system, squares, rcond=None)[0]
-    middle = np.array(centre)
-    return middle, float(np.sqrt(max(rest + middle @ middle, 0.0)))
+    found = np.linalg.lstsq(system, squares, rcond=None)[0]
+    centre, rest = found[:-1], found[-1]
+    return centre, float(np.sqrt(max(rest + centre @ centre, 0.0)))
 
 
 def _solved(residuals: Callable[[FloatArray], FloatArray], start: ArrayLike) -> FloatArray:
@@ -288,8 +232,7 @@ def _sphere(points: FloatArray) -> Feature:
     centre, radius = _algebraic_sphere(points)
 
     def residuals(values: FloatArray) -> FloatArray:
-        off: FloatArray = np.linalg.norm(points - values[:3], axis=1) - values[3]
-        return off
+        return np.asarray(np.linalg.norm(points - values[:3], axis=1) - values[3])
 
     best = _solved(residuals, (*centre, radius))
     return Feature("sphere", best[:3], None, 2 * float(best[3]), None, residuals(best))
@@ -351,20 +294,17 @@ def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
     position = foot - (foot @ direction) * direction
     angle = float(best[5]) if opening else 0.0
     diameter = 2 * (best[4] + np.tan(angle) * float((position - foot) @ direction))
+    kind, half_angle = ("cone", abs(angle)) if opening else ("cylinder", None)
     off = residuals(best)
-    kind = "cone" if opening else "cylinder"
-    return Feature(
-        kind, position, _signed(direction), float(diameter), abs(angle) if opening else None, off
-    )
+    return Feature(kind, position, _signed(direction), float(diameter), half_angle, off)
 
 
 def _round(points: FloatArray, opening: bool) -> Feature:
     """Fit from the principal axis along which a sample of the points fits best."""
-    thin = len(points) // SAMPLE
-    sample = points[::thin] if thin > 1 else points
+    sample = points[:: max(1, len(points) // SAMPLE)]
     fits = [_about_axis(sample, axis, opening) for axis in _axes(points)]
     best = min(fits, key=lambda fit: float(fit.residuals @ fit.residuals))
-    if sample is points or best.direction is None:
+    if len(sample) == len(points) or best.direction is None:
         return best
     return _about_axis(points, best.direction, opening)
 

@@ -57,24 +57,11 @@ def first_order_error(
 def first_order_size(
     points: FloatArray, normals: FloatArray, error: FloatArray, weights: FloatArray
 ) -> float:
-    """Error of the diameter of the cylinder or sphere that fits points best, to first order.
+    """Error, mm, of the diameter of the cylinder or sphere that fits points best, to first order.
 
-    Small errors move, turn and widen the Gaussian best fit by what their least squares over these
-    seven motions say; motions that no normal tells of, as of a cylinder along its axis, are left
-    at 0.
-
-    Parameters
-    ----------
-    points, normals : (n, 3) arrays, mm and unit vectors
-        On the surface, and outward there.
-    error : (n, 3) array, mm
-        Of the points.
-    weights : (n,) array
-        Share of each point in the sum of squares.
-
-    Returns
-    -------
-    float, mm
+    Small errors (n, 3), mm, move, turn and widen the Gaussian best fit by what their least squares
+    over these seven motions say, with weights (n,); motions that no outward normal tells of, as of
+    a cylinder along its axis, are left at 0.
     """
     arm = points - np.average(points, axis=0, weights=weights)
     motions = np.column_stack((np.ones(len(points)), normals, np.cross(arm, normals)))

@@ -8,31 +8,18 @@ from iriftrace.core.arrays import FloatArray
 
 
 def nearest_point(
-    first_origin: FloatArray,
-    first: FloatArray,
-    second_origin: FloatArray,
-    second: FloatArray,
+    first_origin: FloatArray, first: FloatArray, second_origin: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Midpoint of the shortest way between skew lines (stereo).
+    """Midpoint (n, 3) of the shortest way between skew lines (stereo), and its length (n,), mm.
 
-    Hartley and Zisserman, Multiple View Geometry, 12.2, for lines in space.
-
-    Parameters
-    ----------
-    first_origin, second_origin : (3,) or (n, 3) arrays, mm
-    first, second : (n, 3) arrays
-        Unit directions; nowhere parallel.
-
-    Returns
-    -------
-    points : (n, 3) array, mm
-    gap : (n,) array, mm
-        Length of that way.
+    Hartley and Zisserman, Multiple View Geometry, 12.2, for lines in space. Origins are (3,) or
+    (n, 3) arrays, mm, directions (n, 3) unit vectors, nowhere parallel.
     """
     base = second_origin - first_origin
-    cosine = _dot(first, second)
-    sine_squared = np.einsum("ij,ij->i", *2 * (np.cross(first, second),))
-    along_first, along_second = _dot(first, base), _dot(second, base)
+    cosine = np.vecdot(first, second)
+    normal = np.cross(first, second)
+    sine_squared = np.einsum("ij,ij->i", normal, normal)
+    along_first, along_second = np.vecdot(first, base), np.vecdot(second, base)
     s = (along_first - cosine * along_second) / sine_squared
     t = (cosine * along_first - along_second) / sine_squared
     one = first_origin + s[:, None] * first
@@ -45,19 +32,8 @@ def on_plane(
 ) -> FloatArray:
     """Points (n, 3), mm, where lines meet planes (fringe projection, sheets of light).
 
-    Parameters
-    ----------
-    line_origin, plane_origin : (3,) or (n, 3) arrays, mm
-    line : (n, 3) array
-        Directions.
-    normal : (n, 3) array
-        Of the planes.
+    Origins are (3,) or (n, 3) arrays, mm; directions and normals (n, 3) arrays.
     """
-    reach = _dot(normal, plane_origin - line_origin) / _dot(normal, line)
+    reach = np.vecdot(normal, plane_origin - line_origin) / np.vecdot(normal, line)
     points: FloatArray = line_origin + reach[:, None] * line
     return points
-
-
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    product: FloatArray = (one * other).sum(axis=1)
-    return product

@@ -29,14 +29,8 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.render import trace_rays
-from iriftrace.triangulation.cloud import (
-    PointStatus,
-    by_axis,
-    save_cloud,
-    scatter_along,
-    spread,
-)
-from iriftrace.triangulation.features import feature_table, size_scatter
+from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
+from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
 
@@ -56,7 +50,6 @@ DEVICE_OF_SYSTEM = {system: device for device, system in SYSTEM_OF_DEVICE.items(
 
 LEAST_ANGLE = math.radians(1.0)
 """Lines at a smaller angle are warned of: their intersection moves 57 times as far as they do."""
-
 
 CLEAR_MM = 1e-3
 """Length of a ray that may lack at a point it sees: what the miss allows at 0.06 degrees."""
@@ -164,6 +157,7 @@ class Scan:
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.scan/1``."""
         translation, rotation, left = self.best_fit()
+        scatter = self.scatter_normal
         return {
             "schema": SCHEMA,
             **self.provenance,
@@ -172,7 +166,7 @@ class Scan:
             "points": {"pixels": int(self.status.size), **ScanStatus.counts(self.status)},
             "error_normal_mm": spread(self.error_normal),
             "error_mm": spread(np.linalg.norm(self.error, axis=1)),
-            **_spread_of("scatter_normal_mm", self.scatter_normal),
+            **({} if scatter is None else {"scatter_normal_mm": spread(scatter)}),
             "gap_mm": spread(self.gap),
             "angle_deg": spread(np.degrees(self.angle)),
             "best_fit": {
@@ -190,11 +184,8 @@ class Scan:
         Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members.
         """
         clouds = {"cold": self.true, "measured": self.points}
-        rows = feature_table(clouds, self.face, part, choices)
-        if self.errors is None:
-            return rows
-        sizes = size_scatter(list(self.true + self.errors), self.face, part, rows)
-        return [row | {"size_scatter_mm": size} for row, size in zip(rows, sizes, strict=True)]
+        by_member = () if self.errors is None else self.true + self.errors
+        return feature_table(clouds, self.face, part, choices, by_member)
 
     def save(
         self,
@@ -218,14 +209,12 @@ class Scan:
         values = self.as_dict() | {"features": list(features)}
         if acceptance:
             values["acceptance"] = list(acceptance)
-        return save_cloud(path, self.points, self._columns(), values)
-
-    def _columns(self) -> dict[str, NDArray[Any]]:
-        return {
+        scatter = self.scatter_normal
+        columns: dict[str, NDArray[Any]] = {
             **by_axis("true", self.true),
             **by_axis("error", self.error),
             "error_normal": self.error_normal,
-            **({} if self.scatter_normal is None else {"scatter_normal": self.scatter_normal}),
+            **({} if scatter is None else {"scatter_normal": scatter}),
             "gap": self.gap,
             "angle": self.angle,
             "pixel_u": self.pixel[:, 0],
@@ -234,6 +223,7 @@ class Scan:
             # Of the points that were measured, which are the cloud.
             "status": np.full(len(self.points), ScanStatus.MEASURED, dtype=np.int32),
         }
+        return save_cloud(path, self.points, columns, values)
 
 
 def measure(
@@ -327,10 +317,6 @@ def _together(scans: Sequence[Scan]) -> Scan:
     )
 
 
-def _spread_of(name: str, values: FloatArray | None) -> dict[str, dict[str, float]]:
-    return {} if values is None else {name: spread(values)}
-
-
 def devices_of(
     scene: LoadedScene | str | Path,
     camera: Camera | None,
@@ -338,17 +324,10 @@ def devices_of(
     system: System | None,
     phase: Phase | None,
 ) -> tuple[LoadedScene, Camera, Camera, System, Phase]:
-    """The scene, its two devices and the kind of sensor, with the defaults of `measure`.
-
-    Raises
-    ------
-    InputError
-        As `measure`.
-    """
+    """The scene, its two devices and the kind of sensor, with the defaults of `measure`."""
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
     camera = loaded.camera if camera is None else camera
-    if second is None:
-        second = loaded.second
+    second = loaded.second if second is None else second
     if second is None:
         raise InputError(
             f"{loaded.path} has no second device, so there is nothing to triangulate with; write "
@@ -356,7 +335,15 @@ def devices_of(
         )
     if system is None:
         system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")
-    _check(camera, second, system, phase)
+    for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
+        if value is not None and value not in get_args(kinds):
+            raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
+    if "orthographic" in (camera.projection, second.projection):
+        raise InputError(
+            "A device with parallel rays has no place from which to triangulate; give both devices "
+            "a focal length."
+        )
+    refuse_one_place(camera, second)
     if system == "stereo":
         return loaded, camera, second, system, "both"
     if system == "laser":
@@ -368,18 +355,6 @@ def better_phase(camera: Camera, projector: Camera) -> Phase:
     """The lines of a projector's picture that run more across the way to the camera."""
     base = projector.matrix[:3, :2].T @ (camera.origin - projector.origin)
     return "columns" if abs(base[0]) >= abs(base[1]) else "rows"
-
-
-def _check(camera: Camera, second: Camera, system: str, phase: str | None) -> None:
-    for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
-        if value is not None and value not in get_args(kinds):
-            raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
-    if "orthographic" in (camera.projection, second.projection):
-        raise InputError(
-            "A device with parallel rays has no place from which to triangulate; give both devices "
-            "a focal length."
-        )
-    refuse_one_place(camera, second)
 
 
 def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:
@@ -398,18 +373,19 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         serving = field_where_needed(scene, (forward, solved), hits.refracted[seen])
         if serving is not scene:
             return _scan(serving, camera, second, system, phase)
-    status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
-    normals = scene.part.surface.normals
     candidates = hits.ray[seen]
     place = number[candidates]
     true, face = hits.refracted[seen], hits.refracted_face[seen]
-    normal = normals[face]
+    normal = scene.part.surface.normals[face]
 
     distance = np.linalg.norm(true - solved.origin, axis=1)
     near, far = solved.focus_mm
     turned = np.einsum("ij,ij->i", normal, solved.origin - true) <= 0
+    with np.errstate(invalid="ignore"):
+        places = solved.project(true)
+        inside = ((places >= 0) & (places <= solved.resolution)).all(axis=1)
     codes = np.select(
-        [~_in_picture(solved, true), (distance < near) | (distance > far), turned],
+        [~inside, (distance < near) | (distance > far), turned],
         [ScanStatus.OUTSIDE_PICTURE, ScanStatus.OUT_OF_FOCUS, ScanStatus.SHADOW],
         ScanStatus.MEASURED,
     )
@@ -418,6 +394,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     clear = np.abs(lines.lacking) <= CLEAR_MM
     codes[asked[~lines.found]] = ScanStatus.SEVERAL_IMAGES
     codes[asked[lines.found & ~clear]] = ScanStatus.SHADOW
+    status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
     status[place] = codes
     good = np.flatnonzero(lines.found & clear)
     good = good[np.argsort(place[asked[good]])]
@@ -491,13 +468,6 @@ def _towards_part(device: Camera, part: Part, pixels: FloatArray) -> NDArray[np.
     return np.asarray(((pixels >= low - 1.0) & (pixels <= high + 1.0)).all(axis=1))
 
 
-def _in_picture(device: Camera, points: FloatArray) -> NDArray[np.bool_]:
-    with np.errstate(invalid="ignore"):
-        places = device.project(points)
-        inside = (places >= 0) & (places <= device.resolution)
-    return np.asarray(inside.all(axis=1))
-
-
 def triangulated(
     camera: Camera, second: Camera, a: FloatArray, b: FloatArray, system: System, phase: Phase
 ) -> tuple[FloatArray, FloatArray]:
@@ -505,18 +475,14 @@ def triangulated(
     if phase == "both":
         return nearest_point(camera.origin, a, second.origin, b)
     if system == "laser":
-        normal = np.broadcast_to(_sheet_normal(second), a.shape)
+        # The plane of the laser's middle column.
+        middle = second.resolution[0] / 2
+        _, (top, bottom) = second.rays(((middle, 0.0), (middle, second.resolution[1])))
+        across = np.cross(top, bottom)
+        normal = np.broadcast_to(across / np.linalg.norm(across), a.shape)
     else:
         normal = phase_planes(second, b, phase)
     return on_plane(camera.origin, a, second.origin, normal), np.zeros(len(a))
-
-
-def _sheet_normal(laser: Camera) -> FloatArray:
-    """Normal of the plane of the laser's middle column."""
-    middle = laser.resolution[0] / 2
-    _, (top, bottom) = laser.rays(((middle, 0.0), (middle, laser.resolution[1])))
-    normal: FloatArray = np.cross(top, bottom)
-    return normal / np.linalg.norm(normal)
 
 
 def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:

@@ -45,18 +45,7 @@ def field_where_needed(
     """The scene, or its field itself where its shells are too few for lines of sight to points.
 
     As `iriftrace.render_scene` does it: a sample of the rays is traced without every second shell.
-
-    Parameters
-    ----------
-    scene : LoadedScene
-    devices : sequence of Camera
-    points : (n, 3) array, mm, world
-        On the part or near it.
-
-    Warns
-    -----
-    IriftraceWarning
-        The shells are too few, and whether the field serves instead.
+    Points (n, 3), mm, world, lie on the part or near it. Warns where shells are too few.
     """
     if scene.engine != "shells":
         return scene
@@ -77,31 +66,18 @@ def field_where_needed(
 
 @frozen(eq=False)
 class LinesOfSight:
-    """Straight lines from a device whose bent rays end on points.
+    """Straight lines from a device whose bent rays end on n points.
 
-    Attributes
-    ----------
-    direction : (n, 3) array
-        Of the straight line, unit; of the last round where none was found.
-    offset : (n, 3) array, mm
-        From the point to what the line is aimed at.
-    found : (n,) array of bool
-        The bent ray passes the point by `MISS_MM` at most.
-    lacking : (n,) array, mm
-        From the ray's end on the part to the point, along the ray: far from 0 where something lies
-        between the device and the point; NaN where the ray meets no part.
-    face : (n,) array of int
-        Of the part, under the ray's end; -1 where it meets none.
-    in_air : (n,) array of bool
-        The ray met hot air: shells, or cells of the field.
+    What lacks to a point is measured from the ray's end on the part, along the ray: far from 0
+    where something lies between the device and the point, NaN where the ray meets no part.
     """
 
-    direction: FloatArray
-    offset: FloatArray
-    found: BoolArray
-    lacking: FloatArray
-    face: IntArray
-    in_air: BoolArray
+    direction: FloatArray  # (n, 3), unit; of the last round where none was found
+    offset: FloatArray  # (n, 3), mm, from the point to what the line is aimed at
+    found: BoolArray  # the bent ray passes the point by `MISS_MM` at most
+    lacking: FloatArray  # mm
+    face: IntArray  # of the part, under the ray's end; -1 where it meets none
+    in_air: BoolArray  # the ray met hot air: shells, or cells of the field
 
 
 def lines_of_sight(
@@ -112,22 +88,12 @@ def lines_of_sight(
     *,
     rounds: int = ROUNDS,
 ) -> LinesOfSight:
-    """Find the straight lines along which a device sees points of the part.
+    """Find the straight lines along which a device at (3,) sees points (n, 3), mm, world.
 
-    Parameters
-    ----------
-    scene : LoadedScene
-        Of one field.
-    origin : (3,) array, mm, world
-        Of the device.
-    points : (n, 3) array, mm, world
-        On the part or near it.
-    offset : (n, 3) array, mm, optional
-        First guess of `LinesOfSight.offset`.
-    rounds : int
-        Most traces of a point.
+    They lie on the part or near it, in one field. `offset` is a first guess of
+    `LinesOfSight.offset`; each point is traced `rounds` times at most.
     """
-    aim = points + (np.zeros(3) if offset is None else offset)
+    aim = points + (0.0 if offset is None else offset)
     direction = unit_vectors(aim - origin)
     miss = np.full(len(points), np.inf)
     lacking = np.full(len(points), np.nan)
@@ -138,14 +104,13 @@ def lines_of_sight(
         if len(active) == 0:
             break
         direction[active] = unit_vectors(aim[active] - origin)
-        ends = bent_ends(scene, origin, direction[active])
-        beyond = points[active] - ends.last_point
-        along = np.einsum("ij,ij->i", beyond, ends.direction)
-        off = along[:, None] * ends.direction - beyond
+        last_point, last_way, face[active], crossings = bent_ends(scene, origin, direction[active])
+        beyond = points[active] - last_point
+        along = np.einsum("ij,ij->i", beyond, last_way)
+        off = along[:, None] * last_way - beyond
         miss[active] = np.linalg.norm(off, axis=1)
-        lacking[active] = np.where(ends.face >= 0, along, np.nan)
-        face[active] = ends.face
-        in_air[active] = ends.crossings > 0
+        lacking[active] = np.where(face[active] >= 0, along, np.nan)
+        in_air[active] = crossings > 0
         unsettled = ~(miss[active] <= MISS_MM)
         active = active[unsettled]
         aim[active] -= off[unsettled]

@@ -11,6 +11,7 @@ import xarray as xr
 
 from iriftrace.core.errors import InputError
 from iriftrace.planning.cover import ViewLimits, plan_views
+from iriftrace.planning.criteria import Criteria
 from validation.inputs.sweep_tables import sweep_table, two_regions, with_faces
 
 # A unit cube, faces +x +y +z -x -y -z, seen from six directions (pose i from face i's side) and
@@ -97,7 +98,7 @@ def test_a_region_is_covered_alone() -> None:
     faces = [name for name in table if set(table[name].dims) <= {"face", "sighting"}]
     joined = joined.assign({name: table[name] for name in [*faces, "sightings"]})
     joined["face_region"] = ("face", np.array([2, 2, 2, 1, 1, 1], dtype="i2"))
-    found = plan_views(joined, 1, region="below")
+    found = plan_views(joined, 1, criteria=Criteria(region="below"))
     assert found.poses.tolist() == [7]
     assert found.covered == pytest.approx(1)
 
@@ -111,11 +112,11 @@ def test_poses_with_few_rays_are_no_candidates() -> None:
     ("table", "k", "options", "words"),
     [
         (cube(), 0, {}, "number of views is 0"),
-        (cube(), 1, {"region": "hat"}, "no region 'hat'"),
+        (cube(), 1, {"criteria": Criteria(region="hat")}, "no region 'hat'"),
         (cube(), 1, {"limits": ViewLimits(displacement_mm=0.001)}, "10 to 30 um"),
         (cube(), 1, {"limits": ViewLimits(displacement_mm=-1)}, "positive limit"),
         (cube(), 1, {"limits": ViewLimits(incidence_deg=91)}, "0 to 90"),
-        (cube(), 1, {"min_hits": 1001}, "relax"),
+        (cube(), 1, {"criteria": Criteria(min_hits=1001)}, "relax"),
         (sweep_table([1], [1], [1], [1]), 1, {}, "earlier version"),
     ],
 )
