@@ -55,10 +55,7 @@ class ShiftMap:
 def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> BoolArray:
     """(height, width) bool: rays whose status is one of `include`.
 
-    Raises
-    ------
-    InputError
-        `include` names a status whose rays lack one of the two hits, or none at all.
+    An InputError if that names a status whose rays lack one of the two hits, or none at all.
     """
     unusable = sorted(set(include) - set(USABLE))
     if unusable or not include:
@@ -81,19 +78,8 @@ def lines_of_sight(camera: Camera, hits: FloatArray) -> FloatArray:
 
 
 def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Split displacements into their parts across and along the line of sight.
-
-    Parameters
-    ----------
-    vectors
-        (n, 3) displacements, mm.
-    sight
-        (n, 3) unit vectors.
-
-    Returns
-    -------
-    lateral, axial : (n,) arrays, mm
-        The length across, and the signed length along the line of sight.
+    """Displacements (n, 3), mm, at lines of sight (n, 3), unit vectors: length across, signed
+    length along, (n,) arrays, mm.
     """
     axial = np.einsum("ij,ij->i", vectors, sight)
     across = vectors - axial[:, None] * sight
@@ -103,22 +89,11 @@ def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArr
 def signed_components(
     vectors: FloatArray, sight: FloatArray, right: FloatArray
 ) -> dict[str, FloatArray]:
-    """Split displacements into signed components at the lines of sight.
+    """Displacements (n, 3), mm, as signed components (n,), mm, at lines of sight (n, 3), unit
+    vectors.
 
-    Parameters
-    ----------
-    vectors
-        (n, 3) displacements, mm.
-    sight
-        (n, 3) unit vectors.
-    right
-        (3,) unit vector: the picture's rows, `Camera.matrix`'s first column.
-
-    Returns
-    -------
-    dict of (n,) arrays, mm
-        ``along`` the line of sight, positive away from the camera; across it ``right`` and
-        ``down`` in the picture.
+    ``along`` the line of sight, positive away from the camera; across it ``right`` and ``down`` in
+    the picture, whose rows run along `right` (3,), the first column of `Camera.matrix`.
     """
     rows = unit_vectors(right - (sight @ right)[:, None] * sight)
     axes = {"along": sight, "right": rows, "down": np.cross(sight, rows)}

@@ -24,16 +24,10 @@ FRONTAL_SLOPE = 1e-3
 
 @frozen(eq=False)
 class Spacing:
-    """Distance from each point to a neighbour, (n,) arrays, mm, NaN where there is none.
+    """Distance from each point to a neighbour, (n,) arrays, mm, NaN where there is none."""
 
-    Attributes
-    ----------
-    lateral, axial
-        Across and along the optical axis.
-    """
-
-    lateral: FloatArray
-    axial: FloatArray
+    lateral: FloatArray  # across the optical axis
+    axial: FloatArray  # along it
 
 
 def step_spacing(
@@ -41,21 +35,9 @@ def step_spacing(
 ) -> Spacing:
     """Larger step from each point to the next pixel's point, to the right and below.
 
-    Parameters
-    ----------
-    points
-        (n, 3) hit points, mm, camera frame.
-    pixels
-        (n,) their row-major pixel numbers, rising.
-    resolution
-        Width and height of the picture, px.
-    group
-        (n,) smooth patch of each point; steps from one patch to another do not count.
-
-    Returns
-    -------
-    Spacing
-        ``hypot(dx, dy)`` and ``|dz|``, each the larger one of the (at most two) steps.
+    Of (n, 3) hit points, mm, camera frame, with rising row-major pixel numbers (n,) in a picture of
+    `resolution` (width, height); steps from one smooth patch, `group` (n,), to another do not
+    count. Lateral is ``hypot(dx, dy)``, axial ``|dz|``, each the larger of the (at most two) steps.
     """
     width, height = resolution
     x, y, z = np.ascontiguousarray(points.T)
@@ -80,14 +62,8 @@ def step_spacing(
 
 
 def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
-    """Step from each point to the nearest other one.
-
-    Parameters
-    ----------
-    points
-        (n, 3) hit points, mm, camera frame; at least two.
-    dimensions
-        3 for the nearest in space, 2 for the nearest across the optical axis.
+    """Step from each of (n, 3) points, mm, camera frame, at least two, to the nearest other one: in
+    space (3 dimensions) or across the optical axis (2).
     """
     places = points[:, :dimensions]
     # An unbalanced tree is built twice as fast and is searched as fast.
@@ -102,9 +78,6 @@ def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
 def seen_frontally(lateral: float, axial: float) -> bool:
     """True where steps to the next pixel have no depth: a plane across the axis is seen.
 
-    Parameters
-    ----------
-    lateral, axial
-        Steps across and along the optical axis, of one unit; NaN where they are not known.
+    Steps across and along the optical axis have one unit; they are NaN where they are not known.
     """
     return bool(axial < FRONTAL_SLOPE * lateral)
