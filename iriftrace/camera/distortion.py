@@ -98,14 +98,8 @@ class Distortion:
 
 
 def distorted(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any]:
-    """Where points at (x, y) appear.
-
-    Parameters
-    ----------
-    x, y : (n,) arrays
-        Normalised coordinates without distortion.
-    coefficients : (8,) sequence
-        In OpenCV's order; numbers or Dr.Jit arrays.
+    """Where points at (x, y), normalised, appear; coefficients in OpenCV's order, numbers or Dr.Jit
+    arrays.
     """
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
     xx, yy, xy = x * x, y * y, x * y
@@ -150,18 +144,8 @@ def newton_step(x: Any, y: Any, seen_x: Any, seen_y: Any, coefficients: Any) -> 
 
 
 def undistorted(seen: ArrayLike, distortion: Distortion) -> FloatArray:
-    """Points that appear at given places.
-
-    Parameters
-    ----------
-    seen : (n, 2) array
-        Normalised coordinates in the picture.
-    distortion : Distortion
-
-    Returns
-    -------
-    (n, 2) array
-        Normalised coordinates without distortion; NaN where nothing inside the fold radius is seen.
+    """Points (n, 2), normalised, that appear at places (n, 2) of the picture, normalised; NaN where
+    nothing inside the fold radius is seen.
     """
     places = np.asarray(seen, dtype=np.float64).reshape(-1, 2)
     found = np.empty_like(places)
@@ -212,17 +196,10 @@ def _rings(radii: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @frozen
 class SeenField:
-    """Part of a distorting lens's field that a rectangular picture holds.
+    """Part of a distorting lens's field that a rectangular picture holds."""
 
-    Attributes
-    ----------
-    rounds
-        Newton steps that suffice everywhere in the picture.
-    lowest, highest
-        Smallest and largest x and y without distortion, normalised.
-    """
-
-    rounds: int
+    rounds: int  # Newton steps that suffice everywhere in the picture
+    # Smallest and largest x and y without distortion, normalised.
     lowest: tuple[float, float]
     highest: tuple[float, float]
 

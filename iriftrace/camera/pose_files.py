@@ -151,19 +151,9 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
 def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") -> None:
     """Write camera poses, in mm, such that `read_poses` gives them back to the last bit.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``.csv`` (with header) and ``.json`` keep angles and state the convention; ``.npy`` and
-        ``.txt`` (blocks of four rows) hold the matrices alone.
-    poses : PoseSet
-    convention : str
-        One of `CONVENTIONS`.
-
-    Raises
-    ------
-    InputError
-        If the ending or the convention is unknown, there is no pose, or the file cannot be written.
+    ``.csv`` (with header) and ``.json`` keep angles and state the convention, one of `CONVENTIONS`;
+    ``.npy`` and ``.txt`` (blocks of four rows) hold the matrices alone. An InputError if the ending
+    or the convention is unknown, there is no pose, or the file cannot be written.
     """
     path = Path(path)
     matrices = to_convention(poses.matrices, convention)

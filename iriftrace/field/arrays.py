@@ -63,12 +63,8 @@ def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) 
 
     A given name is taken as it is. Else temperature is looked for first, then index, then density,
     or `quantity` alone when it is given; a usual name (``T``, ``rho``) wins over a name that only
-    resembles one (``T_snapshot``).
-
-    Raises
-    ------
-    InputError
-        No array, several that are equally likely, or a quantity that is not known.
+    resembles one (``T_snapshot``). An InputError for no array, several that are equally likely, or
+    a quantity that is not known.
     """
     if quantity is not None and quantity not in QUANTITIES:
         raise InputError(f"{quantity!r} is not a quantity; use one of {', '.join(QUANTITIES)}.")
@@ -229,28 +225,14 @@ def to_refractivity(
     air: Air,
     path: str,
 ) -> FloatArray:
-    """Refractivity n - 1 of the values of an array.
+    """Refractivity n - 1, (n,), of the (n,) values of an array, in ambient air.
 
-    Parameters
-    ----------
-    values : (n,) array
-    choice : Choice
-        The array.
-    units : mapping or None
-        What the file's header states for each array, "" for nothing; None where the format has no
-        place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
-    temperature_unit : str or None
-        What the user says of temperatures.
-    air : Air
-        Ambient air.
-    path : str
-        For messages.
+    `units` is what the file's header states for each array, "" for nothing; None where the format
+    has no place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
+    `temperature_unit` is what the user says of temperatures.
 
-    Raises
-    ------
-    InputError
-        User and file contradict each other; the header has a place for the unit of a temperature
-        but states none, or one of another kind; values are not possible.
+    An InputError if user and file contradict each other; if the header has a place for the unit of
+    a temperature but states none, or one of another kind; if values are not possible.
     """
     if choice.quantity == "index":
         return _from_index(values, choice.name, path)

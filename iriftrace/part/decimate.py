@@ -22,34 +22,19 @@ FEWEST = 4
 
 @frozen(eq=False)
 class DecimatedPart:
-    """A part with fewer triangles.
+    """A part with fewer triangles."""
 
-    Attributes
-    ----------
-    part : Part
-        With the regions of the part before, each face that of the nearest face there.
-    deviation_mm : (n,) array, mm
-        Distances between the two surfaces, at corners and face centres of both; at every so many
-        where there are more than `SAMPLE`.
-    """
-
-    part: Part
+    part: Part  # with the regions of the part before, each face that of the nearest face there
+    # (n,) distances between the two surfaces, at corners and face centres of both; at every so many
+    # where there are more than `SAMPLE`.
     deviation_mm: FloatArray
 
 
 def decimate_part(part: Part, faces: int) -> DecimatedPart:
-    """Thin out a part's triangles by VTK's quadric decimation (Garland and Heckbert, 1997).
+    """Thin out a part's triangles, to about `faces`, by VTK's quadric decimation (Garland and
+    Heckbert, 1997).
 
-    Parameters
-    ----------
-    part : Part
-    faces : int
-        Triangles to keep, about.
-
-    Raises
-    ------
-    InputError
-        The part has no more triangles than that, or none would be left.
+    An InputError if the part has no more triangles than that, or none would be left.
     """
     if not FEWEST <= faces < len(part.faces):
         raise InputError(

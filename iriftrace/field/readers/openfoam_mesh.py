@@ -25,33 +25,15 @@ _CELLS, _PATCHES, _WALLS = range(3)
 
 @frozen(eq=False)
 class Piece:
-    """A mesh as it was read, whole or from one processor, and in linear cells.
+    """A mesh as it was read, whole or from one processor, and in linear cells."""
 
-    Attributes
-    ----------
-    grid : pyvista.UnstructuredGrid
-        With cell data.
-    patches : mapping
-        pyvista.PolyData of the patches that state values, with cell data.
-    walls : frozenset
-        Names of those that are walls.
-    points : (n + p, 3) array
-        The mesh's n points and the centroids of its p polyhedra.
-    cells : dict
-        VTK cell type to (k, corners) point numbers.
-    centres : (c, 3) array
-        Of the mesh's own cells, where their values belong.
-    polyhedra : (p,) array
-        Numbers of the cells that were split.
-    """
-
-    grid: Any
-    patches: Mapping[str, Any]
-    walls: frozenset[str]
-    points: FloatArray
-    cells: dict[int, IntArray]
-    centres: FloatArray
-    polyhedra: IntArray
+    grid: Any  # pyvista.UnstructuredGrid with cell data
+    patches: Mapping[str, Any]  # pyvista.PolyData with cell data of the patches that state values
+    walls: frozenset[str]  # names of those that are walls
+    points: FloatArray  # (n + p, 3), the mesh's points and the centroids of its p polyhedra
+    cells: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
+    centres: FloatArray  # (c, 3) of the mesh's own cells, where their values belong
+    polyhedra: IntArray  # (p,) numbers of the cells that were split
 
 
 def split_piece(grid: Any, patches: Mapping[str, Any], walls: frozenset[str]) -> Piece:
