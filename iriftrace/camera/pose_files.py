@@ -127,7 +127,12 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
         raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
     kind = path.suffix.lower()
     if kind == ".npy":
-        columns = {"matrices": _array(content, path)}
+        try:
+            columns: dict[str, Any] = {"matrices": array_in(content)}
+        except ValueError as error:
+            raise InputError(
+                f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
+            ) from error
     elif kind == ".json":
         columns = _object(_text(content, path), path)
     else:
@@ -165,7 +170,8 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
             np.save(buffer, matrices)
             content = buffer.getvalue()
         case ".txt":
-            blocks = ("\n".join(map(_line, matrix.tolist())) for matrix in matrices)
+            rows = ([" ".join(map(repr, row)) for row in matrix] for matrix in matrices.tolist())
+            blocks = map("\n".join, rows)
             content = ("\n\n".join(blocks) + "\n").encode()
         case ".json":
             content = (json.dumps(_described(poses, matrices, convention)) + "\n").encode()
@@ -212,15 +218,6 @@ def _text(content: bytes, path: Path) -> str:
         raise InputError(
             f"{path} is not text; poses are read from {', '.join(_FORMATS)}."
         ) from None
-
-
-def _array(content: bytes, path: Path) -> Any:
-    try:
-        return array_in(content)
-    except ValueError as error:
-        raise InputError(
-            f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
-        ) from error
 
 
 def _object(text: str, path: Path) -> dict[str, Any]:
@@ -426,7 +423,3 @@ def _as_table(poses: PoseSet, matrices: FloatArray, convention: str) -> str:
         stated = ("" if np.isnan(x) else repr(x) for x in pair.tolist())
         lines.append(",".join((*map(repr, matrix.ravel().tolist()), *stated, convention)))
     return "\n".join(lines) + "\n"
-
-
-def _line(row: list[float]) -> str:
-    return " ".join(map(repr, row))

@@ -93,12 +93,12 @@ def joined(pose_sets: Iterable[PoseSet]) -> PoseSet:
 
 
 def aimed(origins: ArrayLike, targets: ArrayLike) -> FloatArray:
-    """Camera to world matrices (n, 4, 4) that look from origins at targets, (n, 3) or (3,), mm,
-    world.
+    """Camera to world matrices (n, 4, 4) that look from origins at targets, without roll.
 
-    The camera's x-axis lies in the world's x-y plane and +z is up in the picture: no roll. A
-    vertical line of sight leaves the x-axis open; it is then +y, the limit for a camera of azimuth
-    0 that nears the pole. An InputError if a camera stands on its target or a value is not finite.
+    Both are (n, 3) or (3,), mm, world. The camera's x-axis lies in the world's x-y plane and +z is
+    up in the picture. A vertical line of sight leaves the x-axis open; it is then +y, the limit for
+    a camera of azimuth 0 that nears the pole. An InputError if a camera stands on its target or a
+    value is not finite.
     """
     eyes = np.atleast_2d(np.asarray(origins, dtype=np.float64))
     forward = np.asarray(targets, dtype=np.float64) - eyes

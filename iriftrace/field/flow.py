@@ -126,18 +126,17 @@ def carried_heat(
     ambient_k: float,
     pressure_pa: float,
 ) -> FloatArray:
-    """Average of f(rho) U with f = rho (h - h_ambient), (n, 3), W/m2, from averages of rho, U and
-    rho U.
+    """Average of f(rho) U with f = rho (h - h_ambient), (n, 3), W/m2.
 
-    As f is linear in rho at constant pressure but for the change of the heat capacity
-    (`heat_content_slope`), it is to second order of the fluctuations::
+    From the averages of density <rho> (n,), kg/m3, velocity <U> (n, 3), m/s, and momentum <rho U>
+    (n, 3), kg/(m2 s). As f is linear in rho at constant pressure but for the change of the heat
+    capacity (`heat_content_slope`), it is to second order of the fluctuations::
 
         f(<rho>) <U> + f'(<rho>) (<rho U> - <rho> <U>)
 
-    with the density <rho> (n,), kg/m3, the velocity <U> (n, 3), m/s, and the momentum <rho U> (n,
-    3), kg/(m2 s). What is left out is f''/2 times the average of (rho - <rho>)^2 U: 0.3 % of the
-    flux where air of 650 K and 0.2 m/s alternates with air of 850 K and 0.9 m/s, and the product of
-    the averages is 6 % too small.
+    What is left out is f''/2 times the average of (rho - <rho>)^2 U: 0.3 % of the flux where air of
+    650 K and 0.2 m/s alternates with air of 850 K and 0.9 m/s, and the product of the averages is 6
+    % too small.
     """
     kelvin = temperature_of_density(density_kg_m3, pressure_pa)
     together = momentum - density_kg_m3[:, None] * velocity

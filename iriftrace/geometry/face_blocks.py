@@ -14,6 +14,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.geometry.query import runs
 
 # Blocks of one level in one of the next: the curve below fills a surface in squares of four.
 _TOGETHER = 4
@@ -42,7 +43,7 @@ def nest_faces(patch: IntArray, centres: FloatArray) -> FaceBlocks:
     starts: list[IntArray] = []
     while True:
         first = np.flatnonzero(np.concatenate(([True], owner[1:] != owner[:-1])))
-        rank = np.arange(len(owner)) - np.repeat(first, _sizes(first, len(owner)))
+        rank = runs(_sizes(first, len(owner)))[1]
         start = np.flatnonzero(rank % _TOGETHER == 0)
         if len(start) == len(owner):
             return FaceBlocks(order, tuple(starts))

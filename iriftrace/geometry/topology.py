@@ -61,8 +61,7 @@ def open_edges(faces: AnyIntArray) -> IntArray:
 
 
 def find_neighbours(faces: IntArray) -> Neighbours:
-    """Find the pairs of triangles that share an edge, of a welded mesh (see `weld`) of (m, 3)
-    faces.
+    """Pairs of the (m, 3) triangles of a welded mesh (see `weld`) that share an edge.
 
     Triangles that use a vertex twice have no neighbours.
     """
@@ -94,12 +93,11 @@ def connected(pairs: IntArray, count: int) -> IntArray:
 def cells_to_flip(
     pairs: IntArray, opposed: BoolArray, weights: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Cells, triangles or tetrahedra, that must be turned so that neighbours agree: (m,) mask, and
-    (m,) mask of the cells of pieces that have no orientation.
+    """Cells, triangles or tetrahedra, that must be turned so that neighbours agree, (m,) mask.
 
-    `pairs` (k, 2) are neighbours, `opposed` (k,) as in `Neighbours`. In each connected piece the
-    orientation with the larger sum of the (m,) weights stays, where a cell that is turned counts
-    with the opposite sign.
+    Besides, (m,) mask of the cells of pieces that have no orientation. `pairs` (k, 2) are
+    neighbours, `opposed` (k,) as in `Neighbours`. In each connected piece the orientation with the
+    larger sum of the (m,) weights stays, where a cell that is turned counts with the opposite sign.
     """
     count = len(weights)
     first, second = pairs.T

@@ -19,25 +19,13 @@ USABLE = (Status.GOOD, Status.INDEX_MISMATCH)
 
 @frozen(eq=False)
 class DisplacementMap:
-    """Displacement of every pixel, (height, width) arrays; 0 where `good` is False.
+    """Displacement of every pixel, (height, width) arrays; 0 where it is not good."""
 
-    Attributes
-    ----------
-    norm
-        Distance between the straight and the refracted hit, mm.
-    lateral
-        Its part across the straight line of sight, mm, not negative.
-    axial
-        Its part along the straight line of sight, mm; positive when the refracted hit lies farther
-        from the camera.
-    good
-        Whether the pixel's ray counts.
-    """
-
-    norm: FloatArray
-    lateral: FloatArray
+    norm: FloatArray  # distance between the straight and the refracted hit, mm
+    lateral: FloatArray  # its part across the straight line of sight, mm, not negative
+    # Its part along that line, mm; positive when the refracted hit lies farther from the camera.
     axial: FloatArray
-    good: BoolArray
+    good: BoolArray  # whether the pixel's ray counts
 
 
 @frozen(eq=False)
@@ -78,8 +66,9 @@ def lines_of_sight(camera: Camera, hits: FloatArray) -> FloatArray:
 
 
 def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Displacements (n, 3), mm, at lines of sight (n, 3), unit vectors: length across, signed
-    length along, (n,) arrays, mm.
+    """Length of displacements across lines of sight, and signed length along them, (n,), mm.
+
+    Displacements are (n, 3), mm, lines of sight (n, 3) unit vectors.
     """
     axial = np.einsum("ij,ij->i", vectors, sight)
     across = vectors - axial[:, None] * sight
@@ -89,11 +78,11 @@ def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArr
 def signed_components(
     vectors: FloatArray, sight: FloatArray, right: FloatArray
 ) -> dict[str, FloatArray]:
-    """Displacements (n, 3), mm, as signed components (n,), mm, at lines of sight (n, 3), unit
-    vectors.
+    """Signed components (n,), mm, of displacements at the lines of sight.
 
     ``along`` the line of sight, positive away from the camera; across it ``right`` and ``down`` in
-    the picture, whose rows run along `right` (3,), the first column of `Camera.matrix`.
+    the picture. Displacements are (n, 3), mm, lines of sight (n, 3) unit vectors; `right` (3,) are
+    the picture's rows, `Camera.matrix`'s first column.
     """
     rows = unit_vectors(right - (sight @ right)[:, None] * sight)
     axes = {"along": sight, "right": rows, "down": np.cross(sight, rows)}
@@ -102,8 +91,6 @@ def signed_components(
 
 def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> DisplacementMap:
     """Displacement of every pixel, whole and split at the line of sight, for work in Python.
-
-    Exported as `iriftrace.displacement_map`.
 
     Parameters
     ----------
@@ -127,8 +114,6 @@ def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,))
 
 def shift_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> ShiftMap:
     """Shift of every pixel: where its surface point appears minus where it would without hot air.
-
-    Exported as `iriftrace.shift_map`.
 
     Parameters
     ----------

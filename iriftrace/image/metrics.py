@@ -113,45 +113,30 @@ class ViewMetrics:
 
     Lengths in mm, angles in degrees, shifts in pixels, coverages from 0 to 1. Numbers that rest on
     fewer than `FEWEST_RAYS` good rays are None.
-
-    Attributes
-    ----------
-    rays
-        Counts by status.
-    displacement_mm, shift_px
-        Statistics of the displacement and of the shift in the picture.
-    displacement_lateral_mm, displacement_axial_mm
-        Means of its lengths across and along the line of sight.
-    lateral_resolution_mm, axial_resolution_mm
-        Mean step to the next pixel's hit, across and along the optical axis; with ``_nn3d`` and
-        ``_nnxy`` to the nearest neighbour, see `iriftrace.image.resolution`.
-    incidence_angle_deg
-        Mean angle of incidence.
-    coverage, coverage_area
-        Area of the faces hit, and area of the pixels' footprints, over the whole area.
-    ensemble
-        Scatter, where the image is that of several fields.
     """
 
     rays: RayCounts
     displacement_mm: Statistics = Statistics()
+    # Means of the displacement's lengths across and along the line of sight.
     displacement_lateral_mm: float | None = None
     displacement_axial_mm: float | None = None
-    shift_px: Statistics = Statistics()
+    shift_px: Statistics = Statistics()  # of the shift in the picture
+    # Mean step to the next pixel's hit, across and along the optical axis; with ``_nn3d`` and
+    # ``_nnxy`` to the nearest neighbour, see `iriftrace.image.resolution`.
     lateral_resolution_mm: float | None = None
     axial_resolution_mm: float | None = None
     lateral_resolution_mm_nn3d: float | None = None
     axial_resolution_mm_nn3d: float | None = None
     lateral_resolution_mm_nnxy: float | None = None
     axial_resolution_mm_nnxy: float | None = None
-    incidence_angle_deg: float | None = None
-    coverage: float | None = None
-    coverage_area: float | None = None
-    ensemble: EnsembleMetrics | None = None
+    incidence_angle_deg: float | None = None  # mean
+    coverage: float | None = None  # area of the faces hit over the whole area
+    coverage_area: float | None = None  # area of the pixels' footprints over the whole area
+    ensemble: EnsembleMetrics | None = None  # scatter, where the image is that of several fields
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, as in the file."""
-        found = {key: getattr(self, key) for key in _VIEW_KEYS}
+        found = {key: getattr(self, key) for key in ViewMetrics.__annotations__}
         values = {key: asdict(one) if has(type(one)) else one for key, one in found.items()}
         del values["shift_px"]["rms"], values["rays"]["launched"], values["rays"]["open_boundary"]
         if self.ensemble is None:
@@ -172,7 +157,6 @@ class ViewMetrics:
 
 
 _STEPS = ("lateral_resolution_mm", "axial_resolution_mm")
-_VIEW_KEYS = tuple(ViewMetrics.__annotations__)
 
 
 @frozen(eq=False, kw_only=True, repr=False)
@@ -408,10 +392,10 @@ def _mean(values: FloatArray) -> float | None:
     return float(known.mean()) if len(known) else None
 
 
-def _covered(coverage: Coverage, regions: slice) -> dict[str, float | None]:
+def _covered(coverage: Coverage, regions: slice) -> dict[str, float]:
     total = float(coverage.total[regions].sum())
     if total == 0:
-        return {"coverage": None, "coverage_area": None}
+        return {}
     return {
         "coverage": float(coverage.faces[regions].sum()) / total,
         "coverage_area": float(coverage.footprints[regions].sum()) / total,

@@ -62,8 +62,9 @@ def step_spacing(
 
 
 def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
-    """Step from each of (n, 3) points, mm, camera frame, at least two, to the nearest other one: in
-    space (3 dimensions) or across the optical axis (2).
+    """Step from each of (n, 3) hit points, mm, camera frame, to the nearest other one.
+
+    In space (3 dimensions) or across the optical axis (2); there are at least two points.
     """
     places = points[:, :dimensions]
     # An unbalanced tree is built twice as fast and is searched as fast.

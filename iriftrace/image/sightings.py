@@ -95,26 +95,18 @@ def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> F
     moved = np.bincount(row, image.channels["displacement.norm"][good])
     angle = np.full(len(rays), np.inf, dtype=np.float32)
     np.minimum.at(angle, row, image.channels["incidence.angle"][good])
+    # From the refracted hits to the straight lines of sight, mm.
+    vectors = image.vector("displacement", good)
+    sight = lines_of_sight(image.camera, image.vector("straight", good))
+    offsets = sight * np.einsum("ij,ij->i", vectors, sight)[:, None] - vectors
     seen = np.flatnonzero(rays)
     return FaceSightings(
         (seen + first).astype(np.int32),
         rays[seen].astype(np.int32),
         (moved[seen] / rays[seen]).astype(np.float32),
         np.degrees(angle[seen].astype(np.float64)).astype(np.float32),
-        *(
-            (np.bincount(row, column)[seen] / rays[seen]).astype(np.float32)
-            for column in _offsets(image, good).T
-        ),
+        *((np.bincount(row, column)[seen] / rays[seen]).astype(np.float32) for column in offsets.T),
     )
-
-
-def _offsets(image: AovImage, good: NDArray[np.bool_]) -> FloatArray:
-    """(n, 3) array, mm: from the refracted hits to the straight lines of sight."""
-    moved = image.vector("displacement", good)
-    sight = lines_of_sight(image.camera, image.vector("straight", good))
-    along = np.einsum("ij,ij->i", moved, sight)
-    offsets: FloatArray = sight * along[:, None] - moved
-    return offsets
 
 
 def face_maps(sightings: Iterable[FaceSightings], part: Part) -> dict[str, Any]:

@@ -31,8 +31,8 @@ class DecimatedPart:
 
 
 def decimate_part(part: Part, faces: int) -> DecimatedPart:
-    """Thin out a part's triangles, to about `faces`, by VTK's quadric decimation (Garland and
-    Heckbert, 1997).
+    """Thin out a part to about so many faces: VTK's quadric decimation (Garland and Heckbert,
+    1997).
 
     An InputError if the part has no more triangles than that, or none would be left.
     """

@@ -64,9 +64,9 @@ def name_regions(
     """Make a region of every large smooth group, (m,) number of each face's, and name it.
 
     Two opposite planes and one curved surface are the heads and the lateral surface of a cylinder:
-    ``head -x``, ``head +x``, ``lateral``. Otherwise planes are called by their direction (``plane
-    +z``), surfaces on a cylinder ``cylinder r 25`` or, seen from within, ``hollow r 25``, all
-    around its axis ``hole 1 (x 43, y 0, r 7)`` with the place of an axis along x, y or z; other
+    ``head -x``, ``head +x``, ``lateral``. Otherwise planes are called by their direction
+    (``plane +z``), surfaces on a cylinder ``cylinder r 25`` or, seen from within, ``hollow r 25``,
+    all around its axis ``hole 1 (x 43, y 0, r 7)`` with the place of an axis along x, y or z; other
     curved ones ``surface``. With a number, the largest first, where several would have the same
     name. Lengths are mm. Groups below `SMALLEST_SHARE` of the area form the region ``rest``.
 

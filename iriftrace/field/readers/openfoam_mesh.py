@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.field.gradient import PYRAMID, TETRAHEDRON, cell_corners
+from iriftrace.geometry.query import runs
 
 _POLYHEDRON = 42
 
@@ -74,11 +75,8 @@ def _faces_of(grid: pv.UnstructuredGrid, polyhedra: IntArray) -> tuple[IntArray,
     """Place of its polyhedron, first corner and number of corners of every face; all corners."""
     offsets = np.asarray(grid.polyhedron_face_location_offsets, dtype=np.int64)
     faces = np.asarray(grid.polyhedron_face_location_connectivity, dtype=np.int64)
-    counts = np.diff(offsets)[polyhedra]
-    starts = offsets[:-1][polyhedra]
-    owner = np.repeat(np.arange(len(polyhedra)), counts)
-    first = np.concatenate(([0], np.cumsum(counts)[:-1]))
-    numbers = faces[starts[owner] + np.arange(len(owner)) - first[owner]]
+    owner, place = runs(np.diff(offsets)[polyhedra])
+    numbers = faces[offsets[:-1][polyhedra][owner] + place]
     corners = np.asarray(grid.polyhedron_face_offsets, dtype=np.int64)
     flat = np.asarray(grid.polyhedron_face_connectivity, dtype=np.int64)
     return owner, corners[numbers], np.diff(corners)[numbers], flat

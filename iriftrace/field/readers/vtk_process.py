@@ -30,7 +30,6 @@ from iriftrace.core.errors import InputError
 SUFFIXES = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".vtp", ".vtm")
 """Endings of the files that `read_file` reads."""
 
-_INDEX_FILES = (".vtm", ".pvtu")
 _NAMED = re.compile(rb"""(?:file|Source)\s*=\s*["']([^"']+)["']""")
 
 _SECONDS, _BYTES_A_SECOND = 5, 1_000_000
@@ -82,7 +81,7 @@ def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
 def _size(path: Path) -> int:
     """Bytes of a file and of those that it names."""
     size = path.stat().st_size
-    if path.suffix.lower() in _INDEX_FILES:
+    if path.suffix.lower() in (".vtm", ".pvtu"):
         pieces = {path.parent / os.fsdecode(name) for name in _NAMED.findall(path.read_bytes())}
         size += sum(piece.stat().st_size for piece in pieces if os.path.isfile(piece))
     return size

@@ -27,10 +27,10 @@ def sphere(diameter_mm: float = 25.0, *, segments: int = 240) -> Part:
 
 
 def ball_bar(diameter_mm: float = 25.0, spacing_mm: float = 100.0, *, segments: int = 240) -> Part:
-    """Two spheres along x, about the origin, their centres a spacing apart; what holds them is left
-    out.
+    """Two spheres along x, about the origin; what holds them is left out.
 
-    Regions ``sphere -x`` and ``sphere +x``; each as `sphere`. An InputError too if they touch.
+    Their centres are a spacing apart. Regions ``sphere -x`` and ``sphere +x``. An InputError as for
+    `sphere`, or if they touch.
     """
     check_positive("ball bar", spacing=spacing_mm)
     vertices, faces = _ball("ball bar", diameter_mm, segments)
