@@ -373,9 +373,9 @@ def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> dict[
     if nearest:
         spacing |= {"_nn3d": nearest_spacing(points, 3), "_nnxy": nearest_spacing(points, 2)}
     values = bending(image, rays) | {"incidence_angle_deg": np.degrees(rays.incidence)}
-    for reading, steps in spacing.items():
-        values[f"lateral_resolution_mm{reading}"] = steps.lateral
-        values[f"axial_resolution_mm{reading}"] = steps.axial
+    for reading, (lateral, axial) in spacing.items():
+        values[f"lateral_resolution_mm{reading}"] = lateral
+        values[f"axial_resolution_mm{reading}"] = axial
     return values
 
 

@@ -10,7 +10,6 @@ pixel's hit on the same smooth patch of the surface.
 from __future__ import annotations
 
 import numpy as np
-from attrs import frozen
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
@@ -22,12 +21,9 @@ FRONTAL_SLOPE = 1e-3
 """Steps along over steps across the axis below which only the rounding of hits is left of them."""
 
 
-@frozen(eq=False)
-class Spacing:
-    """Distance from each point to a neighbour, (n,) arrays, mm, NaN where there is none."""
-
-    lateral: FloatArray  # across the optical axis
-    axial: FloatArray  # along it
+Spacing = tuple[FloatArray, FloatArray]
+"""Distance from each of n points to a neighbour, across and along the optical axis, (n,) arrays,
+mm, NaN where there is none."""
 
 
 def step_spacing(
@@ -58,7 +54,7 @@ def step_spacing(
     axial[first] = np.maximum(axial[first], np.abs(z[second] - z[first]))
     lateral[lateral < 0] = np.nan
     axial[axial < 0] = np.nan
-    return Spacing(lateral, axial)
+    return lateral, axial
 
 
 def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
@@ -73,7 +69,7 @@ def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
     # Of two equal points either may come first.
     nearest = np.where(found[:, 0] == np.arange(len(points)), found[:, 1], found[:, 0])
     x, y, z = (row[nearest] - row for row in np.ascontiguousarray(points.T))
-    return Spacing(np.sqrt(x * x + y * y), np.abs(z))
+    return np.sqrt(x * x + y * y), np.abs(z)
 
 
 def seen_frontally(lateral: float, axial: float) -> bool:
