@@ -284,20 +284,18 @@ class _Rows:
 
 
 def _table_columns(text: str, path: Path) -> dict[str, Any]:
-    """Columns of a text table of poses, as `read_poses` describes it.
-
-    ``matrices`` (n, 4, 4), in the file's convention and unit; where the columns exist,
-    ``azimuth_deg`` and ``elevation_deg`` (n,), ``convention``; ``aimed`` is true when the poses
-    came from targets and are in iriftrace's own convention.
+    """Columns of a text table of poses, as `read_poses` describes it: ``matrices`` (n, 4, 4) and
+    what else there is by name; ``aimed`` is true for poses that came from targets, which are in
+    iriftrace's own convention.
     """
     rows = _rows(text, path)
-    widths = {len(cells) for cells in rows.cells}
-    if len(widths) > 1:
-        odd = next(k for k, cells in enumerate(rows.cells) if len(cells) != len(rows.cells[0]))
-        raise InputError(
-            f"{path}, line {rows.lines[odd]} has {len(rows.cells[odd])} columns, but the first row "
-            f"has {len(rows.cells[0])}; give all rows the same."
-        )
+    width = len(rows.cells[0])
+    for line, cells in zip(rows.lines, rows.cells, strict=True):
+        if len(cells) != width:
+            raise InputError(
+                f"{path}, line {line} has {len(cells)} columns, but the first row has {width}; "
+                "give all rows the same."
+            )
     if any(_number(cell, rows.decimal_comma) is not None for cell in rows.cells[0]):
         return {"matrices": _unnamed(rows)}
     names = [cell.lower() for cell in rows.cells[0]]

@@ -54,9 +54,8 @@ def seen_areas(
 ) -> FloatArray:
     """Area of each face that one pose sees, for users who combine poses in Python.
 
-    Exported as `iriftrace.seen_areas`; of one pose the metrics give the sums over the faces. What
-    several poses see of a face together is at least the largest of their values, and at most
-    their sum and the face's area.
+    Of one pose the metrics give the sums over the faces. What several poses see of a face together
+    is at least the largest of their values, and at most their sum and the face's area.
 
     Parameters
     ----------
