@@ -113,5 +113,5 @@ def test_wrong_maps_are_refused(tmp_path: Path) -> None:
         read_measured_shift(exr(tmp_path / "a.exr", **three))
     whole = exr(tmp_path / "b.exr", X=FIELD[..., 0], Y=FIELD[..., 1]).read_bytes()
     (tmp_path / "b.exr").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match="damaged or incomplete .*; write the map again"):
+    with pytest.raises(InputError, match=r"damaged or incomplete .*; write the map again"):
         read_measured_shift(tmp_path / "b.exr")
