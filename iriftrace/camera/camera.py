@@ -131,10 +131,8 @@ class Camera:
     def seen_field(self) -> SeenField:
         """Part of a distorting lens's field that the picture holds.
 
-        Raises
-        ------
-        InputError
-            If a place in the picture sees nothing, because the distortion turns back before it.
+        An InputError if a place in the picture sees nothing, because the distortion turns back
+        before it.
         """
         assert self.distortion is not None
         ends = self._normalised(np.array(((0, 0), self.resolution), dtype=np.float64))
@@ -169,12 +167,7 @@ class Camera:
         return evolve(self, matrix=matrix)
 
     def check_movable(self) -> None:
-        """Refuse a camera of parallel rays, which no plugin of ours renders in another pose.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse a camera of parallel rays, which no plugin of ours renders in another pose."""
         if self.projection == "orthographic":
             raise InputError(
                 "The camera is orthographic: it can be rendered where its scene has it, but not "
@@ -276,22 +269,17 @@ class Camera:
         local = self.to_camera(points)
         if self.projection == "orthographic":
             on_sensor = local[:, :2]
-        elif self.distortion is not None:
-            on_sensor = self._seen(local, self.distortion) * self.focal_length_mm
-        else:
+        elif self.distortion is None:
             depth = np.where(local[:, 2:] > 0, local[:, 2:], np.nan)
             on_sensor = local[:, :2] / depth * self.focal_length_mm
+        else:
+            depth = np.where(local[:, 2] > 0, local[:, 2], np.nan)
+            x, y = local[:, 0] / depth, local[:, 1] / depth
+            places = np.stack(distorted(x, y, self.distortion.coefficients), axis=1)
+            places[~(np.hypot(x, y) < fold_radius(self.distortion))] = np.nan
+            on_sensor = places * self.focal_length_mm
         position: FloatArray = on_sensor / self.pixel_pitch_mm + self.principal_point_px
         return position
-
-    @staticmethod
-    def _seen(local: FloatArray, distortion: Distortion) -> FloatArray:
-        """(n, 2) normalised places at which points (n, 3), camera frame, appear."""
-        depth = np.where(local[:, 2] > 0, local[:, 2], np.nan)
-        x, y = local[:, 0] / depth, local[:, 1] / depth
-        places = np.stack(distorted(x, y, distortion.coefficients), axis=1)
-        places[~(np.hypot(x, y) < fold_radius(distortion))] = np.nan
-        return places
 
     def pixel_solid_angle(self) -> FloatArray:
         """Solid angle of every pixel of a pinhole camera, (h, w) array, sr.
@@ -301,7 +289,12 @@ class Camera:
         pixel's centre, by the Jacobian; too large or small by about (pixel / f)^2.
         """
         if self.distortion is not None:
-            return self._distorted_solid_angle(self.distortion)
+            places = undistorted(self._normalised(self._pixel_centres()), self.distortion)
+            x, y = np.ascontiguousarray(places.T)
+            xx, xy, yy = jacobian(x, y, self.distortion.coefficients)
+            stretch = (xx * yy - xy * xy) * np.sqrt(x * x + y * y + 1.0) ** 3
+            angle: FloatArray = self.pixel_area_mm2 / self.focal_length_mm**2 / stretch
+            return angle.reshape(self.resolution[::-1])
         edges = [
             (np.arange(n + 1) - c) * pitch
             for n, c, pitch in zip(
@@ -311,16 +304,8 @@ class Camera:
         x, y = np.meshgrid(*edges)
         f = self.focal_length_mm
         corner = np.arctan2(x * y, f * np.sqrt(x * x + y * y + f * f))
-        angle: FloatArray = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
+        angle = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
         return angle
-
-    def _distorted_solid_angle(self, distortion: Distortion) -> FloatArray:
-        places = self._normalised(self._pixel_centres())
-        x, y = np.ascontiguousarray(undistorted(places, distortion).T)
-        xx, xy, yy = jacobian(x, y, distortion.coefficients)
-        stretch = (xx * yy - xy * xy) * np.sqrt(x * x + y * y + 1.0) ** 3
-        angle: FloatArray = self.pixel_area_mm2 / self.focal_length_mm**2 / stretch
-        return angle.reshape(self.resolution[::-1])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; an unlimited far focus is None."""
@@ -339,13 +324,7 @@ class Camera:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Camera:
-        """Inverse of :meth:`as_dict`.
-
-        Raises
-        ------
-        InputError
-            The values are no camera's, as of a damaged file.
-        """
+        """Inverse of :meth:`as_dict`; an InputError for values of a damaged file."""
         try:
             near, far = values["focus_mm"]
             focal = values["focal_length_mm"]
@@ -361,14 +340,14 @@ class Camera:
                 matrix=values["matrix"],
                 distortion=None if distortion is None else Distortion(**distortion),
             )
+        except InputError:
+            raise
         except (TypeError, LookupError, AttributeError, OverflowError) as error:
             raise InputError(
                 f"The camera in the file lacks or misnames something ({error}); write the file "
                 "again."
             ) from error
         except ValueError as error:
-            if isinstance(error, InputError):
-                raise
             raise InputError(
                 f"The camera in the file has something else than numbers ({error}); write the "
                 "file again."

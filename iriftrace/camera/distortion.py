@@ -98,15 +98,7 @@ class Distortion:
 
 
 def distorted(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any]:
-    """Where points at (x, y) appear.
-
-    Parameters
-    ----------
-    x, y : (n,) arrays
-        Normalised coordinates without distortion.
-    coefficients : (8,) sequence
-        In OpenCV's order; numbers or Dr.Jit arrays.
-    """
+    """Where points at (x, y) appear; all normalised, numbers or arrays of NumPy or Dr.Jit."""
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
     xx, yy, xy = x * x, y * y, x * y
     r2 = xx + yy
@@ -150,18 +142,9 @@ def newton_step(x: Any, y: Any, seen_x: Any, seen_y: Any, coefficients: Any) -> 
 
 
 def undistorted(seen: ArrayLike, distortion: Distortion) -> FloatArray:
-    """Points that appear at given places.
+    """Points (n, 2) that are seen at places (n, 2) of the picture, both normalised.
 
-    Parameters
-    ----------
-    seen : (n, 2) array
-        Normalised coordinates in the picture.
-    distortion : Distortion
-
-    Returns
-    -------
-    (n, 2) array
-        Normalised coordinates without distortion; NaN where nothing inside the fold radius is seen.
+    NaN where nothing inside the fold radius is seen.
     """
     places = np.asarray(seen, dtype=np.float64).reshape(-1, 2)
     found = np.empty_like(places)
@@ -193,7 +176,8 @@ def _undistorted(seen: FloatArray, distortion: Distortion) -> tuple[FloatArray, 
 def fold_radius(distortion: Distortion) -> float:
     """Tangent of the angle to the axis up to which each direction has a place of its own."""
     radii = np.tan(np.radians(np.arange(0.0, 89.9, 0.05)))
-    x, y = _rings(radii)
+    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    x, y = (np.multiply.outer(radii, along) for along in (np.cos(angles), np.sin(angles)))
     _, _, _, _, _, k4, k5, k6 = distortion.coefficients
     r2 = x * x + y * y
     with np.errstate(all="ignore"):
@@ -205,24 +189,12 @@ def fold_radius(distortion: Distortion) -> float:
     return float(radii[turned[0] - 1] if len(turned) else radii[-1])
 
 
-def _rings(radii: FloatArray) -> tuple[FloatArray, FloatArray]:
-    angles = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
-    return np.multiply.outer(radii, np.cos(angles)), np.multiply.outer(radii, np.sin(angles))
-
-
 @frozen
 class SeenField:
-    """Part of a distorting lens's field that a rectangular picture holds.
+    """Part of a distorting lens's field that a rectangular picture holds."""
 
-    Attributes
-    ----------
-    rounds
-        Newton steps that suffice everywhere in the picture.
-    lowest, highest
-        Smallest and largest x and y without distortion, normalised.
-    """
-
-    rounds: int
+    rounds: int  # Newton steps that suffice everywhere in the picture
+    # Smallest and largest x and y without distortion, normalised.
     lowest: tuple[float, float]
     highest: tuple[float, float]
 

@@ -25,22 +25,11 @@ _MOST_VALUES = 100_000
 
 
 def parse_range(text: str) -> FloatArray:
-    """Values of an angle, a distance or another option of a sweep.
+    """Values (count,) of an angle, a distance or another option of a sweep.
 
-    Parameters
-    ----------
-    text : str
-        ``"start:stop:count"``, both ends included, or one number.
-
-    Returns
-    -------
-    (count,) array
-        Evenly spaced; a range from -x to x is symmetric to the last bit.
-
-    Raises
-    ------
-    InputError
-        Neither form, not finite, or a count that does not fit the ends.
+    From ``"start:stop:count"``, both ends included and evenly spaced, or one number; a range from
+    -x to x is symmetric to the last bit. An InputError for neither form, what is not finite, or a
+    count that does not fit the ends.
     """
     pieces = text.split(":")
     try:
@@ -256,22 +245,10 @@ def semi_axes(part: Part, stand_off_mm: float) -> FloatArray:
 
 
 def paper_semi_axes(part: Part, largest_mm: float) -> FloatArray:
-    """Semi-axes in the ratio of the part's dimensions, the rule of Kern et al. (2025).
+    """Semi-axes (3,), mm, in the ratio of the part's dimensions, the rule of Kern et al. (2025).
 
-    Parameters
-    ----------
-    part : Part
-    largest_mm : float, mm
-        The largest semi-axis, along the part's largest dimension.
-
-    Returns
-    -------
-    (3,) array, mm
-
-    Raises
-    ------
-    InputError
-        If the part is flat or the ellipsoid would lie within it.
+    The largest one lies along the part's largest dimension. An InputError if the part is flat or
+    the ellipsoid would lie within it.
     """
     extents = np.ptp(part.bounds, axis=0)
     longest = float(extents.max())

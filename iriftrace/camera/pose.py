@@ -56,17 +56,10 @@ def look_at(origin: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0
 
 @frozen
 class PoseText:
-    """A pose in words.
+    """A pose in words."""
 
-    Attributes
-    ----------
-    matrix : tuple of str
-        Four rows, camera to world (x right, y down, z forward), mm.
-    origin, target, up : str
-        The look-at: "x, y, z", mm, world; a direction without unit.
-    """
-
-    matrix: tuple[str, ...]
+    matrix: tuple[str, ...]  # four rows, camera to world (x right, y down, z forward), mm
+    # The look-at: "x, y, z", mm, world; a direction without unit.
     origin: str
     target: str
     up: str
@@ -94,15 +87,7 @@ def look_at_of(matrix: ArrayLike, distance_mm: float) -> tuple[FloatArray, Float
 
 
 def pose_text(matrix: ArrayLike, distance_mm: float) -> PoseText:
-    """Write a pose.
-
-    Parameters
-    ----------
-    matrix : (4, 4) array, mm, world
-        Camera to world.
-    distance_mm : float, mm
-        From the camera to the point that it looks at.
-    """
+    """Write a pose, (4, 4) camera to world, mm, that looks at a point `distance_mm` away."""
     rows = np.asarray(matrix, dtype=np.float64)
     return PoseText(
         tuple("  ".join(f"{value:12.6f}" for value in _clean(row)) for row in rows),

@@ -127,7 +127,12 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
         raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
     kind = path.suffix.lower()
     if kind == ".npy":
-        columns = {"matrices": _array(content, path)}
+        try:
+            columns: dict[str, Any] = {"matrices": array_in(content)}
+        except ValueError as error:
+            raise InputError(
+                f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
+            ) from error
     elif kind == ".json":
         columns = _object(_text(content, path), path)
     else:
@@ -151,19 +156,9 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
 def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") -> None:
     """Write camera poses, in mm, such that `read_poses` gives them back to the last bit.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``.csv`` (with header) and ``.json`` keep angles and state the convention; ``.npy`` and
-        ``.txt`` (blocks of four rows) hold the matrices alone.
-    poses : PoseSet
-    convention : str
-        One of `CONVENTIONS`.
-
-    Raises
-    ------
-    InputError
-        If the ending or the convention is unknown, there is no pose, or the file cannot be written.
+    ``.csv`` (with header) and ``.json`` keep angles and state the convention, one of `CONVENTIONS`;
+    ``.npy`` and ``.txt`` (blocks of four rows) hold the matrices alone. An InputError if the ending
+    or the convention is unknown, there is no pose, or the file cannot be written.
     """
     path = Path(path)
     matrices = to_convention(poses.matrices, convention)
@@ -175,7 +170,8 @@ def write_poses(path: str | Path, poses: PoseSet, convention: str = "opencv") ->
             np.save(buffer, matrices)
             content = buffer.getvalue()
         case ".txt":
-            blocks = ("\n".join(map(_line, matrix.tolist())) for matrix in matrices)
+            rows = ([" ".join(map(repr, row)) for row in matrix] for matrix in matrices.tolist())
+            blocks = map("\n".join, rows)
             content = ("\n\n".join(blocks) + "\n").encode()
         case ".json":
             content = (json.dumps(_described(poses, matrices, convention)) + "\n").encode()
@@ -222,15 +218,6 @@ def _text(content: bytes, path: Path) -> str:
         raise InputError(
             f"{path} is not text; poses are read from {', '.join(_FORMATS)}."
         ) from None
-
-
-def _array(content: bytes, path: Path) -> Any:
-    try:
-        return array_in(content)
-    except ValueError as error:
-        raise InputError(
-            f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
-        ) from error
 
 
 def _object(text: str, path: Path) -> dict[str, Any]:
@@ -297,20 +284,18 @@ class _Rows:
 
 
 def _table_columns(text: str, path: Path) -> dict[str, Any]:
-    """Columns of a text table of poses, as `read_poses` describes it.
-
-    ``matrices`` (n, 4, 4), in the file's convention and unit; where the columns exist,
-    ``azimuth_deg`` and ``elevation_deg`` (n,), ``convention``; ``aimed`` is true when the poses
-    came from targets and are in iriftrace's own convention.
+    """Columns of a text table of poses, as `read_poses` describes it: ``matrices`` (n, 4, 4) and
+    what else there is by name; ``aimed`` is true for poses that came from targets, which are in
+    iriftrace's own convention.
     """
     rows = _rows(text, path)
-    widths = {len(cells) for cells in rows.cells}
-    if len(widths) > 1:
-        odd = next(k for k, cells in enumerate(rows.cells) if len(cells) != len(rows.cells[0]))
-        raise InputError(
-            f"{path}, line {rows.lines[odd]} has {len(rows.cells[odd])} columns, but the first row "
-            f"has {len(rows.cells[0])}; give all rows the same."
-        )
+    width = len(rows.cells[0])
+    for line, cells in zip(rows.lines, rows.cells, strict=True):
+        if len(cells) != width:
+            raise InputError(
+                f"{path}, line {line} has {len(cells)} columns, but the first row has {width}; "
+                "give all rows the same."
+            )
     if any(_number(cell, rows.decimal_comma) is not None for cell in rows.cells[0]):
         return {"matrices": _unnamed(rows)}
     names = [cell.lower() for cell in rows.cells[0]]
@@ -436,7 +421,3 @@ def _as_table(poses: PoseSet, matrices: FloatArray, convention: str) -> str:
         stated = ("" if np.isnan(x) else repr(x) for x in pair.tolist())
         lines.append(",".join((*map(repr, matrix.ravel().tolist()), *stated, convention)))
     return "\n".join(lines) + "\n"
-
-
-def _line(row: list[float]) -> str:
-    return " ".join(map(repr, row))

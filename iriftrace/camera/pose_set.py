@@ -93,25 +93,12 @@ def joined(pose_sets: Iterable[PoseSet]) -> PoseSet:
 
 
 def aimed(origins: ArrayLike, targets: ArrayLike) -> FloatArray:
-    """Camera matrices that look from points at targets, without roll.
+    """Camera to world matrices (n, 4, 4) that look from origins at targets, without roll.
 
-    The camera's x-axis lies in the world's x-y plane and +z is up in the picture. A vertical line
-    of sight leaves the x-axis open; it is then +y, the limit for a camera of azimuth 0 that nears
-    the pole.
-
-    Parameters
-    ----------
-    origins, targets : (n, 3) or (3,) array, mm, world
-
-    Returns
-    -------
-    (n, 4, 4) array
-        Camera to world; columns x right, y down, z forward, origin.
-
-    Raises
-    ------
-    InputError
-        If a camera stands on its target or a value is not finite.
+    Both are (n, 3) or (3,), mm, world. The camera's x-axis lies in the world's x-y plane and +z is
+    up in the picture. A vertical line of sight leaves the x-axis open; it is then +y, the limit for
+    a camera of azimuth 0 that nears the pole. An InputError if a camera stands on its target or a
+    value is not finite.
     """
     eyes = np.atleast_2d(np.asarray(origins, dtype=np.float64))
     forward = np.asarray(targets, dtype=np.float64) - eyes
@@ -145,22 +132,9 @@ def push_out(
 ) -> tuple[PoseSet, NDArray[np.bool_]]:
     """Move cameras back along their optical axes, by 5 mm at a time, out of the hot air.
 
-    Parameters
-    ----------
-    poses : PoseSet
-    is_hot : callable
-        Takes (n, 3) points, mm, world, and says for each whether no camera may stand there.
-
-    Returns
-    -------
-    poses : PoseSet
-        Orientations and angles are those given; the angles of a moved pose say where it came from.
-    moved : (n,) array of bool
-
-    Raises
-    ------
-    InputError
-        If there is no way out within 10 m.
+    `is_hot` takes (n, 3) points, mm, world, and says for each whether no camera may stand there.
+    The poses keep orientations and angles, which say where a moved pose came from; besides, (n,)
+    bool: which were moved. An InputError if there is no way out within 10 m.
     """
     matrices = np.array(poses.matrices)
     hot = np.asarray(is_hot(poses.origins), dtype=bool)
@@ -181,19 +155,10 @@ def push_out(
 
 
 def refuse_distorted(matrices: FloatArray, tolerance: float, place: str = "") -> None:
-    """Refuse poses that are not rigid motions.
+    """Refuse poses (n, 4, 4) that are not rigid motions, with an InputError.
 
-    Parameters
-    ----------
-    matrices : (n, 4, 4) array
-    tolerance : float
-        How far the axes' scalar products may be from 0 and 1.
-    place : str
-        Follows "Pose 3" in the message, such as " of poses.csv".
-
-    Raises
-    ------
-    InputError
+    The axes' scalar products may be off 0 and 1 by the tolerance; `place` follows "Pose 3" in the
+    message, such as " of poses.csv".
     """
     finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     # Products of entries beyond 2, which no rotation has, could overflow.

@@ -18,18 +18,10 @@ _WIDEST = 1 << 20
 
 @lru_cache(maxsize=4)
 def pixels_in_tiles(width: int, height: int) -> NDArray[np.uint32]:
-    """Numbers of a picture's pixels, tile by tile; tiles at the right and lower edge are smaller.
+    """Row-major numbers of a picture's pixels, tile by tile, (width * height,) array, read-only.
 
-    Rays of a tile meet the same triangles far more often than those of as many pixels in a row.
-
-    Parameters
-    ----------
-    width, height : int
-
-    Returns
-    -------
-    (width * height,) array, read-only
-        Row-major pixel numbers, each once.
+    Tiles at the right and lower edge are smaller. Rays of a tile meet the same triangles far more
+    often than those of as many pixels in a row.
     """
     whole = width - width % TILE
 

@@ -106,9 +106,9 @@ def decimate(
     _check_name(output)
     before = part_options.read(mesh)
     with working("Thinning out the triangles"):
-        found = decimate_part(before, faces)
-    _save(found.part, output)
-    apart_um = 1e3 * found.deviation_mm
+        thinned, apart_mm = decimate_part(before, faces)
+    _save(thinned, output)
+    apart_um = 1e3 * apart_mm
     say(
         f"{len(before.faces):,} triangles before. The surfaces are up to {apart_um.max():.3g} um "
         f"apart, at 95 % of the places up to {np.percentile(apart_um, 95):.3g} um "

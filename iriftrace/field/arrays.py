@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 from warnings import warn
 
@@ -63,12 +63,8 @@ def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) 
 
     A given name is taken as it is. Else temperature is looked for first, then index, then density,
     or `quantity` alone when it is given; a usual name (``T``, ``rho``) wins over a name that only
-    resembles one (``T_snapshot``).
-
-    Raises
-    ------
-    InputError
-        No array, several that are equally likely, or a quantity that is not known.
+    resembles one (``T_snapshot``). An InputError for no array, several that are equally likely, or
+    a quantity that is not known.
     """
     if quantity is not None and quantity not in QUANTITIES:
         raise InputError(f"{quantity!r} is not a quantity; use one of {', '.join(QUANTITIES)}.")
@@ -87,9 +83,15 @@ def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) 
             )
         return Choice(array, found)
     for candidate in (quantity,) if quantity else QUANTITIES:
-        name = _named(names, candidate, path)
-        if name is not None:
-            return Choice(name, candidate)
+        usual = [name for name in names if _is_usual(name, candidate)]
+        likely = usual or [name for name in names if _LOOSE[candidate].match(_plain(name))]
+        if len(likely) > 1:
+            raise InputError(
+                f"{path} has several arrays that could be the {candidate}: {', '.join(likely)}; "
+                "name the one to use with the array option (--array)."
+            )
+        if likely:
+            return Choice(likely[0], candidate)
     raise InputError(
         f"{path} has no array that looks like {quantity or 'a temperature, index or density'}; "
         f"its arrays are {listed}. Name one with the array option (--array)."
@@ -129,17 +131,6 @@ def point_values(grid: Any, name: str, path: str) -> FloatArray:
         stacklevel=3,
     )
     return point_mean(grid, values)
-
-
-def _named(names: Sequence[str], quantity: str, path: str) -> str | None:
-    exact = [name for name in names if _is_usual(name, quantity)]
-    found = exact or [name for name in names if _LOOSE[quantity].match(_plain(name))]
-    if len(found) > 1:
-        raise InputError(
-            f"{path} has several arrays that could be the {quantity}: {', '.join(found)}; name "
-            "the one to use with the array option (--array)."
-        )
-    return found[0] if found else None
 
 
 def _is_usual(name: str, quantity: str) -> bool:
@@ -229,28 +220,14 @@ def to_refractivity(
     air: Air,
     path: str,
 ) -> FloatArray:
-    """Refractivity n - 1 of the values of an array.
+    """Refractivity n - 1, (n,), of the (n,) values of an array, in ambient air.
 
-    Parameters
-    ----------
-    values : (n,) array
-    choice : Choice
-        The array.
-    units : mapping or None
-        What the file's header states for each array, "" for nothing; None where the format has no
-        place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
-    temperature_unit : str or None
-        What the user says of temperatures.
-    air : Air
-        Ambient air.
-    path : str
-        For messages.
+    `units` is what the file's header states for each array, "" for nothing; None where the format
+    has no place for units, so that only brackets in the name can tell one, as in ``T_(degC)``.
+    `temperature_unit` is what the user says of temperatures.
 
-    Raises
-    ------
-    InputError
-        User and file contradict each other; the header has a place for the unit of a temperature
-        but states none, or one of another kind; values are not possible.
+    An InputError if user and file contradict each other; if the header has a place for the unit of
+    a temperature but states none, or one of another kind; if values are not possible.
     """
     if choice.quantity == "index":
         return _from_index(values, choice.name, path)
@@ -258,13 +235,18 @@ def to_refractivity(
     zero, slope = _scale(unit, choice.quantity)
     if (zero, slope) != (0.0, 1.0):
         values = zero + values * slope
-    if choice.quantity == "density":
-        _refuse_not_positive(values, choice, "kg/m3", path)
-        return air.refractivity_of_density(values)
-    _refuse_not_positive(values, choice, "K", path)
-    if values.min() < _COLDEST_K:
+    lowest, density = values.min(), choice.quantity == "density"
+    if lowest <= 0.0:
         raise InputError(
-            f"The array {choice.name!r} in {path} goes down to {values.min():g} K, colder than any "
+            f"The array {choice.name!r} in {path} holds a {choice.quantity} of {lowest:g} "
+            f"{'kg/m3' if density else 'K'}; it must be positive everywhere, so check the array "
+            "and its unit."
+        )
+    if density:
+        return air.refractivity_of_density(values)
+    if lowest < _COLDEST_K:
+        raise InputError(
+            f"The array {choice.name!r} in {path} goes down to {lowest:g} K, colder than any "
             "air around a hot part; if it is in degC, give the temperature "
             "unit (--temperature-unit degC)."
         )
@@ -279,14 +261,6 @@ def refractivity_of_index(values: FloatArray) -> FloatArray | None:
     if low > 1.0 and high < 1.0 + _LARGEST_REFRACTIVITY:
         return values - 1.0
     return None
-
-
-def _refuse_not_positive(values: FloatArray, choice: Choice, unit: str, path: str) -> None:
-    if values.min() <= 0.0:
-        raise InputError(
-            f"The array {choice.name!r} in {path} holds a {choice.quantity} of {values.min():g} "
-            f"{unit}; it must be positive everywhere, so check the array and its unit."
-        )
 
 
 def _from_index(values: FloatArray, name: str, path: str) -> FloatArray:

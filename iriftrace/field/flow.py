@@ -59,30 +59,18 @@ _BRACKETS = re.compile(r"[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]")
 
 @frozen(eq=False)
 class AirFlow:
-    """Motion of the air at the n points of a field.
+    """Motion of the air at the n points of a field."""
 
-    Attributes
-    ----------
-    velocity : (n, 3) array, m/s, world, or None
-    enthalpy_flux : (n, 3) array, W/m2, world, or None
-        `ENTHALPY_FLUX`, where the file has it or the cells of an OpenFOAM case tell it.
-    storage : (n,) array, W/m3, or None
-        `HEAT_STORAGE`, where the file has it.
-    name, unit : str
-        Of the velocity's arrays, as they were read.
-    flux_name : str
-        Of the array of `enthalpy_flux`; "" where there is none or it was made of velocities.
-    missing : str
-        Why there is no velocity; "" where there is one.
-    """
-
-    velocity: FloatArray | None
+    velocity: FloatArray | None  # (n, 3), m/s, world
+    # (n, 3), W/m2, world: `ENTHALPY_FLUX`, where the file has it or the cells of an OpenFOAM case
+    # tell it.
     enthalpy_flux: FloatArray | None = None
-    storage: FloatArray | None = None
+    storage: FloatArray | None = None  # (n,), W/m3: `HEAT_STORAGE`, where the file has it
+    # Of the velocity's arrays, as they were read.
     name: str = ""
     unit: str = SI
-    flux_name: str = ""
-    missing: str = ""
+    flux_name: str = ""  # array of `enthalpy_flux`; "" where there is none or velocities made it
+    missing: str = ""  # why there is no velocity
 
 
 def flow_in(
@@ -138,30 +126,17 @@ def carried_heat(
     ambient_k: float,
     pressure_pa: float,
 ) -> FloatArray:
-    """Average of f(rho) U with f = rho (h - h_ambient), from averages of rho, U and rho U.
+    """Average of f(rho) U with f = rho (h - h_ambient), (n, 3), W/m2.
 
-    As f is linear in rho at constant pressure but for the change of the heat capacity
-    (`heat_content_slope`), it is to second order of the fluctuations::
+    From the averages of density <rho> (n,), kg/m3, velocity <U> (n, 3), m/s, and momentum <rho U>
+    (n, 3), kg/(m2 s). As f is linear in rho at constant pressure but for the change of the heat
+    capacity (`heat_content_slope`), it is to second order of the fluctuations::
 
         f(<rho>) <U> + f'(<rho>) (<rho U> - <rho> <U>)
 
     What is left out is f''/2 times the average of (rho - <rho>)^2 U: 0.3 % of the flux where air of
-    650 K and 0.2 m/s alternates with air of 850 K and 0.9 m/s, and the product of the averages is
-    6 % too small.
-
-    Parameters
-    ----------
-    density_kg_m3 : (n,) array
-        <rho>.
-    velocity : (n, 3) array
-        <U>, m/s.
-    momentum : (n, 3) array
-        <rho U>, kg/(m2 s).
-    ambient_k, pressure_pa : float
-
-    Returns
-    -------
-    (n, 3) array, W/m2
+    650 K and 0.2 m/s alternates with air of 850 K and 0.9 m/s, and the product of the averages is 6
+    % too small.
     """
     kelvin = temperature_of_density(density_kg_m3, pressure_pa)
     together = momentum - density_kg_m3[:, None] * velocity

@@ -21,13 +21,7 @@ _STEADY = re.compile(r"(?<!not )(?<![\w-])steady\b", re.IGNORECASE)
 
 
 def origin_of(data: Any) -> str:
-    """Origin that a file states, joined where its blocks have several; "" where it states none.
-
-    Parameters
-    ----------
-    data : pyvista.DataSet or pyvista.MultiBlock
-        As it was read from the file.
-    """
+    """Origin that a data set or its blocks state, joined where there are several; "" for none."""
     texts = (str(value).strip() for value in _stated(data, FIELD_ORIGIN))
     return "; ".join(dict.fromkeys(filter(None, texts)))
 

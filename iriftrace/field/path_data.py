@@ -31,34 +31,17 @@ HEADER = ("air", "ambient", "source")
 
 @frozen(eq=False)
 class FieldCells:
-    """Cells of a field with the index at their points, without VTK.
+    """Cells of a field with the index at their n points, without VTK."""
 
-    Attributes
-    ----------
-    points : (n, 3) array of float32, mm, world
-    refractivity : (n,) array of float64
-        n - 1 at the points.
-    celltypes : (m,) array of uint8
-    cell_connectivity : (c,) array of int32
-        As of a pyvista.UnstructuredGrid: tetrahedra, hexahedra, wedges and pyramids.
-    wall : (n,) array of bool
-        Points of the inner boundary, where the hot part sits.
-    air : dict
-        The ambient air; see `iriftrace.air.refractivity.Air.as_dict`.
-    ambient : float
-        Its n - 1, which holds outside the data.
-    source : dict
-        The attributes of `iriftrace.field.index_field.FieldSource`.
-    """
-
-    points: Float32Array
-    refractivity: FloatArray
+    points: Float32Array  # (n, 3), mm, world
+    refractivity: FloatArray  # (n,), n - 1 at the points
+    # As of a pyvista.UnstructuredGrid of tetrahedra, hexahedra, wedges and pyramids: (m,) and (c,).
     celltypes: NDArray[np.uint8]
     cell_connectivity: Int32Array
-    wall: BoolArray
-    air: dict[str, Any]
-    ambient: float
-    source: dict[str, Any]
+    wall: BoolArray  # (n,) points of the inner boundary, where the hot part sits
+    air: dict[str, Any]  # ambient air, see `iriftrace.air.refractivity.Air.as_dict`
+    ambient: float  # its n - 1, which holds outside the data
+    source: dict[str, Any]  # attributes of `iriftrace.field.index_field.FieldSource`
 
     def at_wavelength(self, wavelength_nm: float) -> FieldCells:
         """The same air in other light."""
@@ -96,13 +79,7 @@ def cells_of(field: IndexField) -> FieldCells:
 
 
 def save_field_file(field: IndexField, path: str | Path) -> Path:
-    """Write a field file (NumPy's .npz, compressed).
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
+    """Write a field file (NumPy's .npz, compressed); an InputError if it cannot be written."""
     cells = cells_of(field)
     arrays = {name: getattr(cells, name) for name in ARRAYS}
     header = {"schema": SCHEMA} | {name: getattr(cells, name) for name in HEADER}
@@ -119,10 +96,7 @@ def save_field_file(field: IndexField, path: str | Path) -> Path:
 def load_field_file(path: str | Path) -> FieldCells:
     """Read a field file that `save_field_file` wrote.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged or of another schema.
+    An InputError if the file is missing, damaged or of another schema.
     """
     if not Path(path).is_file():
         raise InputError(

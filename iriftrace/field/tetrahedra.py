@@ -40,25 +40,15 @@ OPPOSITE = np.array(_FACES[TETRAHEDRON])
 
 @frozen(eq=False)
 class Tetrahedra:
-    """Tetrahedra that share whole faces.
+    """Tetrahedra that share whole faces; arrays of uint32."""
 
-    Attributes
-    ----------
-    corners : (m, 4) array of uint32
-        Point numbers, right-handed (positive volume) but for cells that are turned inside out.
-    neighbours : (m, 4) array of uint32
-        Behind the face opposite to each corner: four times the neighbour's number plus the number
-        of the face there, or `BOUNDARY` plus a number of `boundary`.
-    boundary : (b, 3) array of uint32
-        Point numbers of the faces where the data end.
-    boundary_place : (b,) array of uint32
-        Four times the tetrahedron's number plus the number of its face.
-    """
-
+    # (m, 4) point numbers, right-handed (positive volume) but for cells that are turned inside out.
     corners: NumberArray
+    # (m, 4) behind the face opposite to each corner: four times the neighbour's number plus the
+    # number of the face there, or `BOUNDARY` plus a number of `boundary`.
     neighbours: NumberArray
-    boundary: NumberArray
-    boundary_place: NumberArray
+    boundary: NumberArray  # (b, 3) point numbers of the faces where the data end
+    boundary_place: NumberArray  # (b,) four times the tetrahedron's number plus that of its face
 
 
 def tetrahedra_of(grid: Any) -> Tetrahedra:
@@ -68,16 +58,9 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
     every cell is then the cone from its own lowest point to the triangles that do not touch it
     (Dompierre et al. 1999, "How to subdivide pyramids, prisms and hexahedra into tetrahedra").
 
-    Parameters
-    ----------
-    grid
-        Anything with ``points``, ``celltypes``, ``cell_offsets`` and ``cell_connectivity`` as a
-        pyvista.UnstructuredGrid has them.
-
-    Raises
-    ------
-    InputError
-        If there are too many cells, or three of them share a face.
+    The grid has ``points``, ``celltypes``, ``cell_offsets`` and ``cell_connectivity`` as a
+    pyvista.UnstructuredGrid has them. An InputError if there are too many cells, or three of them
+    share a face.
     """
     points = np.asarray(grid.points, dtype=np.float64)
     split = (_split(cells, kind) for kind, (_, cells) in cell_corners(grid).items())

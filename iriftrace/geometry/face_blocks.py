@@ -14,6 +14,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.geometry.query import runs
 
 # Blocks of one level in one of the next: the curve below fills a surface in squares of four.
 _TOGETHER = 4
@@ -24,37 +25,25 @@ _BITS = 16
 
 @frozen(eq=False)
 class FaceBlocks:
-    """Nested blocks of m faces.
+    """Nested blocks of m faces."""
 
-    Attributes
-    ----------
-    order
-        (m,) face numbers, sorted such that each block is a run of them.
-    starts
-        For each level, fine to coarse, where its blocks begin among those of the level before (the
-        faces themselves for the first level).
-    """
-
-    order: IntArray
+    order: IntArray  # (m,) face numbers, sorted such that each block is a run of them
+    # For each level, fine to coarse, where its blocks begin among those of the level before (the
+    # faces themselves for the first level).
     starts: tuple[IntArray, ...]
 
 
 def nest_faces(patch: IntArray, centres: FloatArray) -> FaceBlocks:
-    """Blocks of 4, 16, 64 ... faces of one patch that lie close together.
+    """Blocks of 4, 16, 64 ... faces that lie close together, by their (m, 3) centres, mm.
 
-    Parameters
-    ----------
-    patch
-        (m,) number of the patch that each face belongs to; no block spans two patches.
-    centres
-        (m, 3) centres of the faces, mm.
+    No block spans two patches; `patch` (m,) is the number of each face's.
     """
     order = np.lexsort((_along_z_curve(centres), patch))
     owner = patch[order]
     starts: list[IntArray] = []
     while True:
         first = np.flatnonzero(np.concatenate(([True], owner[1:] != owner[:-1])))
-        rank = np.arange(len(owner)) - np.repeat(first, _sizes(first, len(owner)))
+        rank = runs(_sizes(first, len(owner)))[1]
         start = np.flatnonzero(rank % _TOGETHER == 0)
         if len(start) == len(owner):
             return FaceBlocks(order, tuple(starts))
@@ -67,20 +56,9 @@ def share_out(
 ) -> FloatArray:
     """Keep each face's amount below its limit and give what is too much to faces close by.
 
-    Parameters
-    ----------
-    amount, limit
-        (m,) arrays, mm^2, not negative.
-    may_take
-        (m,) whether the face may get what others have too much, in proportion to its room.
-    blocks
-        Blocks of the m faces.
-
-    Returns
-    -------
-    (m,) array, mm^2
-        At most `limit`, exactly. Adds up to the sum of `amount` less what the patches that it
-        belongs to have no room for.
+    `amount` and `limit` are (m,), mm^2, not negative; a face that `may_take` (m,) gets what others
+    have too much in proportion to its room. The result (m,), mm^2, is at most `limit`, exactly, and
+    adds up to the sum of `amount` less what the patches that it belongs to have no room for.
     """
     order = blocks.order
     most = limit[order]

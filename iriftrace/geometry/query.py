@@ -190,7 +190,7 @@ class _Columns:
         corners = self.vertices[faces][:, :, :2]
         first, last = self._column(corners.min(axis=1)), self._column(corners.max(axis=1))
         span = last - first + 1
-        face, step = _runs(span.prod(axis=1))
+        face, step = runs(span.prod(axis=1))
         key = self._key(first[face] + np.stack(np.divmod(step, span[face, 1]), axis=1))
         order = np.argsort(key, kind="stable")
         self.face = face[order]
@@ -208,7 +208,7 @@ class _Columns:
         """Number of triangles above each point."""
         places = points[:, self.axes]
         key = self._key(self._column(places[:, :2]))
-        point, step = _runs(self.start[key + 1] - self.start[key])
+        point, step = runs(self.start[key + 1] - self.start[key])
         faces = self.faces[self.face[self.start[key][point] + step]]
         above = self._is_above(places[point], faces)
         return np.bincount(point[above], minlength=len(points))
@@ -236,7 +236,7 @@ class _Columns:
         return above
 
 
-def _runs(lengths: IntArray) -> tuple[IntArray, IntArray]:
+def runs(lengths: IntArray) -> tuple[IntArray, IntArray]:
     """For runs of given lengths one after the other: number of the run, and place in it."""
     run = np.repeat(np.arange(len(lengths)), lengths)
     return run, np.arange(len(run)) - np.repeat(np.cumsum(lengths) - lengths, lengths)

@@ -18,25 +18,14 @@ from iriftrace.geometry.triangles import area_vectors
 
 @frozen(eq=False)
 class Neighbours:
-    """Pairs of triangles that share an edge, and the edges that make no such pair.
+    """Pairs of triangles that share an edge, and the edges that make no such pair."""
 
-    Attributes
-    ----------
-    pairs
-        (k, 2) face numbers; one row for each edge that exactly two triangles share.
-    edges
-        (k, 2) which edge of each of the two that is: edge i runs from corner i to the next.
-    opposed
-        (k,) bool; True where the two triangles run along the edge in opposite directions, as
-        neighbours of one orientation do.
-    open_edges
-        Number of edges with an odd number of triangles; 0 for a closed surface.
-    """
-
-    pairs: IntArray
-    edges: IntArray
+    pairs: IntArray  # (k, 2) face numbers, a row for each edge that exactly two triangles share
+    edges: IntArray  # (k, 2) which edge of each that is: edge i runs from corner i to the next
+    # (k,) True where the two triangles run along the edge in opposite directions, as neighbours of
+    # one orientation do.
     opposed: BoolArray
-    open_edges: int
+    open_edges: int  # edges with an odd number of triangles; 0 for a closed surface
 
 
 def weld(vertices: Float32Array | FloatArray) -> IntArray:
@@ -72,13 +61,9 @@ def open_edges(faces: AnyIntArray) -> IntArray:
 
 
 def find_neighbours(faces: IntArray) -> Neighbours:
-    """Find the pairs of triangles that share an edge.
+    """Pairs of the (m, 3) triangles of a welded mesh (see `weld`) that share an edge.
 
-    Parameters
-    ----------
-    faces
-        (m, 3) vertex numbers of a welded mesh (see `weld`). Triangles that use a vertex twice have
-        no neighbours.
+    Triangles that use a vertex twice have no neighbours.
     """
     a, b, c = faces.T
     proper = np.flatnonzero((a != b) & (b != c) & (c != a))
@@ -108,24 +93,11 @@ def connected(pairs: IntArray, count: int) -> IntArray:
 def cells_to_flip(
     pairs: IntArray, opposed: BoolArray, weights: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
-    """Cells, triangles or tetrahedra, that must be turned so that neighbours agree.
+    """Cells, triangles or tetrahedra, that must be turned so that neighbours agree, (m,) mask.
 
-    Parameters
-    ----------
-    pairs
-        (k, 2) cell numbers of neighbours.
-    opposed
-        (k,) bool; True where the two run along what they share in opposite directions, as
-        neighbours of one orientation do.
-    weights
-        (m,) of each cell. In each connected piece the orientation with the larger sum stays, where
-        a cell that is turned counts with the opposite sign.
-
-    Returns
-    -------
-    flipped : (m,) bool array
-    one_sided : (m,) bool array
-        Cells of pieces that have no orientation.
+    Besides, (m,) mask of the cells of pieces that have no orientation. `pairs` (k, 2) are
+    neighbours, `opposed` (k,) as in `Neighbours`. In each connected piece the orientation with the
+    larger sum of the (m,) weights stays, where a cell that is turned counts with the opposite sign.
     """
     count = len(weights)
     first, second = pairs.T
@@ -151,11 +123,7 @@ def faces_to_flip(neighbours: Neighbours, areas: FloatArray) -> BoolArray:
     """(m,) bool array: faces whose vertex order must be reversed so that neighbours agree.
 
     In each connected component the orientation that covers the smaller of the (m,) areas gives way.
-
-    Raises
-    ------
-    InputError
-        The surface is one-sided, like a Moebius strip.
+    An InputError for a one-sided surface, like a Moebius strip.
     """
     flipped, one_sided = cells_to_flip(neighbours.pairs, neighbours.opposed, areas)
     if one_sided.any():
@@ -187,31 +155,14 @@ def wind_consistently(
 def face_along(
     vertices: Float32Array, faces: IntArray, towards: FloatArray, min_size_mm: float = 0.0
 ) -> tuple[IntArray, int, int]:
-    """Wind a surface so that its normals point along a direction, and drop small components.
+    """Wind a surface so that its normals point along directions, and drop small components.
 
     Each connected piece is wound consistently and then turned as a whole, by a vote of its
-    triangles, so that slivers whose own normals are rounding errors do not count.
-
-    Parameters
-    ----------
-    vertices : (n, 3) array, mm
-    faces : (m, 3) array
-    towards : (m, 3) array
-        Direction at every triangle; its length is the weight of the triangle's vote, besides its
-        area.
-    min_size_mm : float, mm
-        Pieces whose bounding box has a smaller diagonal are dropped.
-
-    Returns
-    -------
-    faces : (k, 3) array
-    pieces, triangles : int
-        How many were dropped.
-
-    Raises
-    ------
-    InputError
-        A piece has one side only, or the size is negative.
+    triangles, so that slivers whose own normals are rounding errors do not count. The length of a
+    triangle's direction, `towards` (m, 3), is the weight of its vote, besides its area. Dropped are
+    pieces whose bounding box has a diagonal below `min_size_mm`; how many pieces and triangles,
+    comes with the (k, 3) faces. An InputError if a piece has one side only, or the size is
+    negative.
     """
     if not (min_size_mm >= 0.0 and np.isfinite(min_size_mm)):
         raise InputError(f"The smallest piece is {min_size_mm} mm; give 0 or a positive length.")

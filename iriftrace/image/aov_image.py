@@ -144,7 +144,22 @@ class AovImage:
     header: dict[str, Any] = field(factory=dict)
 
     def __attrs_post_init__(self) -> None:
-        _check_channels(self.channels)
+        missing = [name for name in CHANNELS if name not in self.channels]
+        surplus = [name for name in self.channels if name not in _KNOWN]
+        if missing or surplus:
+            raise InputError(
+                f"an AOV image has the {len(CHANNELS)} channels of CHANNELS; "
+                f"missing: {', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}."
+            )
+        shape = self.channels[CHANNELS[0]].shape
+        for name, pixels in self.channels.items():
+            if pixels.dtype != np.float32 or pixels.ndim != 2 or pixels.shape != shape:
+                raise InputError(
+                    f"channel {name} is {pixels.dtype} {pixels.shape}, but every channel must be "
+                    f"float32 and (height, width) = {shape}; half precision would lose the result."
+                )
+        if 0 in shape:
+            raise InputError(f"an AOV image of {shape} pixels is empty; render at least one pixel.")
 
     def __repr__(self) -> str:
         width, height = self.resolution
@@ -168,12 +183,8 @@ class AovImage:
 
     @cached_property
     def camera(self) -> Camera:
-        """The camera that the picture was taken with, in its pose.
-
-        Raises
-        ------
-        InputError
-            The header does not name it.
+        """The camera that the picture was taken with, in its pose; an InputError if it is not
+        named.
         """
         self.require("camera")
         return Camera.from_dict(self.header["camera"])
@@ -218,12 +229,7 @@ class AovImage:
         return read_part(file, length_unit=named["length_unit"]).transformed(named["to_world"])
 
     def require(self, *keys: str) -> None:
-        """Refuse an image whose header lacks some entries.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse an image whose header lacks some entries, with an InputError."""
         missing = [key for key in keys if key not in self.header]
         if missing:
             raise InputError(
@@ -263,25 +269,6 @@ class AovImage:
         for i, plane in enumerate(planes):
             vectors[..., i] = plane
         return vectors
-
-
-def _check_channels(channels: dict[str, FloatImage]) -> None:
-    missing = [name for name in CHANNELS if name not in channels]
-    surplus = [name for name in channels if name not in _KNOWN]
-    if missing or surplus:
-        raise InputError(
-            f"an AOV image has the {len(CHANNELS)} channels of CHANNELS; "
-            f"missing: {', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}."
-        )
-    shape = channels[CHANNELS[0]].shape
-    for name, pixels in channels.items():
-        if pixels.dtype != np.float32 or pixels.ndim != 2 or pixels.shape != shape:
-            raise InputError(
-                f"channel {name} is {pixels.dtype} {pixels.shape}, but every channel must be "
-                f"float32 and (height, width) = {shape}; half precision would lose the result."
-            )
-    if 0 in shape:
-        raise InputError(f"an AOV image of {shape} pixels is empty; render at least one pixel.")
 
 
 def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> None:
@@ -346,15 +333,9 @@ def read_exr(path: str | Path) -> AovImage:
     name = str(path)
     if not Path(path).is_file():
         raise InputError(f"there is no file {name}; give the AOV EXR that a render wrote.")
-    if not OpenEXR.isOpenExrFile(name):
-        raise InputError(f"{name} is not an OpenEXR file; give the AOV EXR that a render wrote.")
-    try:
-        with OpenEXR.File(name, separate_channels=True, num_threads=_THREADS) as file:
-            # Closing the file empties its dictionaries, so both are copied.
-            attributes = dict(file.header())
-            channels = {key: channel.pixels for key, channel in file.channels().items()}
-    except Exception as error:  # OpenEXR and its layer of Python let any through
-        raise InputError(f"{name} is damaged or incomplete ({error}); render it again.") from error
+    attributes, channels = exr_content(
+        name, "give the AOV EXR that a render wrote, or render it again"
+    )
     header = {
         key.removeprefix(_PREFIX): _decode(value)
         for key, value in attributes.items()
@@ -369,6 +350,19 @@ def read_exr(path: str | Path) -> AovImage:
     image = AovImage({key: channels[key] for key in _KNOWN if key in channels}, header)
     _refuse_not_finite(image, f"in {name} is damaged")
     return image
+
+
+def exr_content(name: str, remedy: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Header and channels of an OpenEXR file; an InputError with a remedy if it is damaged."""
+    if not OpenEXR.isOpenExrFile(name):
+        raise InputError(f"{name} is not an OpenEXR file; {remedy}.")
+    try:
+        with OpenEXR.File(name, separate_channels=True, num_threads=_THREADS) as file:
+            # Closing the file empties its dictionaries, so both are copied.
+            channels = {key: channel.pixels for key, channel in file.channels().items()}
+            return dict(file.header()), channels
+    except Exception as error:  # OpenEXR and its layer of Python let any through
+        raise InputError(f"{name} is damaged or incomplete ({error}); {remedy}.") from error
 
 
 def _names_part(named: Any) -> bool:

@@ -28,28 +28,14 @@ _RAYLEIGH_MEDIAN = 1.1774  # Median length of a vector of two normal components 
 
 @frozen(eq=False)
 class CameraMotion:
-    """A rigid motion of the camera in its own frame (x right, y down, z forward).
+    """A rigid motion of the camera in its own frame (x right, y down, z forward)."""
 
-    Attributes
-    ----------
-    translation_mm : (3,) array
-    rotation_rad : (3,) array
-        Rotation vector.
-    covariance : (6, 6) array
-        Of both, as if the residuals of the points were independent of each other.
-    shifts : (n, 2) array, px
-        What the motion shifts each point's picture by.
-    used : (n,) array of bool
-        Points that the fit used; the others are outliers.
-    rms_before_px, rms_after_px : float
-        Root mean square length of the residuals of the used points without and with the motion.
-    """
-
-    translation_mm: FloatArray
-    rotation_rad: FloatArray
-    covariance: FloatArray
-    shifts: FloatArray
-    used: BoolArray
+    translation_mm: FloatArray  # (3,)
+    rotation_rad: FloatArray  # (3,) rotation vector
+    covariance: FloatArray  # (6, 6) of both, as if the points' residuals were independent
+    shifts: FloatArray  # (n, 2), px: what the motion shifts each point's picture by
+    used: BoolArray  # (n,) points that the fit used; the others are outliers
+    # Root mean square residual of the used points without and with the motion.
     rms_before_px: float
     rms_after_px: float
 
@@ -68,16 +54,9 @@ class CameraMotion:
 
 
 def interaction_matrix(camera: Camera, points: FloatArray) -> FloatArray:
-    """Derivative of image positions with respect to a motion of the camera.
+    """Derivative of the image positions of points (n, 3), mm, world, by a motion of the camera.
 
-    Parameters
-    ----------
-    camera : Camera
-    points : (n, 3) array, mm, world
-
-    Returns
-    -------
-    (n, 2, 6) array, px per mm and px per rad
+    (n, 2, 6) array, px per mm and px per rad.
     """
     x, y, z = np.ascontiguousarray(camera.to_camera(points).T)
     moved = np.zeros((len(x), 3, 6))
@@ -102,19 +81,9 @@ def interaction_matrix(camera: Camera, points: FloatArray) -> FloatArray:
 def fit_camera_motion(camera: Camera, points: FloatArray, shifts: FloatArray) -> CameraMotion:
     """The motion that explains shifts best, by linear least squares without outliers.
 
-    Parameters
-    ----------
-    camera : Camera
-        Before the motion.
-    points : (n, 3) array, mm, world
-        What is seen.
-    shifts : (n, 2) array, px
-        By how much it is seen elsewhere after the motion.
-
-    Raises
-    ------
-    InputError
-        The points are too few, or lie so that they do not tell one motion from another.
+    The shifts (n, 2), px, are by how much points (n, 3), mm, world, are seen elsewhere after the
+    motion of the camera. An InputError if the points are too few, or lie so that they do not tell
+    one motion from another.
     """
     if len(points) < FEWEST_POINTS:
         raise InputError(

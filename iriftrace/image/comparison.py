@@ -129,8 +129,6 @@ def compare(
 ) -> Comparison:
     """Compare measured shifts with those of a rendering, its channel ``shift.px``.
 
-    Exported as `iriftrace.compare`.
-
     Parameters
     ----------
     image : AovImage or path

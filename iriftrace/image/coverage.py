@@ -38,27 +38,15 @@ from iriftrace.part.part import Part
 
 @frozen(eq=False)
 class Coverage:
-    """Area of a part with m faces and r regions that one pose sees.
+    """Area of a part with m faces and r regions that one pose sees, mm^2."""
 
-    Attributes
-    ----------
-    face_footprints
-        (m,) area of the rays' footprints on each face, mm^2, at most the face's area.
-    faces
-        (r,) area of the faces that a ray hits, mm^2, for each region.
-    footprints
-        (r,) sum of `face_footprints` for each region.
-    total
-        (r,) area of the region, mm^2.
-    visible_faces
-        Number of faces that a ray hits, whole part.
-    """
-
-    face_footprints: FloatArray
-    faces: FloatArray
-    footprints: FloatArray
-    total: FloatArray
-    visible_faces: int
+    face_footprints: (
+        FloatArray  # (m,) of the rays' footprints on each face, at most the face's area
+    )
+    faces: FloatArray  # (r,) of the faces that a ray hits
+    footprints: FloatArray  # (r,) sum of `face_footprints`
+    total: FloatArray  # (r,) of the region
+    visible_faces: int  # faces that a ray hits, whole part
 
 
 def seen_areas(
@@ -66,9 +54,8 @@ def seen_areas(
 ) -> FloatArray:
     """Area of each face that one pose sees, for users who combine poses in Python.
 
-    Exported as `iriftrace.seen_areas`; of one pose the metrics give the sums over the faces. What
-    several poses see of a face together is at least the largest of their values, and at most
-    their sum and the face's area.
+    Of one pose the metrics give the sums over the faces. What several poses see of a face together
+    is at least the largest of their values, and at most their sum and the face's area.
 
     Parameters
     ----------

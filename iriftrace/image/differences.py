@@ -15,51 +15,30 @@ TRIMMED = 0.01
 
 @frozen(eq=False)
 class Hits:
-    """Hits of one picture of n pixels, for a comparison.
+    """Hits of one picture of n pixels, for a comparison."""
 
-    Attributes
-    ----------
-    displacement : (n, 3) array, mm, world
-        Refracted minus straight hit; 0 for rays without both.
-    good : (n,) array of bool
-        Rays with status 0.
-    hit : (n,) array of bool
-        Rays whose straight twin hits the part in focus.
-    shells, triangles : int
-        Of the stack that bent the rays; 0 for the continuous engine.
-    """
-
-    displacement: FloatArray
-    good: BoolArray
-    hit: BoolArray
+    displacement: FloatArray  # (n, 3), mm, world: refracted minus straight hit; 0 without both
+    good: BoolArray  # (n,) rays with status 0
+    hit: BoolArray  # (n,) rays whose straight twin hits the part in focus
+    # Of the stack that bent the rays; 0 for the continuous engine.
     shells: int = 0
     triangles: int = 0
 
 
 @frozen
 class Differences:
-    """Differences between two runs over the rays that are good in both.
+    """Differences of two runs over the rays good in both: distances of refracted hits, mm.
 
-    Attributes
-    ----------
-    rmse : float, mm
-        Root of the mean squared distance of the refracted hits, as in Kern et al. (2025). A few
-        rays at silhouettes, which jump by millimetres, dominate it.
-    rmse_trimmed : float, mm
-        The same without the ``TRIMMED`` share of rays that differ most.
-    median, p95 : float, mm
-        Of the distances.
-    matched : int
-        Rays good in both runs.
-    only_here, only_reference : int
-        Unmatched rays: good in one of the runs only.
+    The root mean square is as in Kern et al. (2025); a few rays at silhouettes, which jump by
+    millimetres, dominate it.
     """
 
     rmse: float
-    rmse_trimmed: float
+    rmse_trimmed: float  # without the `TRIMMED` share of rays that differ most
     median: float
     p95: float
-    matched: int
+    matched: int  # rays good in both runs
+    # Unmatched rays: good in one of the runs only.
     only_here: int
     only_reference: int
 
@@ -86,12 +65,8 @@ def compare(here: Hits, reference: Hits) -> Differences:
 
     The straight hits of both runs are the same numbers, so the distance of the refracted hits is
     that of the displacements, which single precision holds to 1e-7 of their own length and not of
-    the distance to the origin.
-
-    Raises
-    ------
-    InputError
-        If the pictures differ in size, or no ray is good in both.
+    the distance to the origin. An InputError if the pictures differ in size, or no ray is good in
+    both.
     """
     if here.good.shape != reference.good.shape:
         raise InputError(

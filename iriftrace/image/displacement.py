@@ -19,25 +19,13 @@ USABLE = (Status.GOOD, Status.INDEX_MISMATCH)
 
 @frozen(eq=False)
 class DisplacementMap:
-    """Displacement of every pixel, (height, width) arrays; 0 where `good` is False.
+    """Displacement of every pixel, (height, width) arrays; 0 where it is not good."""
 
-    Attributes
-    ----------
-    norm
-        Distance between the straight and the refracted hit, mm.
-    lateral
-        Its part across the straight line of sight, mm, not negative.
-    axial
-        Its part along the straight line of sight, mm; positive when the refracted hit lies farther
-        from the camera.
-    good
-        Whether the pixel's ray counts.
-    """
-
-    norm: FloatArray
-    lateral: FloatArray
+    norm: FloatArray  # distance between the straight and the refracted hit, mm
+    lateral: FloatArray  # its part across the straight line of sight, mm, not negative
+    # Its part along that line, mm; positive when the refracted hit lies farther from the camera.
     axial: FloatArray
-    good: BoolArray
+    good: BoolArray  # whether the pixel's ray counts
 
 
 @frozen(eq=False)
@@ -55,10 +43,7 @@ class ShiftMap:
 def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> BoolArray:
     """(height, width) bool: rays whose status is one of `include`.
 
-    Raises
-    ------
-    InputError
-        `include` names a status whose rays lack one of the two hits, or none at all.
+    An InputError if that names a status whose rays lack one of the two hits, or none at all.
     """
     unusable = sorted(set(include) - set(USABLE))
     if unusable or not include:
@@ -81,19 +66,9 @@ def lines_of_sight(camera: Camera, hits: FloatArray) -> FloatArray:
 
 
 def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Split displacements into their parts across and along the line of sight.
+    """Length of displacements across lines of sight, and signed length along them, (n,), mm.
 
-    Parameters
-    ----------
-    vectors
-        (n, 3) displacements, mm.
-    sight
-        (n, 3) unit vectors.
-
-    Returns
-    -------
-    lateral, axial : (n,) arrays, mm
-        The length across, and the signed length along the line of sight.
+    Displacements are (n, 3), mm, lines of sight (n, 3) unit vectors.
     """
     axial = np.einsum("ij,ij->i", vectors, sight)
     across = vectors - axial[:, None] * sight
@@ -103,22 +78,11 @@ def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArr
 def signed_components(
     vectors: FloatArray, sight: FloatArray, right: FloatArray
 ) -> dict[str, FloatArray]:
-    """Split displacements into signed components at the lines of sight.
+    """Signed components (n,), mm, of displacements at the lines of sight.
 
-    Parameters
-    ----------
-    vectors
-        (n, 3) displacements, mm.
-    sight
-        (n, 3) unit vectors.
-    right
-        (3,) unit vector: the picture's rows, `Camera.matrix`'s first column.
-
-    Returns
-    -------
-    dict of (n,) arrays, mm
-        ``along`` the line of sight, positive away from the camera; across it ``right`` and
-        ``down`` in the picture.
+    ``along`` the line of sight, positive away from the camera; across it ``right`` and ``down`` in
+    the picture. Displacements are (n, 3), mm, lines of sight (n, 3) unit vectors; `right` (3,) are
+    the picture's rows, `Camera.matrix`'s first column.
     """
     rows = unit_vectors(right - (sight @ right)[:, None] * sight)
     axes = {"along": sight, "right": rows, "down": np.cross(sight, rows)}
@@ -127,8 +91,6 @@ def signed_components(
 
 def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> DisplacementMap:
     """Displacement of every pixel, whole and split at the line of sight, for work in Python.
-
-    Exported as `iriftrace.displacement_map`.
 
     Parameters
     ----------
@@ -152,8 +114,6 @@ def displacement_map(image: AovImage, include: Collection[int] = (Status.GOOD,))
 
 def shift_map(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> ShiftMap:
     """Shift of every pixel: where its surface point appears minus where it would without hot air.
-
-    Exported as `iriftrace.shift_map`.
 
     Parameters
     ----------

@@ -11,12 +11,12 @@ import csv
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import array_in, sha256_of
+from iriftrace.image.aov_image import exr_content
 
 COLUMNS = ("u", "v", "du", "dv")
 PAIRS = (("x", "y"), ("u", "v"), ("du", "dv"), ("dx", "dy"), ("r", "g"))
@@ -90,18 +90,9 @@ def read_measured_shift(path: str | Path) -> MeasuredShift:
 
 def _exr_map(file: Path) -> FloatArray:
     """(h, w, 2) array; NaN where an AOV image has no shift."""
-    if not OpenEXR.isOpenExrFile(str(file)):
-        raise InputError(f"{file} is not an OpenEXR file; write the map again.")
-    try:
-        with OpenEXR.File(str(file), separate_channels=True) as content:
-            channels = {
-                name: np.array(channel.pixels, dtype=np.float64)
-                for name, channel in content.channels().items()
-            }
-    except (RuntimeError, ValueError) as error:
-        raise InputError(f"{file} is damaged or incomplete ({error}).") from error
+    channels = exr_content(str(file), "write the map again")[1]
     names = _SHIFT if set(_SHIFT) <= set(channels) else _pair(sorted(channels), file)
-    field = np.stack([channels[name] for name in names], axis=2)
+    field = np.stack([channels[name] for name in names], axis=2).astype(np.float64)
     if "status.code" in channels:
         field[np.rint(channels["status.code"]) != 0] = np.nan
     return field

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import asdict, frozen
+from attrs import asdict, frozen, has
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
@@ -72,20 +72,10 @@ class Statistics:
 
 @frozen
 class RayCounts:
-    """Rays by what became of them.
+    """Rays by what became of them."""
 
-    Attributes
-    ----------
-    hit
-        Straight rays that end on the part (or the region).
-    good ... blocked
-        Rays of each status, see `Status`; of a region those whose straight ray hits it.
-    launched, open_boundary
-        All rays, and good ones that pass an open end of the data; None for a region, and
-        `open_boundary` where the image does not say it.
-    """
-
-    hit: int
+    hit: int  # straight rays that end on the part (or the region)
+    # Of each `Status`; of a region those whose straight ray hits it.
     good: int
     missed: int
     out_of_focus: int
@@ -94,8 +84,8 @@ class RayCounts:
     index_mismatch: int
     gave_up: int
     blocked: int
-    launched: int | None = None
-    open_boundary: int | None = None
+    launched: int | None = None  # all rays; None for a region
+    open_boundary: int | None = None  # good ones that pass an open end of the data, where known
 
     def of(self, status: Status) -> int:
         """Rays of one status."""
@@ -106,22 +96,15 @@ class RayCounts:
 class EnsembleMetrics:
     """Scatter over the fields of an ensemble, whose bias is the displacement of the mean image.
 
-    Attributes
-    ----------
-    members
-        Number of fields.
-    scatter_mm, scatter_px
-        Statistics over the pixels of the standard deviation over the fields, of displacement (mm)
-        and shift (px). The bias can be corrected, the scatter cannot.
-    rays_in_all, rays_in_some
-        Pixels that count in all members, and in some only.
+    The scatter is the standard deviation over the fields, of displacement (mm) and shift (px), in
+    statistics over the pixels. The bias can be corrected, the scatter cannot.
     """
 
-    members: int
+    members: int  # number of fields
     scatter_mm: Statistics
     scatter_px: Statistics
-    rays_in_all: int
-    rays_in_some: int
+    rays_in_all: int  # pixels that count in all members
+    rays_in_some: int  # in some only
 
 
 @frozen(eq=False, kw_only=True, repr=False)
@@ -130,45 +113,31 @@ class ViewMetrics:
 
     Lengths in mm, angles in degrees, shifts in pixels, coverages from 0 to 1. Numbers that rest on
     fewer than `FEWEST_RAYS` good rays are None.
-
-    Attributes
-    ----------
-    rays
-        Counts by status.
-    displacement_mm, shift_px
-        Statistics of the displacement and of the shift in the picture.
-    displacement_lateral_mm, displacement_axial_mm
-        Means of its lengths across and along the line of sight.
-    lateral_resolution_mm, axial_resolution_mm
-        Mean step to the next pixel's hit, across and along the optical axis; with ``_nn3d`` and
-        ``_nnxy`` to the nearest neighbour, see `iriftrace.image.resolution`.
-    incidence_angle_deg
-        Mean angle of incidence.
-    coverage, coverage_area
-        Area of the faces hit, and area of the pixels' footprints, over the whole area.
-    ensemble
-        Scatter, where the image is that of several fields.
     """
 
     rays: RayCounts
     displacement_mm: Statistics = Statistics()
+    # Means of the displacement's lengths across and along the line of sight.
     displacement_lateral_mm: float | None = None
     displacement_axial_mm: float | None = None
-    shift_px: Statistics = Statistics()
+    shift_px: Statistics = Statistics()  # of the shift in the picture
+    # Mean step to the next pixel's hit, across and along the optical axis; with ``_nn3d`` and
+    # ``_nnxy`` to the nearest neighbour, see `iriftrace.image.resolution`.
     lateral_resolution_mm: float | None = None
     axial_resolution_mm: float | None = None
     lateral_resolution_mm_nn3d: float | None = None
     axial_resolution_mm_nn3d: float | None = None
     lateral_resolution_mm_nnxy: float | None = None
     axial_resolution_mm_nnxy: float | None = None
-    incidence_angle_deg: float | None = None
-    coverage: float | None = None
-    coverage_area: float | None = None
-    ensemble: EnsembleMetrics | None = None
+    incidence_angle_deg: float | None = None  # mean
+    coverage: float | None = None  # area of the faces hit over the whole area
+    coverage_area: float | None = None  # area of the pixels' footprints over the whole area
+    ensemble: EnsembleMetrics | None = None  # scatter, where the image is that of several fields
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, as in the file."""
-        values = {key: _plain(getattr(self, key)) for key in _VIEW_KEYS}
+        found = {key: getattr(self, key) for key in ViewMetrics.__annotations__}
+        values = {key: asdict(one) if has(type(one)) else one for key, one in found.items()}
         del values["shift_px"]["rms"], values["rays"]["launched"], values["rays"]["open_boundary"]
         if self.ensemble is None:
             del values["ensemble"]
@@ -188,7 +157,6 @@ class ViewMetrics:
 
 
 _STEPS = ("lateral_resolution_mm", "axial_resolution_mm")
-_VIEW_KEYS = tuple(ViewMetrics.__annotations__)
 
 
 @frozen(eq=False, kw_only=True, repr=False)
@@ -279,10 +247,6 @@ class PoseMetrics(ViewMetrics):
         }
 
 
-def _plain(value: Any) -> Any:
-    return asdict(value) if hasattr(value, "__attrs_attrs__") else value
-
-
 def pose_metrics(
     image: AovImage,
     part: Part | None = None,
@@ -348,6 +312,8 @@ def pose_metrics(
     times = image.header.get("time_s") or {}
     included = [Status(code).key for code in sorted(include)]
     full = image.header.get("full_resolution")
+    outermost = image.channels["part.face"] > 0
+    outermost[1:-1, 1:-1] = False
     return PoseMetrics(
         rays=RayCounts(
             hit=len(hits),
@@ -356,7 +322,7 @@ def pose_metrics(
             open_boundary=counts.get("open_boundary"),
         ),
         **view(np.arange(len(rays.face)), hits, slice(None)),
-        hits_at_border=_hits_at_border(image),
+        hits_at_border=int(outermost.sum()),
         shell_triangles_in_view=counts.get("shell_triangles_in_view"),
         time_s={key: times.get(key) for key in TIMES},
         wavelength_nm=image.header.get("wavelength_nm"),
@@ -368,16 +334,8 @@ def pose_metrics(
 
 
 def ensemble_metrics(image: AovImage, pixels: IntArray, hits: IntArray) -> EnsembleMetrics:
-    """Scatter of some pixels.
-
-    Parameters
-    ----------
-    image
-        With the channels of an ensemble.
-    pixels
-        (n,) row-major numbers of the pixels whose rays count.
-    hits
-        (m,) those of all pixels on the part.
+    """Scatter at pixels (n,) whose rays count, among the hits (m,): all pixels on the part;
+    row-major.
     """
     members = int((image.header.get("ensemble") or {}).get("count") or 0)
     counted = np.rint(image.channels[MEMBERS_CHANNEL].ravel()[hits]).astype(np.int64)
@@ -415,9 +373,9 @@ def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> dict[
     if nearest:
         spacing |= {"_nn3d": nearest_spacing(points, 3), "_nnxy": nearest_spacing(points, 2)}
     values = bending(image, rays) | {"incidence_angle_deg": np.degrees(rays.incidence)}
-    for reading, steps in spacing.items():
-        values[f"lateral_resolution_mm{reading}"] = steps.lateral
-        values[f"axial_resolution_mm{reading}"] = steps.axial
+    for reading, (lateral, axial) in spacing.items():
+        values[f"lateral_resolution_mm{reading}"] = lateral
+        values[f"axial_resolution_mm{reading}"] = axial
     return values
 
 
@@ -429,21 +387,15 @@ def _numbers(values: dict[str, FloatArray], members: IntArray) -> dict[str, Any]
     }
 
 
-def _hits_at_border(image: AovImage) -> int:
-    outermost = image.channels["part.face"] > 0
-    outermost[1:-1, 1:-1] = False
-    return int(outermost.sum())
-
-
 def _mean(values: FloatArray) -> float | None:
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else None
 
 
-def _covered(coverage: Coverage, regions: slice) -> dict[str, float | None]:
+def _covered(coverage: Coverage, regions: slice) -> dict[str, float]:
     total = float(coverage.total[regions].sum())
     if total == 0:
-        return {"coverage": None, "coverage_area": None}
+        return {}
     return {
         "coverage": float(coverage.faces[regions].sum()) / total,
         "coverage_area": float(coverage.footprints[regions].sum()) / total,

@@ -19,36 +19,19 @@ from iriftrace.image.displacement import good_mask
 
 @frozen(eq=False)
 class PoseRays:
-    """Hits of the n rays of one pose that count, in the order of their pixels.
+    """Hits of the n rays of one pose that count, in the order of their pixels."""
 
-    Attributes
-    ----------
-    pixels
-        (n,) row-major pixel numbers, rising.
-    face
-        (n,) faces under the straight hits.
-    position
-        (3, n) straight hits, mm, camera frame.
-    distance
-        (n,) length of the straight rays, mm.
-    incidence
-        (n,) angles of incidence, rad.
-    """
-
-    pixels: IntArray
-    face: IntArray
-    position: FloatArray
-    distance: FloatArray
-    incidence: FloatArray
+    pixels: IntArray  # (n,) row-major numbers, rising
+    face: IntArray  # (n,) faces under the straight hits
+    position: FloatArray  # (3, n) straight hits, mm, camera frame
+    distance: FloatArray  # (n,) length of the straight rays, mm
+    incidence: FloatArray  # (n,) angles of incidence, rad
 
 
 def rays_that_count(image: AovImage, include: Collection[int]) -> PoseRays:
     """Take the rays of some status codes out of an image.
 
-    Raises
-    ------
-    InputError
-        `include` names rays without a displacement, or a ray has no face.
+    An InputError if `include` names rays without a displacement, or a ray has no face.
     """
     pixels = np.flatnonzero(good_mask(image, include))
     face = np.rint(image.channels["part.face"].ravel()[pixels]).astype(np.int64) - 1

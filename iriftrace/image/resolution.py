@@ -10,7 +10,6 @@ pixel's hit on the same smooth patch of the surface.
 from __future__ import annotations
 
 import numpy as np
-from attrs import frozen
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
@@ -22,18 +21,9 @@ FRONTAL_SLOPE = 1e-3
 """Steps along over steps across the axis below which only the rounding of hits is left of them."""
 
 
-@frozen(eq=False)
-class Spacing:
-    """Distance from each point to a neighbour, (n,) arrays, mm, NaN where there is none.
-
-    Attributes
-    ----------
-    lateral, axial
-        Across and along the optical axis.
-    """
-
-    lateral: FloatArray
-    axial: FloatArray
+Spacing = tuple[FloatArray, FloatArray]
+"""Distance from each of n points to a neighbour, across and along the optical axis, (n,) arrays,
+mm, NaN where there is none."""
 
 
 def step_spacing(
@@ -41,21 +31,9 @@ def step_spacing(
 ) -> Spacing:
     """Larger step from each point to the next pixel's point, to the right and below.
 
-    Parameters
-    ----------
-    points
-        (n, 3) hit points, mm, camera frame.
-    pixels
-        (n,) their row-major pixel numbers, rising.
-    resolution
-        Width and height of the picture, px.
-    group
-        (n,) smooth patch of each point; steps from one patch to another do not count.
-
-    Returns
-    -------
-    Spacing
-        ``hypot(dx, dy)`` and ``|dz|``, each the larger one of the (at most two) steps.
+    Of (n, 3) hit points, mm, camera frame, with rising row-major pixel numbers (n,) in a picture of
+    `resolution` (width, height); steps from one smooth patch, `group` (n,), to another do not
+    count. Lateral is ``hypot(dx, dy)``, axial ``|dz|``, each the larger of the (at most two) steps.
     """
     width, height = resolution
     x, y, z = np.ascontiguousarray(points.T)
@@ -76,18 +54,13 @@ def step_spacing(
     axial[first] = np.maximum(axial[first], np.abs(z[second] - z[first]))
     lateral[lateral < 0] = np.nan
     axial[axial < 0] = np.nan
-    return Spacing(lateral, axial)
+    return lateral, axial
 
 
 def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
-    """Step from each point to the nearest other one.
+    """Step from each of (n, 3) hit points, mm, camera frame, to the nearest other one.
 
-    Parameters
-    ----------
-    points
-        (n, 3) hit points, mm, camera frame; at least two.
-    dimensions
-        3 for the nearest in space, 2 for the nearest across the optical axis.
+    In space (3 dimensions) or across the optical axis (2); there are at least two points.
     """
     places = points[:, :dimensions]
     # An unbalanced tree is built twice as fast and is searched as fast.
@@ -96,15 +69,12 @@ def nearest_spacing(points: FloatArray, dimensions: int) -> Spacing:
     # Of two equal points either may come first.
     nearest = np.where(found[:, 0] == np.arange(len(points)), found[:, 1], found[:, 0])
     x, y, z = (row[nearest] - row for row in np.ascontiguousarray(points.T))
-    return Spacing(np.sqrt(x * x + y * y), np.abs(z))
+    return np.sqrt(x * x + y * y), np.abs(z)
 
 
 def seen_frontally(lateral: float, axial: float) -> bool:
     """True where steps to the next pixel have no depth: a plane across the axis is seen.
 
-    Parameters
-    ----------
-    lateral, axial
-        Steps across and along the optical axis, of one unit; NaN where they are not known.
+    Steps across and along the optical axis have one unit; they are NaN where they are not known.
     """
     return bool(axial < FRONTAL_SLOPE * lateral)

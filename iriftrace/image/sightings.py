@@ -44,27 +44,14 @@ ROW = np.dtype([(name, kind) for name, (kind, _, _) in COLUMNS.items()])
 
 @frozen(eq=False)
 class FaceSightings:
-    """The n faces that one pose sees with at least one good ray.
+    """The n faces that one pose sees with at least one good ray; (n,) arrays."""
 
-    Attributes
-    ----------
-    face : (n,) array of int32
-        Face numbers, ascending.
-    rays : (n,) array of int32
-        Good rays on each face.
-    displacement : (n,) array of float32, mm
-        Mean over these rays.
-    incidence : (n,) array of float32, degree
-        Smallest angle of incidence of these rays.
-    offset_x, offset_y, offset_z : (n,) arrays of float32, mm, world
-        Way from where the bent ray hits the part to the straight line of sight, at right angles to
-        that; mean over these rays.
-    """
-
-    face: Int32Array
-    rays: Int32Array
-    displacement: Float32Array
-    incidence: Float32Array
+    face: Int32Array  # numbers, ascending
+    rays: Int32Array  # good rays on each face
+    displacement: Float32Array  # mm, mean over these rays
+    incidence: Float32Array  # degree, smallest angle of these rays
+    # mm, world: way from where the bent ray hits the part to the straight line of sight, at right
+    # angles to that; mean over these rays.
     offset_x: Float32Array
     offset_y: Float32Array
     offset_z: Float32Array
@@ -94,18 +81,9 @@ NOTHING_SEEN = FaceSightings.from_rows(np.empty(0, dtype=ROW))
 
 
 def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> FaceSightings:
-    """Reduce the good rays of one pose to the faces that they hit.
+    """Reduce the rays of one pose with some status codes (0, 5) to the faces that they hit.
 
-    Parameters
-    ----------
-    image : AovImage
-    include : collection of int
-        Status codes of the rays that count; 0 and 5 are possible.
-
-    Raises
-    ------
-    InputError
-        If `include` names rays without a displacement.
+    An InputError if `include` names rays without a displacement.
     """
     good = good_mask(image, include)
     face = np.rint(image.channels["part.face"][good]).astype(np.int64) - 1
@@ -117,44 +95,26 @@ def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> F
     moved = np.bincount(row, image.channels["displacement.norm"][good])
     angle = np.full(len(rays), np.inf, dtype=np.float32)
     np.minimum.at(angle, row, image.channels["incidence.angle"][good])
+    # From the refracted hits to the straight lines of sight, mm.
+    vectors = image.vector("displacement", good)
+    sight = lines_of_sight(image.camera, image.vector("straight", good))
+    offsets = sight * np.einsum("ij,ij->i", vectors, sight)[:, None] - vectors
     seen = np.flatnonzero(rays)
     return FaceSightings(
         (seen + first).astype(np.int32),
         rays[seen].astype(np.int32),
         (moved[seen] / rays[seen]).astype(np.float32),
         np.degrees(angle[seen].astype(np.float64)).astype(np.float32),
-        *(
-            (np.bincount(row, column)[seen] / rays[seen]).astype(np.float32)
-            for column in _offsets(image, good).T
-        ),
+        *((np.bincount(row, column)[seen] / rays[seen]).astype(np.float32) for column in offsets.T),
     )
 
 
-def _offsets(image: AovImage, good: NDArray[np.bool_]) -> FloatArray:
-    """(n, 3) array, mm: from the refracted hits to the straight lines of sight."""
-    moved = image.vector("displacement", good)
-    sight = lines_of_sight(image.camera, image.vector("straight", good))
-    along = np.einsum("ij,ij->i", moved, sight)
-    offsets: FloatArray = sight * along[:, None] - moved
-    return offsets
-
-
 def face_maps(sightings: Iterable[FaceSightings], part: Part) -> dict[str, Any]:
-    """Add up what the poses of a sweep see; only one pose is in memory at a time.
+    """Add up what n poses of a sweep see of a part with m faces; one pose at a time is in memory.
 
-    Parameters
-    ----------
-    sightings : iterable of FaceSightings
-        Of n poses, in their order.
-    part : Part
-        With m faces.
-
-    Returns
-    -------
-    dict
-        Variables for the sweep's dataset: ``sightings`` over ``pose`` and, over ``face``, area,
-        region, times seen, mean displacement and smallest angle of incidence. The latter two are
-        NaN for a face that was never seen.
+    Variables for the sweep's dataset: ``sightings`` over ``pose`` and, over ``face``, area, region,
+    times seen, mean displacement and smallest angle of incidence, the latter two NaN for a face
+    that was never seen.
     """
     count = len(part.faces)
     rows_of_pose = []
@@ -198,17 +158,7 @@ def face_maps(sightings: Iterable[FaceSightings], part: Part) -> dict[str, Any]:
 def sightings_of(dataset: xr.Dataset, pose: int) -> FaceSightings:
     """Sightings of one pose of a sweep; only its own rows are read from the file.
 
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        A sweep.
-    pose : int
-        Number of the pose.
-
-    Raises
-    ------
-    InputError
-        If the sweep has no such pose, or no face data.
+    An InputError if the sweep has no such pose, or no face data.
     """
     ends = np.cumsum(_counts(dataset))
     if not 0 <= pose < len(ends):
@@ -229,27 +179,11 @@ def seen_by_pose(
     max_incidence_deg: float = 90.0,
     min_rays: int = 1,
 ) -> NDArray[np.bool_]:
-    """Faces that each pose sees well enough.
+    """Faces that each pose of a sweep sees well enough: (n, m) bool, of n poses and m faces.
 
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        A sweep of n poses of a part with m faces.
-    max_displacement_mm : float, mm
-        A face whose mean displacement is larger does not count as seen.
-    max_incidence_deg : float, degree
-        A face whose smallest angle of incidence is larger does not count.
-    min_rays : int
-        A face that fewer good rays hit does not count.
-
-    Returns
-    -------
-    (n, m) array of bool
-
-    Raises
-    ------
-    InputError
-        If a limit lets nothing pass, or the sweep has no face data.
+    A face does not count whose mean displacement or smallest angle of incidence is larger than a
+    limit, or that fewer good rays hit. An InputError if a limit lets nothing pass, or the sweep has
+    no face data.
     """
     if not max_displacement_mm > 0.0:
         raise InputError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from attrs import frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
@@ -20,36 +19,13 @@ FEWEST = 4
 """Triangles of the smallest closed surface."""
 
 
-@frozen(eq=False)
-class DecimatedPart:
-    """A part with fewer triangles.
+def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:
+    """Thin out a part to about so many faces, and tell by how much that moves its surface.
 
-    Attributes
-    ----------
-    part : Part
-        With the regions of the part before, each face that of the nearest face there.
-    deviation_mm : (n,) array, mm
-        Distances between the two surfaces, at corners and face centres of both; at every so many
-        where there are more than `SAMPLE`.
-    """
-
-    part: Part
-    deviation_mm: FloatArray
-
-
-def decimate_part(part: Part, faces: int) -> DecimatedPart:
-    """Thin out a part's triangles by VTK's quadric decimation (Garland and Heckbert, 1997).
-
-    Parameters
-    ----------
-    part : Part
-    faces : int
-        Triangles to keep, about.
-
-    Raises
-    ------
-    InputError
-        The part has no more triangles than that, or none would be left.
+    By VTK's quadric decimation (Garland and Heckbert, 1997). The part has the regions of the one
+    before, each face that of the nearest face there. Besides, (n,), mm, the distances between the
+    two surfaces at corners and face centres of both; at every so many where there are more than
+    `SAMPLE`. An InputError if the part has no more triangles than that, or none would be left.
     """
     if not FEWEST <= faces < len(part.faces):
         raise InputError(
@@ -73,4 +49,4 @@ def decimate_part(part: Part, faces: int) -> DecimatedPart:
         (made, np.concatenate((part.surface.corners, part.face_centres))),
     )
     deviation = [one.distance(other[:: len(other) // SAMPLE + 1]) for one, other in places]
-    return DecimatedPart(small, np.concatenate(deviation))
+    return small, np.concatenate(deviation)

@@ -92,7 +92,11 @@ def _regions(path: Path, column: Any, face_count: int) -> Regions:
             "its faces are not triangles; export it as triangles or drop the regions."
         )
     ids, of_face = np.unique(np.rint(given).astype(np.int64), return_inverse=True)
-    named = _region_names(path)
+    with path.open("rb") as file:
+        header = file.read(HEADER_LIMIT).partition(b"end_header")[0]
+    lines = header.decode("utf-8", errors="replace").splitlines()
+    matches = filter(None, map(_REGION_COMMENT.fullmatch, lines))
+    named = {int(match[1]): match[2] for match in matches}
     found = tuple(named.get(i, f"region {i}") for i in ids.tolist())
     if len(set(found)) < len(found):
         raise InputError(
@@ -100,14 +104,6 @@ def _regions(path: Path, column: Any, face_count: int) -> Regions:
             "make the names in its comments unique."
         )
     return Regions(of_face.astype(np.int64), found)
-
-
-def _region_names(path: Path) -> dict[int, str]:
-    with path.open("rb") as file:
-        header = file.read(HEADER_LIMIT).partition(b"end_header")[0]
-    lines = header.decode("utf-8", errors="replace").splitlines()
-    matches = (_REGION_COMMENT.fullmatch(line) for line in lines)
-    return {int(match[1]): match[2] for match in matches if match}
 
 
 def check_part_name(path: Path) -> None:

@@ -15,7 +15,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
 from iriftrace.geometry.query import Surface
-from iriftrace.geometry.topology import faces_to_flip, find_neighbours, weld
+from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours, weld
 from iriftrace.geometry.transform import apply, checked_matrix
 from iriftrace.geometry.triangles import area_vectors, unit_vectors
 from iriftrace.part.files import load_mesh_file, write_mesh_file
@@ -86,13 +86,7 @@ class Part:
 
     @property
     def closed_surface(self) -> Surface:
-        """The surface of a closed part, which has an inside.
-
-        Raises
-        ------
-        InputError
-            The part is not closed.
-        """
+        """The surface of a closed part, which has an inside; an InputError if it is not closed."""
         if not self.closed:
             raise InputError(
                 f"{self.path} is not closed, so it is not clear where the air is; mend the mesh "
@@ -293,11 +287,10 @@ def part_of_mesh(
             f"part ({FARTHEST_MM:g} mm); export the part again."
         )
     welded = weld(points)
-    triangles, closed = _oriented(name, points, triangles, welded)
+    triangles, neighbours = _oriented(name, points, triangles, welded)
     surface = Surface(points, triangles)
     if surface.areas.sum() <= 0:
         raise InputError(f"{name} has triangles but no area; export the part's surface again.")
-    neighbours = find_neighbours(welded[triangles])
     groups = find_smooth_groups(neighbours, surface.normals, region_angle_deg)
     # Directions in the names are those of the world, in which the user sees the part.
     seen = surface.normals
@@ -315,7 +308,7 @@ def part_of_mesh(
         path=name,
         sha256=sha256,
         length_unit=length_unit,
-        closed=closed,
+        closed=not neighbours.open_edges,
     )
     return part if transform is None else part.transformed(transform)
 
@@ -394,8 +387,8 @@ def refuse_unlikely_size(part: Part) -> None:
 
 def _oriented(
     path: str, vertices: FloatArray, faces: IntArray, welded: IntArray
-) -> tuple[IntArray, bool]:
-    """Faces with one orientation, outward for a closed surface, and whether it is closed."""
+) -> tuple[IntArray, Neighbours]:
+    """Faces with one orientation, outward for a closed surface, and their pairs before that."""
     neighbours = find_neighbours(welded[faces])
     if not neighbours.opposed.all():
         areas = np.linalg.norm(area_vectors(vertices, faces), axis=1)
@@ -415,7 +408,7 @@ def _oriented(
             IriftraceWarning,
             stacklevel=3,
         )
-        return faces, False
+        return faces, neighbours
     if _signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
         faces = faces[:, ::-1]
         warnings.warn(
@@ -423,7 +416,7 @@ def _oriented(
             IriftraceWarning,
             stacklevel=3,
         )
-    return faces, True
+    return faces, neighbours
 
 
 def _signed_volume(vertices: FloatArray, faces: IntArray) -> float:

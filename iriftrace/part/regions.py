@@ -47,21 +47,10 @@ class Regions:
 
 
 def find_smooth_groups(neighbours: Neighbours, normals: FloatArray, angle_deg: float) -> IntArray:
-    """Group faces that are connected without a sharp edge.
+    """Group faces that are connected without a sharp edge: (m,) numbers; group 0 holds face 0.
 
-    Parameters
-    ----------
-    neighbours
-        From `iriftrace.geometry.topology.find_neighbours`.
-    normals
-        (m, 3) unit normals; zero for a face without area, which joins nothing.
-    angle_deg
-        Faces whose normals differ by less are smoothly connected.
-
-    Returns
-    -------
-    (m,) array
-        Group numbers; group 0 holds face 0.
+    Connected are neighbours whose unit normals, (m, 3), differ by less than the angle; a face
+    without area has a zero one, and joins nothing.
     """
     first, second = neighbours.pairs.T
     cosine = np.einsum("ij,ij->i", normals[first], normals[second])
@@ -72,7 +61,7 @@ def find_smooth_groups(neighbours: Neighbours, normals: FloatArray, angle_deg: f
 def name_regions(
     groups: IntArray, normals: FloatArray, areas: FloatArray, corners: FloatArray
 ) -> Regions:
-    """Make a region of every large smooth group and name it.
+    """Make a region of every large smooth group, (m,) number of each face's, and name it.
 
     Two opposite planes and one curved surface are the heads and the lateral surface of a cylinder:
     ``head -x``, ``head +x``, ``lateral``. Otherwise planes are called by their direction
@@ -81,14 +70,7 @@ def name_regions(
     curved ones ``surface``. With a number, the largest first, where several would have the same
     name. Lengths are mm. Groups below `SMALLEST_SHARE` of the area form the region ``rest``.
 
-    Parameters
-    ----------
-    groups
-        (m,) smooth group of each face.
-    normals, areas
-        (m, 3) unit normals and (m,) areas of the faces.
-    corners
-        (m, 3, 3) corners of the faces, mm.
+    The faces have unit normals (m, 3), areas (m,) and corners (m, 3, 3), mm.
     """
     count = int(groups.max()) + 1
     area = np.bincount(groups, areas, minlength=count)

@@ -148,24 +148,22 @@ def test_nearest_spacing_finds_the_nearest_point(
     depth = 15 + roughness * rng.random(len(directions))
     distance = depth / np.maximum(0.2, 1 - directions[:, :2] @ slope)
     points = origins + distance[:, None] * directions
-    found = nearest_spacing(points, 3)
+    lateral, axial = nearest_spacing(points, 3)
     offset = points[:, None] - points[None]
     squared = np.where(np.eye(len(points), dtype=bool), np.inf, (offset**2).sum(axis=2))
-    np.testing.assert_allclose(
-        np.hypot(found.lateral, found.axial), np.sqrt(squared.min(axis=1)), rtol=1e-12
-    )
-    plane = nearest_spacing(points, 2)
+    np.testing.assert_allclose(np.hypot(lateral, axial), np.sqrt(squared.min(axis=1)), rtol=1e-12)
+    lateral, _ = nearest_spacing(points, 2)
     across = np.where(np.eye(len(points), dtype=bool), np.inf, (offset[..., :2] ** 2).sum(axis=2))
-    np.testing.assert_allclose(plane.lateral, np.sqrt(across.min(axis=1)), rtol=1e-12)
+    np.testing.assert_allclose(lateral, np.sqrt(across.min(axis=1)), rtol=1e-12)
 
 
 def test_lonely_pixels_have_no_step() -> None:
     good = np.zeros((5, 5), dtype=bool)
     good[0, 0] = good[2, 2] = good[4, 4] = True
     points = np.array([[0.0, 0, 10], [1, 0, 10], [5, 0, 11]])
-    spacing = step_spacing(points, np.flatnonzero(good), (5, 5), np.zeros(3, dtype=np.int64))
-    assert np.isnan(spacing.lateral).all()
-    assert np.isnan(spacing.axial).all()
+    lateral, axial = step_spacing(points, np.flatnonzero(good), (5, 5), np.zeros(3, dtype=np.int64))
+    assert np.isnan(lateral).all()
+    assert np.isnan(axial).all()
 
 
 @given(seed=st.integers(0, 10_000), holes=st.floats(0, 0.9))
@@ -183,10 +181,10 @@ def test_step_is_the_larger_one_to_the_right_and_below(seed: int, holes: float) 
                 lateral[row, column] = np.fmax(lateral[row, column], np.hypot(*step[:2]))
                 axial[row, column] = np.fmax(axial[row, column], abs(step[2]))
     found = step_spacing(place[good], np.flatnonzero(good), (7, 6), patch[good])
-    np.testing.assert_allclose(found.lateral, lateral[good], rtol=1e-12)
-    np.testing.assert_allclose(found.axial, axial[good], rtol=1e-12)
+    np.testing.assert_allclose(found[0], lateral[good], rtol=1e-12)
+    np.testing.assert_allclose(found[1], axial[good], rtol=1e-12)
 
 
 def test_equal_points_are_each_others_nearest() -> None:
     points = np.array([[0.0, 0, 10], [0, 0, 10], [3, 0, 10]])
-    np.testing.assert_allclose(nearest_spacing(points, 2).lateral, [0, 0, 3])
+    np.testing.assert_allclose(nearest_spacing(points, 2)[0], [0, 0, 3])

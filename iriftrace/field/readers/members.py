@@ -25,10 +25,6 @@ COMPRESSED = (".gz", ".zip", ".bz2", ".xz", ".7z")
 SUFFIXES = (*VTK, *OPENFOAM, *COMSOL_TEXT)
 """Suffixes of files that can hold a field; an OpenFOAM case may also be named by its folder."""
 
-EVERY_STATE = "all"
-"""In place of a time: every state of a file."""
-
-_STATES = {"vtk": vtk_files.states, "openfoam": openfoam.states, "comsol": comsol.states}
 
 # Solvers write their times with six digits and more.
 _SAME_TIME = 1e-5
@@ -113,7 +109,8 @@ def members(path: str | Path) -> tuple[Member, ...]:
     path = Path(path)
     kind = kind_of(path)
     with _file_errors(path):
-        states = _STATES[kind](path)
+        readers = {"vtk": vtk_files, "openfoam": openfoam, "comsol": comsol}
+        states = readers[kind].states(path)
     return tuple(Member(path, label, time, index) for index, (label, time) in enumerate(states))
 
 
@@ -136,7 +133,7 @@ def member_at(path: str | Path, when: str) -> Member:
     if word in ("latest", "first"):
         return found[-1 if word == "latest" else 0]
     by_label = [m for m in found if _plain(m.label) == _plain(word)]
-    chosen = by_label or [m for m in found if _is_time(m, word)]
+    chosen = by_label or [m for m in found if m.time is not None and _same_time(m.time, word)]
     if len(chosen) != 1:
         if not found[0].label:
             raise InputError(
@@ -182,7 +179,7 @@ def _chosen(path: Path, when: str | None) -> tuple[Member, ...]:
     if when is None and kind_of(path) == "openfoam":
         # A case that was run to its steady state keeps the times before it, too.
         when = "latest"
-    if when is None or when.strip() == EVERY_STATE:
+    if when is None or when.strip() == "all":
         return members(path)
     if ":" not in when:
         return (member_at(path, when),)
@@ -219,14 +216,11 @@ def _plain(label: str) -> str:
     return "".join(label.split()).lower()
 
 
-def _is_time(member: Member, word: str) -> bool:
+def _same_time(time: float, word: str) -> bool:
     try:
-        time = float(word)
+        return math.isclose(time, float(word), rel_tol=_SAME_TIME, abs_tol=1e-12)
     except ValueError:
         return False
-    return member.time is not None and math.isclose(
-        member.time, time, rel_tol=_SAME_TIME, abs_tol=1e-12
-    )
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.field.gradient import PYRAMID, TETRAHEDRON, cell_corners
+from iriftrace.geometry.query import runs
 
 _POLYHEDRON = 42
 
@@ -25,33 +26,15 @@ _CELLS, _PATCHES, _WALLS = range(3)
 
 @frozen(eq=False)
 class Piece:
-    """A mesh as it was read, whole or from one processor, and in linear cells.
+    """A mesh as it was read, whole or from one processor, and in linear cells."""
 
-    Attributes
-    ----------
-    grid : pyvista.UnstructuredGrid
-        With cell data.
-    patches : mapping
-        pyvista.PolyData of the patches that state values, with cell data.
-    walls : frozenset
-        Names of those that are walls.
-    points : (n + p, 3) array
-        The mesh's n points and the centroids of its p polyhedra.
-    cells : dict
-        VTK cell type to (k, corners) point numbers.
-    centres : (c, 3) array
-        Of the mesh's own cells, where their values belong.
-    polyhedra : (p,) array
-        Numbers of the cells that were split.
-    """
-
-    grid: Any
-    patches: Mapping[str, Any]
-    walls: frozenset[str]
-    points: FloatArray
-    cells: dict[int, IntArray]
-    centres: FloatArray
-    polyhedra: IntArray
+    grid: Any  # pyvista.UnstructuredGrid with cell data
+    patches: Mapping[str, Any]  # pyvista.PolyData with cell data of the patches that state values
+    walls: frozenset[str]  # names of those that are walls
+    points: FloatArray  # (n + p, 3), the mesh's points and the centroids of its p polyhedra
+    cells: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
+    centres: FloatArray  # (c, 3) of the mesh's own cells, where their values belong
+    polyhedra: IntArray  # (p,) numbers of the cells that were split
 
 
 def split_piece(grid: Any, patches: Mapping[str, Any], walls: frozenset[str]) -> Piece:
@@ -92,11 +75,8 @@ def _faces_of(grid: pv.UnstructuredGrid, polyhedra: IntArray) -> tuple[IntArray,
     """Place of its polyhedron, first corner and number of corners of every face; all corners."""
     offsets = np.asarray(grid.polyhedron_face_location_offsets, dtype=np.int64)
     faces = np.asarray(grid.polyhedron_face_location_connectivity, dtype=np.int64)
-    counts = np.diff(offsets)[polyhedra]
-    starts = offsets[:-1][polyhedra]
-    owner = np.repeat(np.arange(len(polyhedra)), counts)
-    first = np.concatenate(([0], np.cumsum(counts)[:-1]))
-    numbers = faces[starts[owner] + np.arange(len(owner)) - first[owner]]
+    owner, place = runs(np.diff(offsets)[polyhedra])
+    numbers = faces[offsets[:-1][polyhedra][owner] + place]
     corners = np.asarray(grid.polyhedron_face_offsets, dtype=np.int64)
     flat = np.asarray(grid.polyhedron_face_connectivity, dtype=np.int64)
     return owner, corners[numbers], np.diff(corners)[numbers], flat

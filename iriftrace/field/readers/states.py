@@ -25,38 +25,19 @@ State = tuple[str, float | None]
 
 @frozen(eq=False)
 class Contents:
-    """One state of a field file, as it was written.
+    """One state of a field file, as it was written."""
 
-    Attributes
-    ----------
-    data : pyvista.DataSet or pyvista.MultiBlock
-        Cells and arrays, in the file's own units.
-    sha256 : str
-        Of the file; of an OpenFOAM case that of the list of the checksums of the files read, as
-        ``sha256sum`` prints it.
-    states : sequence of State
-        All states of the file.
-    length_unit : str or None
-        Unit of the coordinates, where the file states it.
-    units : mapping or None
-        Unit of each array, "" where its header states none; None for files whose format has no
-        place for units.
-    origin : str
-        What the file says of its own making, besides field data; "" where it says nothing.
-    wall_heat_w : float or None
-        Heat from the whole part, W, where field data state it.
-    scattered : bool
-        Whether the cells only fill the hull of scattered points, the part included.
-    """
-
-    data: Any
+    data: Any  # pyvista.DataSet or pyvista.MultiBlock, in the file's own units
+    # Of the file; of an OpenFOAM case that of the list of the checksums of the files read, as
+    # ``sha256sum`` prints it.
     sha256: str
-    states: Sequence[State] = (("", None),)
-    length_unit: str | None = None
+    states: Sequence[State] = (("", None),)  # all of the file
+    length_unit: str | None = None  # of the coordinates, where the file states it
+    # Of each array, "" where its header states none; None for formats without a place for units.
     units: Mapping[str, str] | None = None
-    origin: str = ""
-    wall_heat_w: float | None = None
-    scattered: bool = False
+    origin: str = ""  # what the file says of its own making, besides field data
+    wall_heat_w: float | None = None  # heat from the whole part, W, where field data state it
+    scattered: bool = False  # the cells only fill the hull of scattered points, the part included
 
 
 def state_number(states: Sequence[State], member: int | None, path: Path) -> int:

@@ -65,25 +65,16 @@ def _read_file(request: Request) -> Any:
             getattr(reader, f"ReadAll{kind}On")()
     else:
         reader = getattr(vtkIOXML, _XML[request["suffix"]])()
-    return _complete(reader, request["path"])
-
-
-def _complete(reader: Any, path: str) -> Any:
-    """The output of a reader that has nothing to complain of."""
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
-    reader.SetFileName(path)
+    reader.SetFileName(request["path"])
     reader.Update()
     _, error, text = window.GetOutput().partition("ERROR: ")
     if error:
-        raise ValueError(_reason(text))
+        # The first complaint without the places in VTK's source and the reader's address.
+        lines = [line.partition("): ")[2] or line for line in text.splitlines()[1:]]
+        raise ValueError(next(filter(None, map(str.strip, lines)), "VTK says no more"))
     return reader.GetOutput()
-
-
-def _reason(text: str) -> str:
-    """VTK's first complaint without the places in its source and the reader's address."""
-    lines = [line.partition("): ")[2] or line for line in text.splitlines()[1:]]
-    return next(filter(None, map(str.strip, lines)), "VTK says no more")
 
 
 def _read_case(request: Request) -> Any:

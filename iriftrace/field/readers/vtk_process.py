@@ -30,7 +30,6 @@ from iriftrace.core.errors import InputError
 SUFFIXES = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".vtp", ".vtm")
 """Endings of the files that `read_file` reads."""
 
-_INDEX_FILES = (".vtm", ".pvtu")
 _NAMED = re.compile(rb"""(?:file|Source)\s*=\s*["']([^"']+)["']""")
 
 _SECONDS, _BYTES_A_SECOND = 5, 1_000_000
@@ -65,8 +64,12 @@ for _row, _numbers in enumerate(({**_SIZES, **_FEWEST}, _SIZES)):
 
 def read_file(path: Path) -> Any:
     """Data set or blocks of a file of VTK, by its suffix; an InputError if it is damaged."""
-    data, _ = _read(path, "file", _size(path), suffix=path.suffix.lower())
-    return data
+    size, suffix = path.stat().st_size, path.suffix.lower()
+    if suffix in (".vtm", ".pvtu"):
+        # These name other files, which are read too.
+        pieces = {path.parent / os.fsdecode(name) for name in _NAMED.findall(path.read_bytes())}
+        size += sum(piece.stat().st_size for piece in pieces if os.path.isfile(piece))
+    return _read(path, "file", size, suffix=suffix)[0]
 
 
 def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
@@ -77,15 +80,6 @@ def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
     parts = (folder / "constant/polyMesh", folder / time)
     size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
     return _read(folder, "case", size, time=time)
-
-
-def _size(path: Path) -> int:
-    """Bytes of a file and of those that it names."""
-    size = path.stat().st_size
-    if path.suffix.lower() in _INDEX_FILES:
-        pieces = {path.parent / os.fsdecode(name) for name in _NAMED.findall(path.read_bytes())}
-        size += sum(piece.stat().st_size for piece in pieces if os.path.isfile(piece))
-    return size
 
 
 def _read(path: Path, reader: str, size: int, **more: str) -> tuple[Any, list[str]]:

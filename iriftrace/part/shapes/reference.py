@@ -17,24 +17,9 @@ from iriftrace.part.shapes.rings import (
 
 
 def sphere(diameter_mm: float = 25.0, *, segments: int = 240) -> Part:
-    """Sphere about the origin.
+    """Sphere about the origin, its corners on the diameter; its equator has `segments` sides.
 
-    Parameters
-    ----------
-    diameter_mm
-        Of the sphere through the corners.
-    segments
-        Sides of its equator.
-
-    Returns
-    -------
-    Part
-        Region ``sphere``.
-
-    Raises
-    ------
-    InputError
-        The diameter is not positive or there are too few segments.
+    Region ``sphere``. An InputError if the diameter is not positive or there are too few segments.
     """
     vertices, faces = _ball("sphere", diameter_mm, segments)
     regions = Regions(np.zeros(len(faces), dtype=np.int64), ("sphere",))
@@ -44,24 +29,8 @@ def sphere(diameter_mm: float = 25.0, *, segments: int = 240) -> Part:
 def ball_bar(diameter_mm: float = 25.0, spacing_mm: float = 100.0, *, segments: int = 240) -> Part:
     """Two spheres along x, about the origin; what holds them is left out.
 
-    Parameters
-    ----------
-    diameter_mm
-        Of the spheres through the corners.
-    spacing_mm
-        Of the centres.
-    segments
-        Sides of an equator.
-
-    Returns
-    -------
-    Part
-        Regions ``sphere -x`` and ``sphere +x``.
-
-    Raises
-    ------
-    InputError
-        A length is not positive, the spheres touch, or there are too few segments.
+    Their centres are a spacing apart. Regions ``sphere -x`` and ``sphere +x``. An InputError as for
+    `sphere`, or if they touch.
     """
     check_positive("ball bar", spacing=spacing_mm)
     vertices, faces = _ball("ball bar", diameter_mm, segments)
@@ -81,23 +50,8 @@ def plate(
 ) -> Part:
     """Flat plate, its length along x, its width along y and its upper face at z = 0.
 
-    Parameters
-    ----------
-    length_mm
-    width_mm
-    thickness_mm
-    cells
-        Rows of triangles along x and along y.
-
-    Returns
-    -------
-    Part
-        Regions ``plane +z`` and ``rest``.
-
-    Raises
-    ------
-    InputError
-        A length is not positive or there are too few cells.
+    There are `cells` rows of triangles along x and along y. Regions ``plane +z`` and ``rest``. An
+    InputError if a length is not positive or there are too few cells.
     """
     check_positive("plate", length=length_mm, width=width_mm, thickness=thickness_mm)
     check_count("plate", "cells", cells, 1, 1000)

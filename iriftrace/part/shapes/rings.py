@@ -21,20 +21,12 @@ def circle(radius: float, height: float, angle: FloatArray) -> FloatArray:
 def between_rings(rings: Sequence[FloatArray], *, closed: bool) -> tuple[FloatArray, IntArray]:
     """Triangles between each ring and the next, across the shorter diagonal.
 
-    Parameters
-    ----------
-    rings
-        (n, 3) arrays, mm, equally long; point j of a ring faces point j of the next. Where the
-        rings run counter-clockwise about the direction from one to the next, the triangles' normals
-        point away from the axis.
-    closed
-        Whether the last ring is joined to the first.
+    Rings are (n, 3) arrays, mm, equally long; point j of a ring faces point j of the next. Where
+    they run counter-clockwise about the direction from one to the next, the triangles' normals
+    point away from the axis. `closed` joins the last ring to the first.
 
-    Returns
-    -------
-    vertices : (r n, 3) array, mm
-    faces : (2 s n, 3) array
-        Strip by strip, s of them; two triangles for each of a strip's n places.
+    The vertices (r n, 3), mm, and the faces (2 s n, 3): strip by strip, s of them, two triangles
+    for each of a strip's n places.
     """
     points = np.asarray(rings, dtype=np.float64)
     count, length, _ = points.shape

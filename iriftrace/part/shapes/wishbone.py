@@ -1,7 +1,7 @@
 """Free-form wishbone, as a control arm of a car.
 
 The solid is given by its signed distance (negative inside): two swept arms, a brace and three hubs,
-joined and bored by smooth unions and differences. Its contour on a lattice, smoothed, is the part.
+joined and bored by smooth unions and differences.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ REGIONS = ("arms", "brace", "ball hub", "bush -x", "bush +x")
 HALF_BUSH_MM = 15.0
 """Half the length of a bush."""
 
-_STATIONS = 60
-"""Ellipsoids that make up an arm."""
 
 _ARM_FLATTENING, _BRACE_FLATTENING = 0.72, 0.7
 _BRACE_RADIUS, _BRACE_HEIGHT, _BRACE_CURVATURE = 5.0, 5.0, 0.0016
@@ -103,9 +101,9 @@ class WishboneShape:
         return solid
 
     def _arms(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-        """Ellipsoids along a cubic Bezier curve from the ball hub to a bush."""
+        """Sixty ellipsoids along a cubic Bezier curve from the ball hub to a bush."""
         half, back = 0.5 * self.bush_distance, 0.5 * self.depth
-        share = np.linspace(0.0, 1.0, _STATIONS)
+        share = np.linspace(0.0, 1.0, 60)
         rest = 1.0 - share
         control = np.array(
             [
