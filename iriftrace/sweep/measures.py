@@ -124,16 +124,13 @@ RAYS: dict[str, Measure] = {
     },
 }
 OF_POSES: dict[str, Measure] = {
-    "hits_at_border": Measure(
-        ("hits_at_border",),
-        "1",
-        "straight rays of the outermost pixels that hit the part",
-        count=True,
-        regional=False,
-    ),
-    "shell_triangles_in_view": Measure(
-        ("shell_triangles_in_view",), "1", count=True, regional=False
-    ),
+    **{
+        name: Measure((name,), "1", text, count=True, regional=False)
+        for name, text in (
+            ("hits_at_border", "straight rays of the outermost pixels that hit the part"),
+            ("shell_triangles_in_view", ""),
+        )
+    },
     "every_second_shell_p95": Measure(
         ("every_second_shell", "p95_share"),
         "1",

@@ -86,7 +86,10 @@ def to_dataset(
         attrs={
             "Conventions": CONVENTIONS,
             "schema": SCHEMA,
-            **{key: _attribute(v) for key, v in attributes.items()},
+            **{
+                key: value if isinstance(value, str | int | float) else json.dumps(value)
+                for key, value in attributes.items()
+            },
         },
     )
     return found.set_coords([name for name in PLACE if name in found])
@@ -184,10 +187,6 @@ def read_sweep(path: str | Path) -> xr.Dataset:
         f"{path} has schema {schema!r} instead of {SCHEMA!r}, so it is no sweep of this version of "
         "iriftrace; run the sweep again."
     )
-
-
-def _attribute(value: Any) -> Any:
-    return value if isinstance(value, str | int | float) else json.dumps(value)
 
 
 def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
