@@ -43,17 +43,7 @@ STATUS_COLOURS = {
 
 @frozen
 class Shown:
-    """A channel as a picture, or a signed component of the displacement.
-
-    Attributes
-    ----------
-    channel
-        Name of the channel, or of one of `signed_components`.
-    title, label
-        Words for the title and the colour bar.
-    signed
-        Whether colours diverge from 0.
-    """
+    """A channel as a picture; or one of `signed_components`, in colours that diverge from 0."""
 
     channel: str
     title: str
@@ -153,11 +143,6 @@ def pose_figures(
     """All figures of a pose, named after it: the displacement and, of an ensemble, the scatter.
 
     A signed component of the displacement is drawn alone, with its name behind the pose's.
-
-    Raises
-    ------
-    InputError
-        No ray counts, so there is nothing to draw.
     """
     if component != "norm":
         return {f"{name}_{component}": displacement_figure(image, include, component=component)}

@@ -5,12 +5,12 @@ from __future__ import annotations
 import base64
 import json
 from importlib import resources
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import evolve, frozen
-from matplotlib.figure import Figure
+from attrs import frozen
 
 from iriftrace.camera.pose import PoseText, pose_text
 from iriftrace.core.files import sha256_of, whole_file
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.summary import SweepSummary
 
-
-_TEMPLATE = "templates/report.html.jinja"
 
 # In the order of the page; a picture that is not listed comes last, under its file's name.
 _CAPTIONS = {
@@ -100,28 +98,33 @@ class ReportContent:
     rays: Rows
     limits: tuple[str, ...]
     unranked: Rows
-    views: RankingTable | None = None
-    views_title: str = ""
-    views_text: str = ""
+    views: RankingTable | None
+    views_title: str
+    views_text: str
 
 
 def report_content(
-    dataset: xr.Dataset, summary: SweepSummary, top: int, confirmation: Confirmation | None = None
+    dataset: xr.Dataset,
+    summary: SweepSummary,
+    top: int,
+    confirmation: Confirmation | None = None,
+    views: int | None = None,
+    limits: ViewLimits = NO_LIMITS,
 ) -> ReportContent:
-    """Collect what is said of a sweep, with `top` rows of the ranking."""
+    """Collect what is said of a sweep, with `top` rows of the ranking and a set of `views`."""
     plan = summary.plan
+    region = plan.criteria.region
+    chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
     ranking = ranking_table(summary, top)
     part = _name(attribute(dataset, "part"))
-    region = (
-        "" if plan.criteria.region == "part" else f", and of it the region {plan.criteria.region},"
-    )
+    of_it = "" if region == "part" else f", and of it the region {region},"
     weights = plan.criteria.weights
     best = plan.best
     setting = setting_of(summary.varied, best)
     return ReportContent(
         title=f"Where to put the camera: {part}",
         question=(
-            f"From where should the camera look at {part}{region} so that the hot air around it "
+            f"From where should the camera look at {part}{of_it} so that the hot air around it "
             "moves the measured points little, much of the surface is seen and the pixels lie "
             "close together on it? Every pose of a sweep was traced through the hot air; the "
             "combined score is "
@@ -164,6 +167,9 @@ def report_content(
         unranked=tuple(
             (str(pose), reason) for pose, reason in list(plan.unranked.items())[:_MOST_REASONS]
         ),
+        views=None if chosen is None else views_table(summary, chosen),
+        views_title=views_title(summary, limits),
+        views_text="" if chosen is None else views_text(summary, chosen),
     )
 
 
@@ -175,18 +181,14 @@ def _rests_on(
     mark = next(filter(None, map(synthetic_mark, origins)), "Field")
     assumed = attribute(dataset, "assumptions")
     time = assumed.get("field_time", "not stated")
-    return tuple(
-        filter(
-            None,
-            (
-                f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
-                assumed.get("field_fit", ""),
-                warned_text(summary),
-                other_statistics_text(summary),
-                "" if confirmation is None else confirmation.text,
-            ),
-        )
+    sentences = (
+        f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
+        assumed.get("field_fit", ""),
+        warned_text(summary),
+        other_statistics_text(summary),
+        "" if confirmation is None else confirmation.text,
     )
+    return tuple(filter(None, sentences))
 
 
 def _name(file: dict[str, Any]) -> str:
@@ -198,42 +200,31 @@ def _text(value: Any) -> str:
 
 
 def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
-    part = attribute(dataset, "part")
-    camera = attribute(dataset, "camera")
     scene, sha256 = scene_of(dataset)
     variables = attribute(dataset, "scene").get("variables") or {}
     focal = np.unique(dataset["focal_length"].values) if "focal_length" in dataset else [0.0]
-    rows = [
-        ("Part", _file(part)),
+    criteria = summary.plan.criteria
+    least = f" and a coverage of {criteria.min_coverage:g}" if criteria.min_coverage else ""
+    return (
+        ("Part", _file(attribute(dataset, "part"))),
         ("Field", _field(dataset)),
         ("Scene", _file({"path": scene, "sha256": sha256}) if scene else "not stated"),
         ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
-        ("Camera", _camera(camera, varied=len(focal) > 1)),
+        ("Camera", _camera(attribute(dataset, "camera"), varied=len(focal) > 1)),
         ("Poses", _orbit(summary)),
         *((f"Varied: {one.name}", ", ".join(_distinct(one.values))) for one in summary.varied),
-        (
-            "Region ranked",
-            "whole part"
-            if summary.plan.criteria.region == "part"
-            else summary.plan.criteria.region,
-        ),
+        ("Region ranked", "whole part" if criteria.region == "part" else criteria.region),
         (
             "Normalisation",
-            f"minimum to {summary.plan.criteria.percentile:g}th percentile; beyond it: "
-            f"{summary.plan.criteria.outside}; at least {summary.plan.criteria.min_hits} good rays"
-            + (
-                f" and a coverage of {summary.plan.criteria.min_coverage:g}"
-                if summary.plan.criteria.min_coverage
-                else ""
-            ),
+            f"minimum to {criteria.percentile:g}th percentile; beyond it: {criteria.outside}; at "
+            f"least {criteria.min_hits} good rays{least}",
         ),
         (
             "Traced with",
             f"iriftrace {dataset.attrs.get('version', 'of unknown version')}, Mitsuba variant "
             f"{dataset.attrs.get('variant', 'not stated')}",
         ),
-    ]
-    return tuple(rows)
+    )
 
 
 def _file(named: dict[str, Any]) -> str:
@@ -302,17 +293,11 @@ def _orbit(summary: SweepSummary) -> str:
 
 def _varied_weights(summary: SweepSummary) -> Rows:
     varied = stability(summary.plan)
-    return tuple(
-        (
-            name,
-            *(
-                text
-                for rank, winner in zip(varied.ranks[name], varied.winners[name], strict=True)
-                for text in (str(rank), str(winner))
-            ),
-        )
-        for name in varied.ranks
-    )
+    rows = []
+    for name, ranks in varied.ranks.items():
+        pairs = zip(ranks, varied.winners[name], strict=True)
+        rows.append((name, *map(str, chain.from_iterable(pairs))))
+    return tuple(rows)
 
 
 def _rays(dataset: xr.Dataset) -> Rows:
@@ -398,21 +383,22 @@ def write_report(
     """
     from jinja2 import Environment, StrictUndefined
 
-    content = report_content(dataset, summary, top, confirmation)
-    if views is not None:
-        content = _with_views(content, dataset, summary, views, limits)
+    content = report_content(dataset, summary, top, confirmation, views, limits)
     pictures, missing = sweep_pictures(dataset, summary)
     figures = {**sweep_charts(summary), **pictures}
-    names = [name for name in _CAPTIONS if name in figures]
-    names += [name for name in figures if name not in _CAPTIONS]
-    source = resources.files("iriftrace.figures").joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    names = [name for name in {**_CAPTIONS, **figures} if name in figures]
+    template = resources.files("iriftrace.figures") / "templates/report.html.jinja"
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    text = environment.from_string(source).render(
+    text = environment.from_string(template.read_text(encoding="utf-8")).render(
         content=content,
         figures=[
-            {"name": name, "caption": _CAPTIONS.get(name, name), "uri": _data_uri(figures[name])}
+            {
+                "name": name,
+                "caption": _CAPTIONS.get(name, name),
+                "png": base64.b64encode(figure_bytes(figures[name])).decode("ascii"),
+            }
             for name in names
         ],
         missing=missing,
@@ -423,24 +409,3 @@ def write_report(
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return missing
-
-
-def _with_views(
-    content: ReportContent,
-    dataset: xr.Dataset,
-    summary: SweepSummary,
-    views: int,
-    limits: ViewLimits,
-) -> ReportContent:
-    chosen = plan_views(dataset, views, limits, summary.plan.criteria)
-    return evolve(
-        content,
-        views=views_table(summary, chosen),
-        views_title=views_title(summary, limits),
-        views_text=views_text(summary, chosen),
-    )
-
-
-def _data_uri(figure: Figure) -> str:
-    picture = base64.b64encode(figure_bytes(figure)).decode("ascii")
-    return f"data:image/png;base64,{picture}"

@@ -109,13 +109,7 @@ def plot(
 
 
 def read_result(path: str | Path) -> AovImage | xr.Dataset:
-    """Read an AOV image (.exr), or a sweep or study (.nc).
-
-    Raises
-    ------
-    InputError
-        The name ends otherwise, or the file is missing or no such result.
-    """
+    """Read an AOV image (.exr), or a sweep or study (.nc); InputError for anything else."""
     suffix = Path(path).suffix.lower()
     if suffix == ".exr":
         return read_exr(path)

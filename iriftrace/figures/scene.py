@@ -23,7 +23,6 @@ from iriftrace.figures.space import (
     add_picture,
     box_around,
     fitting_view,
-    rendered,
     thinned,
     titled_figure,
     view_direction,
@@ -110,7 +109,7 @@ def scene_figure(
 
     devices = " and camera" if second is None else f", camera and {second_name}"
     figure = titled_figure(*_titles(shells, len(drawn), camera, devices))
-    axes = add_picture(figure, rendered(view, box, draw), view, box)
+    axes = add_picture(figure, view, box, draw)
     for text, points, place in _names(camera, view, sight, body.points):
         _name(axes, view.pixels(points), text, place)
     for one in bodies[1:]:
@@ -151,9 +150,8 @@ def temperature_ticks(norm: FuncNorm) -> list[float]:
     """Round temperatures that do not crowd the colour bar."""
     rounds = np.array([20, 30, 40, 50, 75, 100, 150, 200, 300, 400, 500, 700, 1000, 1500, 2000])
     low, high = (float(t) for t in norm.inverse(np.array((0.0, 1.0))))
-    inside = rounds[(rounds >= low) & (rounds <= high)]
     ticks: list[float] = []
-    for tick in inside.tolist():
+    for tick in rounds[(rounds >= low) & (rounds <= high)].tolist():
         if not ticks or norm(tick) - norm(ticks[-1]) > 0.045:
             ticks.append(tick)
     return ticks if len(ticks) > 1 else [round(low), round(high)]
@@ -175,8 +173,7 @@ def camera_body(camera: Camera, size: float) -> pv.PolyData:
         resolution=48,
     )
     body: pv.PolyData = box.triangulate().append_polydata(lens.triangulate())
-    moved: pv.PolyData = body.transform(camera.matrix, inplace=False)
-    return moved
+    return body.transform(camera.matrix, inplace=True)
 
 
 def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:

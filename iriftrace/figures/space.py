@@ -18,7 +18,7 @@ import pyvista as pv
 from attrs import frozen
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 
 from iriftrace.core.arrays import FloatArray
@@ -49,15 +49,7 @@ _MARGINS_PX = (200.0, 30.0, 100.0, 20.0)
 
 @frozen(eq=False)
 class Box:
-    """Box with its sides along x, y and z.
-
-    Attributes
-    ----------
-    bounds
-        (2, 3) array, mm, world: lowest and highest coordinates.
-    ticks
-        Three arrays, mm: round coordinates along x, y and z.
-    """
+    """Box along x, y and z: its (2, 3) bounds, mm, world, and round coordinates on each side."""
 
     bounds: FloatArray
     ticks: tuple[FloatArray, FloatArray, FloatArray]
@@ -65,8 +57,7 @@ class Box:
     @property
     def centre(self) -> FloatArray:
         """(3,) array, mm, world."""
-        middle: FloatArray = self.bounds.mean(axis=0)
-        return middle
+        return np.asarray(self.bounds.mean(axis=0))
 
     @property
     def diagonal(self) -> float:
@@ -82,18 +73,10 @@ class Box:
 
 @frozen(eq=False)
 class View:
-    """Parallel projection of the world onto a picture.
+    """Parallel projection of the world onto a picture of some width and height.
 
-    Attributes
-    ----------
-    towards
-        (3,) unit vector, world, from the scene to the viewer; not vertical.
-    centre
-        (3,) array, mm, world: the point in the middle of the picture.
-    px_per_mm
-        Scale.
-    size_px
-        Width and height of the picture.
+    `towards` is a (3,) unit vector from the scene to the viewer, not vertical; the point `centre`,
+    mm, world, lies in the middle of the picture.
     """
 
     towards: FloatArray
@@ -135,16 +118,8 @@ class View:
 def view_direction(forward: FloatArray, upwards: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Direction of view in which a camera stands at the right and looks to the left.
 
-    Parameters
-    ----------
-    forward, upwards
-        (3,) unit vectors, world: the optical axis and what is up in the camera's picture.
-
-    Returns
-    -------
-    towards, side : (3,) unit vectors, world
-        From the scene to the viewer; and the horizontal direction across the optical axis on the
-        viewer's side.
+    Of the optical axis and what is up in the camera's picture, (3,) unit vectors, world, it gives
+    that from the scene to the viewer, and the horizontal one across the axis on the viewer's side.
     """
     level = np.array((1.0, 1.0, 0.0))
     # A camera that looks straight down has no horizontal axis: its picture's up takes the place.
@@ -252,13 +227,7 @@ def _write(axes: Axes, position: FloatArray, text: str, outward: FloatArray, siz
 
 @contextmanager
 def off_screen(size_px: tuple[int, int]) -> Iterator[pv.Plotter]:
-    """A plotter that blends in the order of drawing and needs no display.
-
-    Raises
-    ------
-    SetupError
-        This machine has no OpenGL that draws without a display.
-    """
+    """A plotter that blends in the order of drawing and needs no display, but an OpenGL."""
     # Where VTK tries several kinds of windows, it reports each one that fails.
     with pv.vtk_verbosity("off"):
         plotter = pv.Plotter(
@@ -310,15 +279,6 @@ def thinned(surface: pv.PolyData) -> pv.PolyData:
     return thin
 
 
-def rendered(view: View, box: Box, draw: Callable[[pv.Plotter], None]) -> NDArray[np.uint8]:
-    """(height, width, 3) array: what `draw` adds to a plotter, before the grids of the box."""
-    with off_screen(view.size_px) as plotter:
-        add_box(plotter, view, box)
-        draw(plotter)
-        view.apply_to(plotter, box)
-        return np.asarray(plotter.screenshot(return_img=True))
-
-
 def titled_figure(title: str, subtitle: str) -> Figure:
     """An empty figure with a title and a line below it."""
     width, height = SIZE_PX
@@ -330,15 +290,21 @@ def titled_figure(title: str, subtitle: str) -> Figure:
 
 def add_picture(
     figure: Figure,
-    picture: NDArray[np.uint8],
     view: View,
     box: Box,
+    draw: Callable[[pv.Plotter], None],
     corner_px: tuple[int, int] = (0, 0),
 ) -> Axes:
-    """Put a rendered picture, pixel for pixel, under the labels of its box.
+    """Render what `draw` adds to a plotter before the grids of a box, and label the box.
 
-    Its lower left corner goes to `corner_px`; the axes have the pixels of the view as coordinates.
+    The picture's lower left corner goes to `corner_px`, pixel for pixel; the axes have the pixels
+    of the view as coordinates.
     """
+    with off_screen(view.size_px) as plotter:
+        add_box(plotter, view, box)
+        draw(plotter)
+        view.apply_to(plotter, box)
+        picture = np.asarray(plotter.screenshot(return_img=True))
     (width, height), (columns, rows) = SIZE_PX, view.size_px
     left, foot = corner_px
     axes = figure.add_axes((left / width, foot / height, columns / width, rows / height))

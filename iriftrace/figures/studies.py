@@ -43,7 +43,6 @@ _TIMINGS = {
         "Triangles per shell",
     ),
 }
-_NOTE: dict[str, Any] = {"fontsize": 8, "color": TEXT_COLOUR, "loc": "right", "pad": 3}
 _STAGES = {
     "load": ("Load, build BVH", "#999999", "v"),
     "build": ("Tables, layer at the wall", COLOURS[3], "^"),
@@ -71,7 +70,8 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
     height = 9.2 + 0.18 * modes
     figure, body = new_figure(4.4 * len(references) + 1.0, height, title, subtitle)
     grid = body.subplots(4, len(references), sharex=True, sharey="row", squeeze=False)
-    places = _places(dataset[str(axis)].values)
+    values = dataset[str(axis)].values
+    places = np.arange(len(values)) if values.dtype.kind not in "iuf" else values.astype(float)
     for column, reference in enumerate(references):
         some = dataset.sel(reference=reference)
         for row, (names, label) in enumerate(_ROWS):
@@ -125,15 +125,10 @@ def _line(mode: int, hollow: bool = False) -> dict[str, Any]:
     }
 
 
-def _places(values: Any) -> Any:
-    names = np.asarray(values).dtype.kind not in "iuf"
-    return np.arange(len(values)) if names else np.asarray(values, dtype=np.float64)
-
-
 def _name_places(axes: Axes, dataset: xr.Dataset, axis: str, places: Any) -> None:
     values = dataset[axis].values
     axes.set_xlabel(dataset[axis].attrs["long_name"])
-    if np.asarray(values).dtype.kind not in "iuf":
+    if values.dtype.kind not in "iuf":
         axes.set_xticks(places, [str(value) for value in values], rotation=25, ha="right")
         return
     if places.min() > 0 and places.max() > 30:
@@ -164,15 +159,8 @@ def timing_figure(dataset: xr.Dataset) -> Figure:
         places = some[across].values
         upper, lower = grid[:, column]
         for stage, (name, colour, marker) in _STAGES.items():
-            upper.plot(
-                places,
-                some[f"time_{stage}"].values,
-                color=colour,
-                marker=marker,
-                markersize=4.5,
-                linewidth=1.2,
-                label=name,
-            )
+            times = some[f"time_{stage}"].values
+            upper.plot(places, times, marker, ls="-", c=colour, ms=4.5, lw=1.2, label=name)
         upper.set(xscale="log", yscale="log")
         upper.set_title(text.replace(": ", ":\n", 1), fontsize=9)
         share = 100.0 * some["search_share"].values
@@ -180,7 +168,8 @@ def timing_figure(dataset: xr.Dataset) -> Figure:
         lower.set_ylim(0, max(110.0, 1.05 * float(dataset["search_share"].max()) * 100.0))
         lower.axhline(100.0, color="0.6", linewidth=0.8, linestyle=":")
         if share.max() > 100.0:
-            lower.set_title("above 100 %: noise, the search is timed in a run of its own", **_NOTE)
+            note = "above 100 %: noise, the search is timed in a run of its own"
+            lower.set_title(note, fontsize=8, color=TEXT_COLOUR, loc="right", pad=3)
         lower.set_xlabel(label)
         ticks = places.tolist()
         lower.set_xticks(ticks, [_short(tick) for tick in ticks])

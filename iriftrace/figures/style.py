@@ -34,44 +34,23 @@ from iriftrace.sweep.measures import Limits
 
 COLOUR_MAP = "viridis"
 BEST_COLOUR = "#d7191c"
-UNKNOWN_COLOUR = "0.5"
 TEXT_COLOUR = "0.35"
 DPI = 200
 
 # Colours that colour-blind eyes tell apart (Okabe and Ito, 2008).
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
-BEST: dict[str, Any] = {
-    "marker": "*",
-    "markersize": 15,
-    "markerfacecolor": BEST_COLOUR,
-    "markeredgecolor": "white",
-    "markeredgewidth": 0.9,
-    "linestyle": "none",
-}
-BEST_RING: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 12,
-    "markerfacecolor": "none",
-    "markeredgecolor": BEST_COLOUR,
-    "markeredgewidth": 2.0,
-    "linestyle": "none",
-}
-UNKNOWN: dict[str, Any] = {
-    "marker": "o",
-    "markersize": 6,
-    "markerfacecolor": "none",
-    "markeredgecolor": UNKNOWN_COLOUR,
-    "markeredgewidth": 1.1,
-    "linestyle": "none",
-}
-WARNED: dict[str, Any] = {
-    "marker": "x",
-    "markersize": 5,
-    "markeredgecolor": "black",
-    "markeredgewidth": 1.0,
-    "linestyle": "none",
-}
+
+def _mark(marker: str, size: float, edge: str, width: float, face: str = "none") -> dict[str, Any]:
+    """A single mark, size and width in points, as keywords of Matplotlib's ``plot``."""
+    return {"marker": marker, "ms": size, "mec": edge, "mew": width, "mfc": face, "ls": "none"}
+
+
+BEST = _mark("*", 15, "white", 0.9, BEST_COLOUR)
+BEST_RING = _mark("o", 12, BEST_COLOUR, 2.0)
+FRONT_RING = _mark("o", 7, "black", 1.3)
+UNKNOWN = _mark("o", 6, "0.5", 1.1)
+WARNED = _mark("x", 5, "black", 1.0, "black")
 
 _CANVAS = {".png": FigureCanvasAgg, ".pdf": FigureCanvasPdf}
 
@@ -132,18 +111,8 @@ def finish_axes(axes: Axes) -> None:
 class ColourScale:
     """Colours of numbers, and the colour bar that explains them.
 
-    Attributes
-    ----------
-    values
-        The numbers that are shown; those that are not finite are ignored.
-    limits
-        Numbers at the two ends of the colours; beyond them the bar has a pointed end.
-    label
-        Name and unit, beside the bar.
-    logarithmic
-        Whether equal ratios get equal steps of colour.
-    colour_map
-        Matplotlib's name for the colours.
+    Values that are not finite are ignored; where others lie beyond the limits, the bar has a
+    pointed end. The label gives name and unit.
     """
 
     values: FloatArray
@@ -233,18 +202,15 @@ def scale_of(quantity: Quantity) -> ColourScale:
 def marks(summary: SweepSummary, unknown: BoolArray, mark: dict[str, Any] = BEST) -> list[Line2D]:
     """Legend entries: the best pose, and those without a number or warned of if there are any."""
     best = Line2D([], [], label=f"Best pose by score: {summary.plan.best}", **mark)
-    return [best, *unknown_marks(int(unknown.sum())), *_warned_marks(summary)]
+    warned = summary.warned.any(axis=1).sum()
+    return [
+        best,
+        *count_entry("Without a number", unknown.sum(), UNKNOWN),
+        *count_entry("Warned of, see the ranking", warned, WARNED),
+    ]
 
 
-def _warned_marks(summary: SweepSummary) -> list[Line2D]:
-    count = int(summary.warned.any(axis=1).sum())
-    text = f"Warned of, see the ranking: {count} {'pose' if count == 1 else 'poses'}"
-    return [Line2D([], [], label=text, **WARNED)] if count else []
-
-
-def unknown_marks(count: int, remark: str = "") -> list[Line2D]:
-    """Legend entry of the open grey marks, if there are any."""
-    if not count:
-        return []
-    text = f"Without a number: {count} {'pose' if count == 1 else 'poses'}{remark}"
-    return [Line2D([], [], label=text, **UNKNOWN)]
+def count_entry(text: str, count: int, mark: dict[str, Any], remark: str = "") -> list[Line2D]:
+    """Legend entry that counts the poses with a mark, if there are any."""
+    label = f"{text}: {count} {'pose' if count == 1 else 'poses'}{remark}"
+    return [Line2D([], [], label=label, **mark)] if count else []

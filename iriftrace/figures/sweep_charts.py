@@ -9,23 +9,23 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import EngFormatter, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from iriftrace.core.arrays import FloatArray
 from iriftrace.figures.style import (
     BEST,
     BEST_COLOUR,
     BEST_RING,
     COLOUR_MAP,
     COLOURS,
+    FRONT_RING,
     TEXT_COLOUR,
     UNKNOWN,
     WARNED,
+    count_entry,
     finish_axes,
     legend_below,
     marks,
     new_figure,
     number,
     scale_of,
-    unknown_marks,
 )
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.quantities import Quantity
@@ -51,9 +51,9 @@ def histogram_figure(summary: SweepSummary) -> Figure:
     figure, body = new_figure(8.0, 6.4, "Metrics of all poses", summary.subtitle)
     for axes, quantity in zip(body.subplots(2, 2).flat, summary.metrics, strict=True):
         values = quantity.values[quantity.known]
-        axes.hist(
-            values, bins=_bins(quantity, values), color=_BAR_COLOUR, edgecolor="white", lw=0.4
-        )
+        ends = values.min(), values.max()
+        bins = np.geomspace(*ends, _BINS + 1) if quantity.logarithmic else _BINS
+        axes.hist(values, bins, color=_BAR_COLOUR, edgecolor="white", lw=0.4)
         if quantity.logarithmic:
             _logarithmic(axes)
         for limit, style in zip(quantity.limits, ("--", "-"), strict=True):
@@ -72,21 +72,17 @@ def normalised_figure(summary: SweepSummary) -> Figure:
     """Histograms of the normalised metrics and the score of the ranked poses."""
     figure, body = new_figure(10.0, 6.4, "Normalised metrics and combined score", summary.subtitle)
     *panels, spare = body.subplots(2, 3, sharey=True).flat
-    edges = np.linspace(0.0, 1.0, _BINS + 1)
     weights = summary.plan.criteria.weights
     ranked = (*summary.metrics, summary.score)
     for axes, quantity in zip(panels, ranked, strict=True):
         values = quantity.normalised[np.isfinite(quantity.normalised)]
         score = quantity is summary.score
-        bins = np.linspace(0.0, max(1.0, sum(weights.values())), _BINS + 1) if score else edges
-        axes.hist(values, bins=bins, color=_BAR_COLOUR, edgecolor="white", lw=0.4)
+        most = max(1.0, sum(weights.values())) if score else 1.0
+        axes.hist(values, _BINS, range=(0.0, most), color=_BAR_COLOUR, edgecolor="white", lw=0.4)
         if score:
             axes.axvline(values.min(), color=BEST_COLOUR, linewidth=1.2)
-        _finish_histogram(
-            axes,
-            "Combined score (dimensionless)" if score else f"{quantity.title} (normalised, 0 to 1)",
-        )
-    for axes in panels:
+        title = "Combined score (dimensionless)"
+        _finish_histogram(axes, title if score else f"{quantity.title} (normalised, 0 to 1)")
         axes.tick_params(labelleft=True, labelbottom=True)
     spare.set_axis_off()
     terms = [f"{weights['displacement']:g} displacement", f"{weights['coverage']:g} (1 - coverage)"]
@@ -109,13 +105,6 @@ def normalised_figure(summary: SweepSummary) -> Figure:
     return figure
 
 
-def _bins(quantity: Quantity, values: FloatArray) -> FloatArray:
-    low, high = float(values.min()), float(values.max())
-    if quantity.logarithmic:
-        return np.geomspace(low, high, _BINS + 1)
-    return np.histogram_bin_edges(values, _BINS)
-
-
 def _finish_histogram(axes: Axes, label: str) -> None:
     axes.set(xlabel=label, ylabel="Number of poses")
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, steps=[1, 2, 5, 10]))
@@ -127,7 +116,7 @@ def _finish_histogram(axes: Axes, label: str) -> None:
 def _unknown(quantities: tuple[Quantity, ...]) -> list[Line2D]:
     """Legend entry for the poses that no histogram holds."""
     count = len(set().union(*(np.flatnonzero(~q.known).tolist() for q in quantities)))
-    return unknown_marks(count, ", not shown")
+    return count_entry("Without a number", count, UNKNOWN, ", not shown")
 
 
 def _logarithmic(axes: Axes) -> None:
@@ -233,17 +222,7 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     ):
         if count:
             entries.append(Line2D([], [], label=text.format(count), **UNKNOWN))
-    ring = Line2D(
-        [],
-        [],
-        marker="o",
-        ls="none",
-        ms=7,
-        mfc="none",
-        mec="black",
-        mew=1.3,
-        label=f"Pareto front in displacement, coverage, axial and lateral resolution: "
-        f"{len(summary.front)} poses",
-    )
+    text = "Pareto front in displacement, coverage, axial and lateral resolution: "
+    ring = Line2D([], [], label=f"{text}{len(summary.front)} poses", **FRONT_RING)
     legend_below(body, [ring, *entries])
     return figure

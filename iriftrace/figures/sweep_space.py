@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 import pyvista as pv
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -19,13 +18,11 @@ from iriftrace.core.errors import InputError
 from iriftrace.figures.space import (
     PART_COLOUR,
     SIZE_PX,
-    Box,
     View,
     add_part,
     add_picture,
     box_around,
     fitting_view,
-    rendered,
     thinned,
     titled_figure,
 )
@@ -128,7 +125,7 @@ def sweep_scene_figure(
         entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell of air"))
     title = f"{quantity.title} of each camera pose"
     figure = _framed(title, f"{summary.subtitle}{hidden}", scale, entries)
-    axes = _add_view(figure, view, box, draw, (0, 0))
+    axes = add_picture(figure, view, box, draw, (0, _FOOT_PX))
     warned = summary.origins[shown & summary.warned.any(axis=1)]
     axes.plot(*view.pixels(warned).T, **WARNED)
     axes.plot(*view.pixels(summary.origins[summary.plan.best])[0], **BEST_RING)
@@ -186,10 +183,11 @@ def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Fig
     width, height = _ROOM_PX
     side_by_side = up > across
     size = (width // 2, height) if side_by_side else (width, height // 2)
-    corners = ((0, 0), (size[0], 0)) if side_by_side else ((0, size[1]), (0, 0))
+    low = (0, _FOOT_PX)
+    corners = (low, (size[0], _FOOT_PX)) if side_by_side else ((0, size[1] + _FOOT_PX), low)
     names = ("From the cameras' side, above", "From the opposite side, below")
     for direction, name, corner in zip((towards, -towards), names, corners, strict=True):
-        axes = _add_view(figure, fitting_view(direction, box, size), box, draw, corner)
+        axes = add_picture(figure, fitting_view(direction, box, size), box, draw, corner)
         axes.text(30, size[1] - 20, name, fontsize=9, color=TEXT_COLOUR, ha="left", va="top")
     return figure
 
@@ -267,15 +265,3 @@ def _framed(title: str, subtitle: str, scale: ColourScale, entries: Sequence[Art
         frameon=False,
     )
     return figure
-
-
-def _add_view(
-    figure: Figure,
-    view: View,
-    box: Box,
-    draw: Callable[[pv.Plotter], None],
-    corner_px: tuple[int, int],
-) -> Axes:
-    """Render a view and put it into the room for pictures, its lower left corner at `corner_px`."""
-    left, foot = corner_px
-    return add_picture(figure, rendered(view, box, draw), view, box, (left, foot + _FOOT_PX))

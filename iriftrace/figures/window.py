@@ -42,7 +42,6 @@ CLOUD_COLUMNS = {
 
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
 _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
-_POINTS: dict[str, Any] = {"render_points_as_spheres": True, "point_size": 5.0}
 
 
 def view(path: str | Path, picture: str | Path | None = None) -> None:
@@ -283,5 +282,11 @@ def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title:
     signed = bool((um < 0).any())
     limits, colours = ((-most, most), "RdBu") if signed else ((0.0, most), "viridis")
     plotter.add_mesh(
-        points, scalars=title, clim=limits, cmap=colormaps[colours], lighting=False, **_POINTS
+        points,
+        scalars=title,
+        clim=limits,
+        cmap=colormaps[colours],
+        lighting=False,
+        render_points_as_spheres=True,
+        point_size=5.0,
     )

@@ -34,13 +34,7 @@ def field_tracer(dataset: xr.Dataset) -> Callable[[xr.Dataset, int], xr.Dataset]
 
     Called with the sweep and a pose's number, it gives the sweep with that pose's numbers anew. It
     replaces the metrics of the part and its regions, and the rays' ends; what the pose sees of
-    each face stays what the sweep saw.
-
-    Raises
-    ------
-    InputError
-        When it is called: half a sentence, if the scene is gone, has changed, has no field or
-        several, or bends rays at the shells alone. `SetupError` if it cannot be traced here.
+    each face stays what the sweep saw. It raises as `scene_with_field`.
     """
     scenes: dict[tuple[str, float], SweptScene] = {}
 
@@ -57,10 +51,8 @@ def field_tracer(dataset: xr.Dataset) -> Callable[[xr.Dataset, int], xr.Dataset]
 def scene_with_field(dataset: xr.Dataset, pose: int) -> SweptScene:
     """Load the scene of a pose to be traced through its field itself.
 
-    Raises
-    ------
-    InputError
-        Half a sentence, as `field_tracer`.
+    InputError, half a sentence, if the scene is gone, has changed, has no field or several, or
+    bends rays at the shells alone; SetupError if it cannot be traced here.
     """
     bending = dataset.attrs.get("bending", IN_LAYERS)
     if bending != IN_LAYERS:

@@ -19,13 +19,9 @@ _LENGTHS = (("focal_length", "focal length", "focal"), ("stand_off", "stand-off"
 
 @frozen
 class Varied:
-    """Something that has more than one value in a sweep of n poses.
+    """Something that has more than one value in a sweep; both names give the unit.
 
-    Attributes
-    ----------
-    name, short_name : str
-        With the unit; the short one fits into a terminal.
-    values : (n,) tuple of str
+    The short name fits into a terminal.
     """
 
     name: str
@@ -51,10 +47,9 @@ def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
 
 def series_of(varied: tuple[Varied, ...], poses: int) -> dict[str, IntArray]:
     """Poses that differ in nothing but position: a description (may be empty) and their numbers."""
-    texts = [setting_of(varied, pose) for pose in range(poses)]
     numbers: dict[str, list[int]] = {}
-    for pose, text in enumerate(texts):
-        numbers.setdefault(text, []).append(pose)
+    for pose in range(poses):
+        numbers.setdefault(setting_of(varied, pose), []).append(pose)
     return {text: np.array(members, dtype=np.int64) for text, members in numbers.items()}
 
 

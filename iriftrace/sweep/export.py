@@ -21,12 +21,7 @@ if TYPE_CHECKING:
 def check_table(path: Path) -> None:
     """Refuse before the work a table that could not be written after it.
 
-    Raises
-    ------
-    InputError
-        If its name ends in something else than ``.csv`` or ``.parquet``.
-    SetupError
-        If what writes Parquet is not installed.
+    InputError for another ending than ``.csv`` and ``.parquet``, SetupError without pyarrow.
     """
     _check_suffix(path, "table", (".csv", ".parquet"))
     if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
@@ -37,13 +32,7 @@ def check_table(path: Path) -> None:
 
 
 def check_surface(path: Path) -> None:
-    """Refuse before the work a surface that could not be written after it.
-
-    Raises
-    ------
-    InputError
-        If its name ends in something else than ``.vtp`` or ``.vtu``, which ParaView opens.
-    """
+    """Refuse before the work, with InputError, a surface that ParaView could not open after it."""
     _check_suffix(path, "surface", (".vtp", ".vtu"))
 
 

@@ -22,18 +22,10 @@ _PERCENTILES = (1.0, 99.0)
 
 @frozen(eq=False)
 class FaceMap:
-    """One number for each of the m faces of the part.
+    """One number for each of the m faces of the part: an (m,) array, NaN if no pose sees it.
 
-    Attributes
-    ----------
-    key : str
-        Short name, for files.
-    title, label : str
-        What it is; the same with the unit.
-    values : (m,) array
-        NaN for a face that no pose sees.
-    limits : (2,) tuple
-        Ends of the colours; logarithmic if the first is positive.
+    The key is for files, the label states the unit. The limits are the ends of the colours, which
+    are logarithmic if the first is positive.
     """
 
     key: str

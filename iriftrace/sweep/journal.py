@@ -40,19 +40,10 @@ class Piece:
 
 @frozen(eq=False)
 class Work:
-    """Pieces that give one netCDF file together.
+    """So many pieces, `total`, that give one netCDF file together.
 
-    Attributes
-    ----------
-    kind, parts : str
-        What it is, and what tells one from another, in messages: "sweep", "poses, another scene
-        or other options".
-    output : Path
-        The netCDF file.
-    request : str
-        Fingerprint of all that the pieces depend on.
-    total : int
-        Number of pieces.
+    Messages name its kind ("sweep") and what tells one from another ("poses, another scene or
+    other options"). The request is a fingerprint of all that the pieces depend on.
     """
 
     kind: str
@@ -70,24 +61,13 @@ class Work:
     ) -> xr.Dataset:
         """Measure what an earlier run has left, write the result and read it.
 
-        Every piece is in the journal as soon as it is measured, so that the same call goes on
-        where a killed one stopped. The journal is removed when the result is written. A result
-        that is there is read and nothing is measured.
+        `measure` gives the pieces that are not in the journal, in any order; `write` writes the
+        result, its attribute ``request`` included. Every piece is in the journal as soon as it is
+        measured, so that the same call goes on where a killed one stopped. The journal is removed
+        when the result is written. A result that is there is read and nothing is measured.
 
-        Parameters
-        ----------
-        measure : callable
-            Gives the pieces that are not in the journal, in any order.
-        write : callable
-            Writes the result, its attribute ``request`` included.
-        read : callable
-        progress : callable, optional
-
-        Raises
-        ------
-        InputError
-            The file or its journal belongs to another work or cannot be written, or another
-            program is writing it.
+        InputError if the file or its journal belongs to another work or cannot be written, or
+        another program is writing it.
         """
         if not self.output.parent.is_dir():
             raise InputError(f"The folder {self.output.parent} does not exist; create it first.")
@@ -212,11 +192,8 @@ def journal_of(output: Path) -> Path:
 def open_journal(work: Work) -> Iterator[Journal]:
     """Journal of a work, for one program at a time; without pieces it is removed at the end.
 
-    Raises
-    ------
-    InputError
-        Another program is writing it, it belongs to another work, or the file is damaged or
-        cannot be written.
+    InputError if another program is writing it, it belongs to another work, or the file is damaged
+    or cannot be written.
     """
     path = journal_of(work.output)
     try:

@@ -16,22 +16,11 @@ Limits = tuple[float, float]
 
 @frozen
 class Measure:
-    """One variable.
+    """One variable, whose value stands under the keys in a pose's metrics.
 
-    Attributes
-    ----------
-    keys : tuple of str
-        Where the value stands in a pose's metrics.
-    unit : str
-    text : str
-        Description, may be empty.
-    count : bool
-        A whole number, -1 where it is unknown; others are floats and NaN.
-    regional : bool
-        One value for each region, and not for the whole part alone.
-    method : str
-        What was done over the members of an ensemble, as the CF conventions (1.11, section 7.3)
-        say it; may be empty.
+    A count is a whole number, -1 where it is unknown; others are floats and NaN. A regional one has
+    a value for each region, and not for the whole part alone. The method is what was done over the
+    members of an ensemble, as the CF conventions (1.11, section 7.3) say it.
     """
 
     keys: tuple[str, ...]
@@ -135,16 +124,13 @@ RAYS: dict[str, Measure] = {
     },
 }
 OF_POSES: dict[str, Measure] = {
-    "hits_at_border": Measure(
-        ("hits_at_border",),
-        "1",
-        "straight rays of the outermost pixels that hit the part",
-        count=True,
-        regional=False,
-    ),
-    "shell_triangles_in_view": Measure(
-        ("shell_triangles_in_view",), "1", count=True, regional=False
-    ),
+    **{
+        name: Measure((name,), "1", text, count=True, regional=False)
+        for name, text in (
+            ("hits_at_border", "straight rays of the outermost pixels that hit the part"),
+            ("shell_triangles_in_view", ""),
+        )
+    },
     "every_second_shell_p95": Measure(
         ("every_second_shell", "p95_share"),
         "1",
@@ -177,19 +163,11 @@ def metric_variables(
     *,
     ensemble: bool = False,
 ) -> dict[str, Any]:
-    """Variables of a dataset from what was measured in each pose.
+    """Variables of a dataset from what was measured in each of `count` poses.
 
-    Parameters
-    ----------
-    entries : iterable of dict
-        For each pose ``metrics`` (the JSON of a pose, or None) and ``failure``; only one is in
-        memory at a time.
-    count : int
-        Number of poses.
-    region_names : sequence of str
-        Of the part; the whole part comes first as region ``"part"``.
-    ensemble : bool
-        Whether poses are those of several fields; adds their scatter.
+    Their entries, of which only one is in memory at a time, have ``metrics`` (the JSON of a pose,
+    or None) and ``failure``. The whole part comes before its regions. The scatter is added where
+    poses are those of an ensemble of fields.
     """
     measures = {**MEASURES, **(ENSEMBLE if ensemble else {}), **RAYS, **OF_POSES}
     regions = 1 + len(region_names)

@@ -38,22 +38,9 @@ SAMPLE = 1000
 class SceneSource:
     """Where a process that renders poses finds their scene.
 
-    Attributes
-    ----------
-    path : str
-        The scene's XML file, absolute.
-    variables : dict of str
-        Values for its ``<default>`` parameters.
-    variant : str
-        Mitsuba variant.
-    fingerprint : str
-        SHA-256 of the file, of those that it names, and of variables, variant and engine.
-    version : str
-        Of iriftrace.
-    files : dict of str
-        SHA-256 of each file that the scene names, by absolute path.
-    engine : str or None
-        What bends the rays, whatever the file says; None for what it says.
+    The path is absolute; the fingerprint is the SHA-256 of the file, of those that it names, and of
+    variables (of its ``<default>`` parameters), variant and engine. Files have a SHA-256 each, by
+    absolute path. The engine bends the rays, whatever the file says; None is for what it says.
     """
 
     path: str
@@ -69,19 +56,8 @@ class SceneSource:
 class PoseTask:
     """A pose to be rendered; small, and understood by every process that sees the scene's files.
 
-    Attributes
-    ----------
-    number : int
-        Of the pose in its sweep.
-    source : SceneSource
-    camera : Camera
-        With its pose.
-    include : tuple of int
-        Status codes whose rays the metrics use.
-    nearest : bool
-        See :func:`iriftrace.image.metrics.pose_metrics`.
-    exr : str
-        File for the AOV image, absolute; empty for none.
+    `include` has the status codes whose rays the metrics use; `nearest` is that of
+    :func:`iriftrace.image.metrics.pose_metrics`; `exr` is the AOV image's absolute path, or empty.
     """
 
     number: int
@@ -95,13 +71,7 @@ class PoseTask:
 def source_of(
     path: Path, variables: dict[str, str], variant: str, engine: str | None = None
 ) -> SceneSource:
-    """The scene as it lies on the disk now.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
-    """
+    """The scene as it lies on the disk now; InputError if it cannot be read."""
     with runtime.using(variant), warnings.catch_warnings():
         # Said when the scene is loaded.
         warnings.simplefilter("ignore", IriftraceWarning)
@@ -152,12 +122,8 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
     """Render one pose of a scene that was loaded from the task's source; the same in every process.
 
     The piece's entry has ``metrics`` (None if the pose failed) and ``failure`` (why, else empty);
-    its rows are those of `FaceSightings`.
-
-    Raises
-    ------
-    InputError
-        If the image cannot be written. A pose without a picture is a result that says why.
+    its rows are those of `FaceSightings`. InputError if the image cannot be written; a pose without
+    a picture is a result that says why.
     """
     with warnings.catch_warnings():
         # Said once for the sweep, and not for every pose.

@@ -143,15 +143,9 @@ def _variant(swept: str | None) -> str:
 
 @frozen(eq=False)
 class Surroundings:
-    """Surfaces that the cameras of a sweep look at.
+    """Part and outermost shell (vertices, faces) that the cameras of a sweep look at.
 
-    Attributes
-    ----------
-    part : Part or None
-    shell : (vertices, faces) or None
-        The outermost shell; vertices in mm, world.
-    missing : tuple of str
-        Why something is None, half a sentence each.
+    Vertices are in mm, world; `missing` says in half a sentence each why one is None.
     """
 
     part: Part | None = None
@@ -175,13 +169,7 @@ def surroundings_of(dataset: xr.Dataset) -> Surroundings:
 
 
 def swept_part(dataset: xr.Dataset) -> Part:
-    """Read the part of a sweep, if its file is still what was swept.
-
-    Raises
-    ------
-    InputError
-        Half a sentence, to go on with.
-    """
+    """Read the part of a sweep; InputError, half a sentence, if its file is not what was swept."""
     named = attribute(dataset, "part")
     if not {"path", "sha256", "length_unit", "to_world"} <= set(named):
         raise InputError("the sweep does not name its file")

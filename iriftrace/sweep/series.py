@@ -25,16 +25,10 @@ RenderPoses = Callable[[Iterable[PoseTask]], Iterator[Piece]]
 
 @frozen(eq=False)
 class Series:
-    """Poses of one scene with one camera.
+    """Poses of one scene with one camera, whose own pose is not used.
 
-    Attributes
-    ----------
-    scene : LoadedScene
-    camera : Camera
-        Intrinsics and focus interval; its pose is not used.
-    poses : PoseSet
-    stand_off_mm : float, mm
-        What the orbit's semi-axes exceed the part's half extents by; NaN for other poses.
+    The stand-off is what the orbit's semi-axes exceed the part's half extents by; NaN for other
+    poses.
     """
 
     scene: LoadedScene
@@ -52,16 +46,8 @@ def all_series(
 ) -> list[Series]:
     """Every combination of scene, focal length and set of poses; see `run_sweep`.
 
-    Raises
-    ------
-    InputError
-        The camera has no focal length to change; cameras to be moved out of the air, or all of
-        them, stand in the part.
-
-    Warns
-    -----
-    IriftraceWarning
-        Cameras were moved.
+    InputError if the camera has no focal length to change, or cameras to be moved out of the air,
+    or all of them, stand in the part.
     """
     sets = {math.nan: poses} if isinstance(poses, PoseSet) else poses
     series: list[Series] = []
@@ -121,13 +107,10 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
 
 
 def check_comparable(series: Sequence[Series]) -> None:
-    """Refuse series whose poses could not be ranked together.
+    """Refuse, with InputError, series whose poses could not be ranked together.
 
-    Raises
-    ------
-    InputError
-        If there is no pose, a camera is orthographic, or the scenes have different parts, variants,
-        wavelengths or cameras; only focal length and pose of the camera may differ.
+    These have no pose, an orthographic camera, or different parts, variants, wavelengths or
+    cameras; only focal length and pose of the camera may differ.
     """
     if sum(len(one.poses) for one in series) == 0:
         raise InputError("The sweep has no pose; give angles or a list of poses.")
@@ -189,17 +172,13 @@ def series_variables(series: Sequence[Series]) -> dict[str, Any]:
     """Scene, focal length and stand-off of each pose, as variables of a dataset."""
     counts = [len(one.poses) for one in series]
     scenes = np.array([str(one.scene.path) for one in series], dtype=object)
-    focal = [one.camera.focal_length_mm for one in series]
-    stand_off = [one.stand_off_mm for one in series]
-    millimetres = {"units": "mm"}
+    focal = np.array([one.camera.focal_length_mm for one in series])
+    stand_off = np.array([one.stand_off_mm for one in series])
+    excess = {"units": "mm", "long_name": "semi-axes of the orbit less half extents of the part"}
     return {
         "scene": (("pose",), np.repeat(scenes, counts), {"long_name": "file of the scene"}),
-        "focal_length": (("pose",), np.repeat(np.array(focal), counts), millimetres),
-        "stand_off": (
-            ("pose",),
-            np.repeat(np.array(stand_off), counts),
-            {**millimetres, "long_name": "semi-axes of the orbit less half extents of the part"},
-        ),
+        "focal_length": (("pose",), np.repeat(focal, counts), {"units": "mm"}),
+        "stand_off": (("pose",), np.repeat(stand_off, counts), excess),
     }
 
 

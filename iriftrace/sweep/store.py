@@ -52,10 +52,10 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
     origins = {
         f"origin_{axis}": (
             ("pose",),
-            column,
+            places,
             {"units": "mm", "long_name": f"camera's {axis}, world"},
         )
-        for axis, column in zip("xyz", poses.origins.T, strict=True)
+        for axis, places in zip("xyz", poses.origins.T, strict=True)
     }
     return {
         "pose": (("pose",), np.arange(len(distance)), {"long_name": "number of the pose"}),
@@ -86,7 +86,10 @@ def to_dataset(
         attrs={
             "Conventions": CONVENTIONS,
             "schema": SCHEMA,
-            **{key: _attribute(v) for key, v in attributes.items()},
+            **{
+                key: value if isinstance(value, str | int | float) else json.dumps(value)
+                for key, value in attributes.items()
+            },
         },
     )
     return found.set_coords([name for name in PLACE if name in found])
@@ -95,18 +98,8 @@ def to_dataset(
 def write_sweep(path: Path, dataset: xr.Dataset, sightings: Iterable[FaceSightings]) -> None:
     """Write a sweep as netCDF; an existing file is replaced when the new one is complete.
 
-    Parameters
-    ----------
-    path : Path
-    dataset : xarray.Dataset
-        All but the variables over ``sighting``.
-    sightings : iterable of FaceSightings
-        Of each pose; only one is in memory at a time.
-
-    Raises
-    ------
-    InputError
-        If the disk has no room for it, or the file cannot be written.
+    The dataset holds all but the variables over ``sighting``: of the sightings of each pose only
+    one is in memory at a time. InputError if the disk has no room, or the file cannot be written.
     """
     rows = int(dataset[COUNTS].sum())
     _refuse_full_disk(path, dataset.nbytes + rows * ROW.itemsize)
@@ -133,13 +126,10 @@ def _append_sightings(path: Path, rows: int, sightings: Iterable[FaceSightings])
                 compression_opts=_LEVEL,
                 shuffle=True,
             )
-            column.attrs["units"] = unit
-            column.attrs["long_name"] = text
+            column.attrs.update(units=unit, long_name=text)
             columns[name] = column
         start = 0
-        for found in sightings:
-            if len(found) == 0:
-                continue
+        for found in filter(len, sightings):
             for name, column in columns.items():
                 column[start : start + len(found)] = getattr(found, name)
             start += len(found)
@@ -191,17 +181,12 @@ def read_sweep(path: str | Path) -> xr.Dataset:
     if schema == SCHEMA and dataset.sizes.get("pose", 0):
         return dataset
     dataset.close()
-    fault = "holds no pose"
-    if schema != SCHEMA:
-        fault = (
-            f"has schema {schema!r} instead of {SCHEMA!r}, so it is no sweep of this version of "
-            "iriftrace"
-        )
-    raise InputError(f"{path} {fault}; run the sweep again.")
-
-
-def _attribute(value: Any) -> Any:
-    return value if isinstance(value, str | int | float) else json.dumps(value)
+    if schema == SCHEMA:
+        raise InputError(f"{path} holds no pose; run the sweep again.")
+    raise InputError(
+        f"{path} has schema {schema!r} instead of {SCHEMA!r}, so it is no sweep of this version of "
+        "iriftrace; run the sweep again."
+    )
 
 
 def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:

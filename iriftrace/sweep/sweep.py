@@ -171,12 +171,8 @@ def run_series(
     )
     if fresh:
         _warn_of_empty_poses(dataset)
-        warn_of_coarse_poses(
-            *(
-                dataset[name].values
-                for name in ("every_second_shell_p95", "every_second_shell_p95_mm", "through_field")
-            )
-        )
+        judged = ("every_second_shell_p95", "every_second_shell_p95_mm", "through_field")
+        warn_of_coarse_poses(*(dataset[name].values for name in judged))
     return dataset
 
 

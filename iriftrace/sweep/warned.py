@@ -42,24 +42,10 @@ FLAGS = (
 
 
 def warned_variable(dataset: xr.Dataset) -> tuple[tuple[str], IntArray, dict[str, Any]]:
-    """Flags of each pose, with the attributes that explain them in the file.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        A sweep with all that was measured.
-    """
+    """Flags of each pose of a sweep, with the attributes that explain them in the file."""
     whole = dataset.sel(region=WHOLE_PART)
-    good, hit, beyond, blurred, passed = (
-        np.asarray(whole[name].values, dtype=np.float64)
-        for name in (
-            "rays_good",
-            "rays_hit",
-            "hits_at_border",
-            "rays_out_of_focus",
-            "rays_open_boundary",
-        )
-    )
+    counts = ("rays_good", "rays_hit", "hits_at_border", "rays_out_of_focus", "rays_open_boundary")
+    good, hit, beyond, blurred, passed = (whole[name].values.astype(np.float64) for name in counts)
     coarse = (whole["every_second_shell_p95"].values > LIMIT) & (whole["through_field"].values != 1)
     found = (coarse, passed > SHARE * good, blurred > SHARE * hit, (beyond > 0) | (hit == 0))
     flags = sum((one & (good >= 0)).astype(np.int8) << bit for bit, one in enumerate(found))

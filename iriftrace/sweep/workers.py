@@ -48,21 +48,10 @@ _loaded: dict[str, LoadedScene] = {}
 
 
 def check_scheduler(scheduler: str, count: int | None = None) -> None:
-    """Refuse before the work a scheduler that cannot be meant.
+    """Refuse before the work a scheduler that is neither ``"local"`` nor an address.
 
-    Parameters
-    ----------
-    scheduler : str
-        ``"local"`` or an address.
-    count : int, optional
-        Number of local workers.
-
-    Raises
-    ------
-    InputError
-        If it is neither, or workers are asked of it that cannot be started.
-    SetupError
-        If Dask distributed is not installed.
+    InputError also if `count` workers are asked of it that it cannot start; SetupError if Dask
+    distributed is not installed.
     """
     if scheduler != LOCAL and not _ADDRESS.fullmatch(scheduler):
         raise InputError(
