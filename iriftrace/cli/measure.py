@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from iriftrace.cli.console import say, working
 from iriftrace.cli.options import Share, check_input, check_output
 from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.scene.load import LoadedScene
@@ -172,10 +173,14 @@ def correct(
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
     check_output(output, "corrected.vtp", ".ply")
+    if output.resolve() == cloud.resolve():
+        raise InputError(
+            f"The corrected cloud would replace the measured one in {cloud}, which could not be "
+            "corrected anew; give it another name (-o)."
+        )
     points = read_cloud(cloud, length_unit=length_unit)
     if cloud_to_part is not None:
-        text = " ".join(cloud_to_part.read_text(encoding="utf-8", errors="replace").split())
-        points = apply(parse_transform(text), points)
+        points = apply(parse_transform(str(cloud_to_part)), points)
     loaded = trace.load(scene)
     with working("Correcting"):
         found = take_out(
@@ -234,7 +239,8 @@ def _say_features(features: list[dict[str, Any]], true: str) -> None:
             more = f", with a standard deviation of {_um(scatter)} from field to field"
         say(
             f"{row['kind'].capitalize()}{where}: diameter {hot:.4f} mm as measured through hot "
-            f"air, {size:.4f} mm {true}: {_um(size - hot)} is air{more}; {form}."
+            f"air, {size:.4f} mm {true}: the air makes it {_um(abs(hot - size))} "
+            f"{'smaller' if hot < size else 'larger'}{more}; {form}."
         )
 
 

@@ -117,7 +117,7 @@ def print_summary(metrics: PoseMetrics) -> None:
     if metrics.ensemble is not None:
         _add_ensemble(table, metrics.ensemble)
     if metrics.shells_against_field is not None:
-        _add_shell_error(table, metrics.shells_against_field)
+        _add_shell_error(table, metrics.shells_against_field, metrics.every_second_shell)
     table.add_row(
         "coverage",
         f"{_percent(metrics.coverage)} of the part's area in faces hit, "
@@ -191,7 +191,9 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
     )
 
 
-def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
+def _add_shell_error(
+    table: Table, values: dict[str, Any], every_second_shell: dict[str, Any] | None
+) -> None:
     """Difference between the shells and the field they were cut from, with a remedy if large."""
     table.add_row(
         "shells against field",
@@ -199,7 +201,9 @@ def _add_shell_error(table: Table, values: dict[str, Any]) -> None:
         f"without shells), p95 {_um(values['p95_mm'])} ({values['p95_share']:.1%}); sample of "
         f"{values['rays']:,} rays",
     )
-    if not values["suffice"]:
+    if (every_second_shell or {}).get("through_field"):
+        table.add_row("", "so the picture is of the field itself")
+    elif not values["suffice"]:
         # From 30 on still more shells hardly bring a picture closer to the field.
         more = "cut more shells (--layers 40), or " if values["shells"] < 30 else ""
         table.add_row("", f"closer: {more}trace with --engine continuous")

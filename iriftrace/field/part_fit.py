@@ -15,6 +15,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
+from iriftrace.field.origin import synthetic_mark
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.transform import apply, parse_transform
 from iriftrace.part.part import Part
@@ -131,9 +132,13 @@ def fit_part_to_field(
     elif bare > LARGEST_BARE_SHARE:
         messages.append(
             f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
-            "wall, so no hot air is known there and rays through it stay straight; mirror a field "
-            "that was solved on a half or quarter, take smaller cells where the part is round, or "
-            "check unit and axes."
+            "wall, so no hot air is known there and rays through it stay straight; "
+            + (
+                "take smaller cells (--cell-size), which follow sharp edges and thin walls."
+                if synthetic_mark(field.source.origin)
+                else "mirror a field that was solved on a half or quarter, take smaller cells "
+                "where the part is round, or check unit and axes."
+            )
         )
     messages += _temperature_message(temperature, wall_temperature_k)
     return Fit(median, p95, temperature, bare, tuple(messages))

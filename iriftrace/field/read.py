@@ -11,7 +11,7 @@ import pyvista as pv
 from attrs import evolve
 from numpy.typing import ArrayLike
 
-from iriftrace.air.refractivity import Air
+from iriftrace.air.refractivity import TEMPERATURE_RANGE, Air
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
@@ -247,8 +247,13 @@ def _warn_of_other_ambient(result: IndexField) -> None:
         warn(
             f"The coolest air in {result.source.path} has {coolest:.1f} K, but the ambient "
             f"temperature is {ambient:.1f} K, which puts a false step at the edge of the data; "
-            f"give air=Air(temperature_k={coolest:.1f}) (--ambient '{coolest:.1f} K') if that "
-            "is the room.",
+            + (
+                f"give air=Air(temperature_k={coolest:.1f}) (--ambient '{coolest:.1f} K') if that "
+                "is the room."
+                if TEMPERATURE_RANGE[0] <= coolest <= TEMPERATURE_RANGE[1]
+                else "no room is like that: check the array's unit (temperature_unit, "
+                "--temperature-unit)."
+            ),
             IriftraceWarning,
             stacklevel=3,
         )

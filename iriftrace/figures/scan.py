@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from iriftrace.field.origin import synthetic_mark
 from iriftrace.figures.style import finish_axes, new_figure
 from iriftrace.triangulation.scan import Scan, ScanStatus
 
@@ -19,10 +20,12 @@ def scan_figure(scan: Scan) -> Figure:
     """
     error = UM_PER_MM * scan.error_normal
     low, middle, high = np.percentile(error, (5, 50, 95))
+    mark = synthetic_mark(scan.provenance["assumptions"]["field_origin"])
+    marked = f" ({mark})" if mark else ""
     figure, body = new_figure(
         8.0,
         4.4,
-        f"What hot air adds to a {scan.system} measurement",
+        f"What hot air adds to a {scan.system} measurement{marked}",
         f"median {middle:.2g} um, 5th to 95th percentile {low:.2g} to {high:.2g} um along the "
         "part's normal; grey: on the part, not measured",
     )
@@ -32,7 +35,7 @@ def scan_figure(scan: Scan) -> Figure:
     picture[scan.status == ScanStatus.MEASURED] = error
     lost = np.isin(scan.status, (ScanStatus.MEASURED, ScanStatus.NOT_SEEN), invert=True)
     left.imshow(np.where(lost, 1.0, np.nan), cmap="Greys", vmin=0.0, vmax=3.0)
-    shown = left.imshow(picture, cmap="RdBu", vmin=-limit, vmax=limit, interpolation="none")
+    shown = left.imshow(picture, cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="none")
     rows, columns = np.nonzero(np.isfinite(picture) | lost)
     left.set_xlim(columns.min() - 2, columns.max() + 2)
     left.set_ylim(rows.max() + 2, rows.min() - 2)

@@ -280,7 +280,7 @@ def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title:
     points.point_data[title] = um
     most = float(np.nanpercentile(np.abs(um), 99)) or 1.0
     signed = bool((um < 0).any())
-    limits, colours = ((-most, most), "RdBu") if signed else ((0.0, most), "viridis")
+    limits, colours = ((-most, most), "RdBu_r") if signed else ((0.0, most), "viridis")
     plotter.add_mesh(
         points,
         scalars=title,

@@ -40,7 +40,8 @@ def read_ply(path: Path) -> PlyMesh:
     with path.open("rb") as file:
         mesh: Any = trimesh.load(file, file_type="ply", process=False)
     raw = mesh.metadata.get("_ply_raw", {})
-    vertices = np.array(mesh.vertices, dtype=np.float64)
+    # A file of no vertices is an empty scene to trimesh.
+    vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     check_corners(vertices, faces)
     return PlyMesh(vertices, faces, _columns(raw, "vertex"), _columns(raw, "face"))

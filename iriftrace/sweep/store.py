@@ -169,6 +169,8 @@ def read_sweep(path: str | Path) -> xr.Dataset:
             )
         raise InputError(f"There is no sweep {path}; `iriftrace sweep` writes one.")
     check_readable(Path(path))
+    if Path(path).suffix == ".xml":
+        raise InputError(f"{path} is a scene; give the file that `iriftrace sweep {path}` writes.")
     check_netcdf(Path(path))
     try:
         dataset = xr.open_dataset(path, engine="h5netcdf")

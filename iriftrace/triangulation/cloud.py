@@ -43,6 +43,9 @@ def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
     if not file.is_file():
         raise InputError(f"There is no file {file}; check the name.")
     points = _points(file)
+    if file.suffix.lower() == ".stl":
+        # Every triangle has its own corners.
+        points = np.unique(points, axis=0)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise InputError(f"{file} holds no points; export the cloud again.")
     if not np.isfinite(points).all():

@@ -236,7 +236,8 @@ def correct(
     if distance > REACH_MM:
         raise InputError(
             f"The cloud lies {distance:.3g} mm beside the part (median), so it is another part's, "
-            "in another unit or another frame; give its points in mm in the frame of the scene."
+            "in another unit (--length-unit) or another frame (--cloud-to-part); give its points "
+            "in mm in the frame of the scene."
         )
     members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.

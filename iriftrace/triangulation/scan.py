@@ -380,7 +380,9 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
 
     distance = np.linalg.norm(true - solved.origin, axis=1)
     near, far = solved.focus_mm
-    turned = np.einsum("ij,ij->i", normal, solved.origin - true) <= 0
+    # An open part may be seen from the back of its triangles, by both devices then.
+    sides = (np.einsum("ij,ij->i", normal, one.origin - true) for one in (forward, solved))
+    turned = np.prod(list(sides), axis=0) <= 0
     with np.errstate(invalid="ignore"):
         places = solved.project(true)
         inside = ((places >= 0) & (places <= solved.resolution)).all(axis=1)

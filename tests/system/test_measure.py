@@ -71,7 +71,7 @@ def test_its_correction_gives_the_diameter_back(
     assert corrected["size_mm"]["corrected"] == pytest.approx(
         simulated["size_mm"]["cold"], abs=1e-4
     )
-    assert "is air" in capsys.readouterr().out
+    assert "the air makes it" in capsys.readouterr().out
 
 
 def test_rounded_coordinates_are_warned_of(
@@ -108,6 +108,36 @@ def test_wrong_clouds_end_in_one_sentence(
     assert "Traceback" not in error
     assert re.search(said, error)
     assert not (tmp_path / "out.vtp").exists()
+
+
+def test_a_measured_cloud_is_not_replaced_by_its_correction(
+    scan: Path, scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = scan.read_bytes()
+    assert main(["correct", str(scan), str(scene), "-o", str(scan)]) == 2
+    assert "would replace the measured one" in capsys.readouterr().err
+    assert scan.read_bytes() == before
+
+
+def test_corners_of_an_stl_count_once(tmp_path: Path) -> None:
+    import trimesh
+
+    from iriftrace.triangulation.cloud import read_cloud
+
+    trimesh.creation.icosphere(2).export(tmp_path / "ball.stl")
+    with pytest.warns(UserWarning, match="does not say from which"):
+        assert len(read_cloud(tmp_path / "ball.stl")) == 162
+
+
+def test_a_cloud_of_no_points_says_so(tmp_path: Path) -> None:
+    from iriftrace.core.errors import InputError
+    from iriftrace.triangulation.cloud import read_cloud
+
+    empty = tmp_path / "empty.ply"
+    properties = "".join(f"property float {axis}\n" for axis in "xyz")
+    empty.write_text(f"ply\nformat ascii 1.0\nelement vertex 0\n{properties}end_header\n")
+    with pytest.raises(InputError, match="holds no points"):
+        read_cloud(empty)
 
 
 def test_a_scene_with_one_device_is_refused(

@@ -23,6 +23,7 @@ from iriftrace.triangulation.scan import Scan, ScanStatus, measure
 from validation.inputs.scene_rays import loaded
 from validation.inputs.shell_fields import AMBIENT, field_of
 from validation.line import beyond
+from validation.oracles.aov_by_hand import make_part
 from validation.oracles.closed_forms import (
     RoundAir,
     cylinder_pair_error_um,
@@ -197,6 +198,22 @@ def test_air_of_one_index_leaves_no_error(
     scene = loaded(tmp_path_factory.mktemp("even"), part, stack, bending="shells")
     scan = measure(scene, above(-30), above(30), system="stereo")
     assert np.abs(scan.error).max() < 1e-6
+
+
+@pytest.mark.filterwarnings("ignore:.*is not closed")
+@pytest.mark.parametrize("towards", [1, -1])
+def test_a_sheet_is_measured_from_either_side_but_not_through_it(
+    variant: str, tmp_path_factory: pytest.TempPathFactory, towards: int
+) -> None:
+    """A part without thickness, as the inner side of an open mesh is."""
+    _, shells = slab(5, air=RoundAir(), size_mm=400.0)
+    corners = np.array([(-50, -50, 0), (50, -50, 0), (50, 50, 0), (-50, 50, 0)], dtype=float)
+    faces = np.array([(0, 1, 2), (0, 2, 3)])[:, ::towards]
+    scene = loaded(tmp_path_factory.mktemp("sheet"), make_part(corners, faces), shells)
+    scan = measure(scene, above(-30), above(30), system="stereo")
+    assert (scan.status == ScanStatus.MEASURED).all()
+    with pytest.raises(InputError, match="no point of the part in common"):
+        measure(scene, above(-30), above(150), system="stereo")
 
 
 def test_a_step_puts_what_lies_behind_it_into_shadow(

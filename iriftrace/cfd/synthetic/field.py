@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ import pyvista as pv
 from iriftrace.air.refractivity import Air
 from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
 from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.origin import state_origin
+from iriftrace.field.part_fit import fit_part_to_field
 
 
 def synthetic_grid(
@@ -47,13 +49,14 @@ def synthetic_field(
     light : Air, optional
         The ambient air and the wavelength; by default `Air` at the model's ambient temperature.
     """
-    grid = synthetic_grid(air, size)
     ambient = Air(temperature_k=air.ambient_k) if light is None else light
+    return _field_of(synthetic_grid(air, size), air, ambient, "synthetic field without a file")
+
+
+def _field_of(grid: pv.UnstructuredGrid, air: SyntheticAir, ambient: Air, name: str) -> IndexField:
     temperature = np.asarray(grid.point_data["T"], dtype=np.float64)
     digest = hashlib.sha256(np.asarray(grid.points).tobytes() + temperature.tobytes()).hexdigest()
-    source = FieldSource(
-        "synthetic field without a file", digest, "T", "temperature", "mm", air.origin
-    )
+    source = FieldSource(name, digest, "T", "temperature", "mm", air.origin)
     return IndexField(grid, ambient.refractivity(temperature), ambient, source)
 
 
@@ -64,10 +67,16 @@ def write_synthetic_field(
     *,
     gradient: bool = False,
 ) -> pv.UnstructuredGrid:
-    """Write the synthetic field, which says that it is one, as .vtu (else InputError), mm and K."""
+    """Write the synthetic field, which says that it is one, as .vtu (else InputError), mm and K.
+
+    A mesh that leaves part of the wall out, as at sharp edges, is warned of.
+    """
     if Path(path).suffix.lower() != ".vtu":
         raise InputError(f"{path} does not end in .vtu, which the field is written as; rename it.")
     grid = synthetic_grid(air, size, gradient=gradient)
     with whole_file(path) as temporary:
         grid.save(temporary)
+    field = _field_of(grid, air, Air(temperature_k=air.ambient_k), str(path))
+    for message in fit_part_to_field(field, air.part).warnings:
+        warnings.warn(message, IriftraceWarning, stacklevel=2)
     return grid
