@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.arrays import IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.planning.rank import Plan, weighted
 
@@ -82,17 +82,23 @@ def stability(plan: Plan, share: float = 0.5) -> Stability:
 def close_alternative(plan: Plan) -> Alternative | None:
     """The best of the poses that score nearly as well as the winner and cover far more or less.
 
-    Nearly means within `CLOSE_SCORES`; far means at least twice or at most half the coverage, and
-    5 % of the area. None if the winner is clear, or the coverage is unknown.
+    Nearly means within `CLOSE_SCORES`. None if the winner is clear, or the coverage is unknown.
     """
     behind = plan.score[plan.order] - plan.score[plan.best]
     coverage = plan.metrics["coverage"][plan.order]
     margin = CLOSE_SCORES * sum(plan.criteria.weights.values())
-    low, high = np.minimum(coverage, coverage[0]), np.maximum(coverage, coverage[0])
-    other = (high >= _OTHER_RATIO * low) & (high - low >= _OTHER_DIFFERENCE)
-    found = np.flatnonzero(other & (behind <= margin * (1 + _EQUAL_SCORES)))
+    found = np.flatnonzero(
+        far_apart(coverage[0], coverage) & (behind <= margin * (1 + _EQUAL_SCORES))
+    )
     if len(found) == 0:
         return None
     first = found[0]
     pose, score = int(plan.order[first]), float(behind[first])
     return Alternative(pose, score, float(coverage[first]), float(coverage[0]))
+
+
+def far_apart(coverage: float, others: FloatArray) -> BoolArray:
+    """True where one coverage is at least twice the other, and they differ by 5 % of the area."""
+    low, high = np.minimum(others, coverage), np.maximum(others, coverage)
+    far: BoolArray = (high >= _OTHER_RATIO * low) & (high - low >= _OTHER_DIFFERENCE)
+    return far

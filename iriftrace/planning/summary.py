@@ -26,7 +26,7 @@ from iriftrace.planning.quantities import (
     score_quantity,
 )
 from iriftrace.planning.rank import Plan, pareto_front, rank_poses, ranked_quietly
-from iriftrace.planning.stability import close_alternative, stability
+from iriftrace.planning.stability import close_alternative, far_apart, stability
 from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
 from iriftrace.sweep.faces import faces_seen
 from iriftrace.sweep.store import WHOLE_PART, attribute, scene_of
@@ -391,10 +391,16 @@ def warned_text(summary: SweepSummary) -> str | None:
 
 
 def alternative_text(summary: SweepSummary) -> str | None:
-    """That the winner is not clear, one sentence; None if it is."""
+    """That the winner is not clear, or sees little, one sentence; None if neither."""
     found = close_alternative(summary.plan)
     if found is None:
-        return None
+        coverage = summary.plan.metrics["coverage"][summary.plan.order]
+        if not far_apart(coverage[0], coverage.max()):
+            return None
+        return (
+            f"The best pose sees {100 * coverage[0]:.1f} % of {_region(summary)}, another one "
+            f"{100 * coverage.max():.1f} %; ask for a --min-coverage if more has to be seen."
+        )
     return (
         f"The winner is not clear: pose {found.pose} scores only {found.behind:.3f} more and sees "
         f"{100 * found.coverage:.1f} % of {_region(summary)} instead of "

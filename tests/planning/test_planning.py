@@ -19,7 +19,7 @@ from iriftrace.image.aov_image import Status
 from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
 from iriftrace.planning.rank import pareto_front, rank_poses, score_of
 from iriftrace.planning.stability import close_alternative, stability
-from iriftrace.planning.summary import other_statistics_text, summarise
+from iriftrace.planning.summary import alternative_text, other_statistics_text, summarise
 from validation.inputs.sweep_tables import sweep_table, two_regions
 
 # Five poses A to E. NumPy's linear percentile of five values lies at position 0.95 * 4 = 3.8, that
@@ -509,12 +509,9 @@ def test_the_default_is_the_displacement_below_which_nearly_all_rays_stay() -> N
     assert rank_poses(table, evolve(THE_PAPERS, **alone)).best == 1
 
 
-def test_other_winners_are_said_where_they_differ() -> None:
-    count = 5
-    table = five()
-    for name, values in (("mean", [7, 1, 10, 12, 6]), ("p95", [7, 12, 10, 1, 6])):
-        table = changed(table, f"displacement_{name}", values)
-    table = changed(table, "displacement_median", [np.nan] * count)
+def with_views(table: xr.Dataset) -> xr.Dataset:
+    """What a summary tells of a sweep besides its metrics."""
+    count = table.sizes["pose"]
     for status in Status:
         if status is not Status.GOOD:
             table[f"rays_{status.key}"] = (("pose", "region"), np.zeros((count, 1), dtype=int))
@@ -522,9 +519,29 @@ def test_other_winners_are_said_where_they_differ() -> None:
     table["matrix"] = (("pose", "row", "column"), np.tile(np.eye(4), (count, 1, 1)))
     for name in ("azimuth", "elevation", "distance"):
         table[name] = ("pose", np.arange(count, dtype=float))
+    return table
+
+
+def test_other_winners_are_said_where_they_differ() -> None:
+    count = 5
+    table = five()
+    for name, values in (("mean", [7, 1, 10, 12, 6]), ("p95", [7, 12, 10, 1, 6])):
+        table = changed(table, f"displacement_{name}", values)
+    table = changed(table, "displacement_median", [np.nan] * count)
+    table = with_views(table)
     found = summarise(table, Criteria(1, 0, 0, 0))
     assert found.other_winners == {"mean": 1}
     text = other_statistics_text(found)
     assert "95th percentile of the displacement pose 3 is the best, by its mean pose 1" in text
     same = table.assign(displacement_mean=table["displacement_p95"])
     assert other_statistics_text(summarise(same, Criteria(1, 0, 0, 0))) is None
+
+
+def test_a_best_pose_that_sees_little_is_told() -> None:
+    """Far ahead in all else, so that no other pose is as good."""
+    criteria = Criteria(0.5, 0.1, 0.2, 0.2, percentile=100)
+    table = sweep_table([1.0, 1.5, 2.0], [0.04, 0.4, 0.4], [1, 1, 1], [1, 1, 1])
+    with pytest.warns(IriftraceWarning, match="axial, lateral"):
+        text = alternative_text(summarise(with_views(table), criteria))
+    assert text is not None
+    assert "sees 4.0 % of the part, another one 40.0 %" in text
