@@ -40,6 +40,17 @@ CLOUD_COLUMNS = {
 }
 """Columns of clouds, mm, by which points are coloured, and what they are called."""
 
+SCALAR_BAR: Any = {
+    "vertical": True,
+    "position_x": 0.84,
+    "position_y": 0.2,
+    "height": 0.6,
+    "title_font_size": 22,
+    "label_font_size": 18,
+    "fmt": "%.4g",
+}
+"""Beside what is drawn, not over its axes."""
+
 _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
 _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
@@ -95,7 +106,8 @@ def _window(title: str) -> Any:
 def _set_up(plotter: Any, draw: Draw) -> None:
     plotter.view_isometric()
     draw(plotter)
-    plotter.show_grid(xtitle="x (mm)", ytitle="y (mm)", ztitle="z (mm)", color="#666666")
+    titles = {"xtitle": "x (mm)", "ytitle": "y (mm)", "ztitle": "z (mm)"}
+    plotter.show_grid(**titles, color="#666666", font_size=13, fmt="%.4g")
     plotter.add_axes()
     plotter.reset_camera()
 
@@ -189,7 +201,13 @@ def _sweep(path: Path) -> Draw:
         shape = pv.Cone(center=(0.5 * length, 0.0, 0.0), height=length, radius=0.4 * length)
         shape.rotate_y(180.0, point=shape.center, inplace=True)
         poses = cones.glyph(orient="aim", scale=False, geom=shape)
-        plotter.add_mesh(poses, scalars=summary.score.title, cmap="viridis_r", nan_color="#b3b3b3")
+        plotter.add_mesh(
+            poses,
+            scalars=summary.score.title,
+            cmap="viridis_r",
+            nan_color="#b3b3b3",
+            scalar_bar_args=SCALAR_BAR,
+        )
         best = summary.plan.best
         ends = summary.origins[best], summary.targets[best]
         plotter.add_mesh(pv.Line(*ends), color=SIGHT_COLOUR, line_width=4)
@@ -240,7 +258,9 @@ def _field(path: Path) -> Draw:
     half = grid.clip(normal="y", origin=grid.center)
 
     def draw(plotter: pv.Plotter) -> None:
-        plotter.add_mesh(half, scalars=title, cmap=colormaps[COLOUR_MAP])
+        plotter.add_mesh(
+            half, scalars=title, cmap=colormaps[COLOUR_MAP], scalar_bar_args=SCALAR_BAR
+        )
         plotter.add_mesh(grid.outline(), color="#666666")
 
     return draw
@@ -258,11 +278,15 @@ def _part(path: Path) -> Draw:
         if not len(mesh.faces):
             return _coloured(path, mesh.vertices, mesh.vertex_columns)
     part = read_part(path)
-    surface = polydata(part.vertices, part.faces)
-    surface.cell_data["region"] = np.array(part.region_names)[part.region_of_face]
+    colours = colormaps["tab20"](np.arange(len(part.region_names)) % 20)
 
     def draw(plotter: pv.Plotter) -> None:
-        plotter.add_mesh(surface, scalars="region", cmap="tab20")
+        for number, (name, colour) in enumerate(zip(part.region_names, colours, strict=True)):
+            of_region = polydata(part.vertices, part.faces[part.region_of_face == number])
+            plotter.add_mesh(of_region, color=colour, ambient=0.3, label=name)
+        size = 0.25, min(0.03 * len(colours), 0.95)
+        legend: Any = plotter.add_legend
+        legend(loc="upper left", face="rectangle", bcolor=None, size=size)
 
     return draw
 
@@ -289,4 +313,5 @@ def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title:
         lighting=False,
         render_points_as_spheres=True,
         point_size=5.0,
+        scalar_bar_args=SCALAR_BAR,
     )
