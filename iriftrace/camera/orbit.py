@@ -219,23 +219,7 @@ def _posed(
 
 
 def semi_axes(part: Part, stand_off_mm: float) -> FloatArray:
-    """Half extents of the part plus a stand-off.
-
-    Parameters
-    ----------
-    part : Part
-    stand_off_mm : float, mm
-        Free distance on each axis between part and camera.
-
-    Returns
-    -------
-    (3,) array, mm
-
-    Raises
-    ------
-    InputError
-        If the stand-off is not positive.
-    """
+    """Half extents of the part plus a stand-off (> 0) on each axis, (3,) array, mm."""
     if not (np.isfinite(stand_off_mm) and stand_off_mm > 0):
         raise InputError(
             f"A stand-off of {stand_off_mm:g} mm puts cameras into the part; give a positive "

@@ -57,24 +57,9 @@ _NAMES = "m00 ... m33, or x, y, z with qx, qy, qz, qw, or x, y, z with target_x,
 
 
 def to_convention(matrices: ArrayLike, name: str) -> FloatArray:
-    """Poses as another program writes them.
+    """Poses (..., 4, 4), camera to world with x right, y down, z forward, in another convention.
 
-    Parameters
-    ----------
-    matrices : (..., 4, 4) array
-        Camera to world; x right, y down, z forward.
-    name : str
-        One of `CONVENTIONS`.
-
-    Returns
-    -------
-    (..., 4, 4) array
-        Camera to world in that convention.
-
-    Raises
-    ------
-    InputError
-        If the convention is unknown.
+    The name is one of `CONVENTIONS`, else InputError.
     """
     return _with_axes(matrices, _axes(name))
 

@@ -25,21 +25,9 @@ from iriftrace.core.errors import InputError
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Name to write to; the file gets its own name when the block ends without an error.
 
-    Parameters
-    ----------
-    path
-        Final name of the file. Its folder must exist.
-
-    Yields
-    ------
-    Path
-        Temporary name in the same folder, so that the renaming is one step of the file system.
-        It is removed when the block fails or the program is interrupted.
-
-    Raises
-    ------
-    InputError
-        The folder does not exist, or the file system refuses the file.
+    The temporary name is in the same folder, which must exist, so that the renaming is one step of the
+    file system; it is removed when the block fails or the program is interrupted. InputError if the
+    file system refuses the file.
     """
     target = Path(path)
     if not target.parent.is_dir():

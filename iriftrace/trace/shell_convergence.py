@@ -60,19 +60,8 @@ def shell_resolution(
 ) -> ShellResolution | None:
     """Trace a sample of a picture's good rays again, with all shells and with every second one.
 
-    Parameters
-    ----------
-    scene : LoadedScene
-    image : AovImage
-        Of this scene.
-    sample : int
-        Most rays that are traced again.
-
-    Returns
-    -------
-    ShellResolution or None
-        None with the continuous engine, of an ensemble, with fewer than 5 shells or such as do not
-        lead from one index to the next, where no ray is bent, and with fewer than `FEWEST` rays.
+    None with the continuous engine, of an ensemble, with fewer than 5 shells or such as do not lead
+    from one index to the next, where no ray is bent, and with fewer than `FEWEST` rays.
     """
     good = np.flatnonzero(image.status == Status.GOOD)
     if len(good) == 0:

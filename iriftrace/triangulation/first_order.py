@@ -20,7 +20,7 @@ def first_order_error(
     system: System = "fringe",
     phase: Phase | None = None,
 ) -> FloatArray:
-    r"""Error X' - X of points whose lines of sight pass beside them by known offsets.
+    r"""Error X' - X (n, 3) of points whose lines of sight pass beside them by known offsets.
 
     The devices see X along the unit directions a and b, and their straight lines pass through
     :math:`X + \delta_c` and :math:`X + \delta_p`. With the normal m of the projector's plane
@@ -30,22 +30,9 @@ def first_order_error(
     and of two cameras e is the midpoint between the two lines. What is left out is of second order:
     the offset is taken at X for the line that ends beside it.
 
-    Parameters
-    ----------
-    camera, second : Camera
-    points : (n, 3) array, mm, world
-        X, on the part.
-    offset, second_offset : (n, 3) arrays, mm, world
-        Of each device's line of sight at X, :math:`-(I - a a^T)` times its displacement; as
-        `iriftrace.image.sightings.FaceSightings.offset`.
-    system : str
-        ``"fringe"``, ``"stereo"`` or ``"laser"``, whose sheet is taken to pass through each point.
-    phase : str, optional
-        As for :func:`iriftrace.measure`.
-
-    Returns
-    -------
-    (n, 3) array, mm, world
+    Points and offsets are (n, 3) arrays, mm, world; an offset is :math:`-(I - a a^T)` times the
+    displacement, as `iriftrace.image.sightings.FaceSightings.offset` has it. A laser's sheet is taken
+    to pass through each point. System and phase as for :func:`iriftrace.measure`.
     """
     a, b = unit_vectors(points - camera.origin), unit_vectors(points - second.origin)
     phase = phase or ("columns" if system == "laser" else better_phase(camera, second))

@@ -30,36 +30,20 @@ _STEEPEST_DEG = 45.0
 class WallState:
     """The inner boundary of a field, m triangles on n points.
 
-    Attributes
-    ----------
-    temperature_k : (n,) array
-    centres : (m, 3) array, mm
-    nearest_face : (m,) array
-        The part's face that is nearest to each centre.
-    normals : (m, 3) array
-        Of the triangles, out of the part.
-    areas : (m,) array, mm2
-    flux : (m,) array, W/m2
-        Conducted from the wall into the air, positive for a hot wall.
-    flux_of_cells : (m,) array, W/m2
-        The same from the mean gradient of the cells at the wall, which is that of a place above
-        it: too small by some per cent, and the difference tells how well the cells resolve it.
-    layer_mm : (n,) array
-        Conduction thickness of the boundary layer: (T_wall - T_ambient) over the gradient; NaN
-        where the wall is not hotter than the room.
-    cell_mm : (n,) array
-        Height of the first cell above the wall.
+    The flux of the cells is that of their mean gradient, of a place above the wall: too small by
+    some per cent, and the difference tells how well the cells resolve it. The layer is the
+    conduction thickness, (T_wall - T_ambient) over the gradient.
     """
 
-    temperature_k: FloatArray
-    centres: FloatArray
-    nearest_face: IntArray
-    normals: FloatArray
-    areas: FloatArray
-    flux: FloatArray
-    flux_of_cells: FloatArray
-    layer_mm: FloatArray
-    cell_mm: FloatArray
+    temperature_k: FloatArray  # (n,)
+    centres: FloatArray  # (m, 3), mm
+    nearest_face: IntArray  # (m,), of the part, to each centre
+    normals: FloatArray  # (m, 3), out of the part
+    areas: FloatArray  # (m,), mm2
+    flux: FloatArray  # (m,), W/m2, conducted into the air, positive for a hot wall
+    flux_of_cells: FloatArray  # (m,), W/m2
+    layer_mm: FloatArray  # (n,); NaN where the wall is not hotter than the room
+    cell_mm: FloatArray  # (n,), height of the first cell above the wall
 
     @property
     def area_mm2(self) -> float:

@@ -32,33 +32,15 @@ from iriftrace.field.wall import inner_wall
 
 @frozen
 class Simulation:
-    """Result of a simulation.
+    """Result of a simulation."""
 
-    Attributes
-    ----------
-    field
-        The file with the mean field.
-    snapshots
-        Files of single states, of which ``<field>_snapshots.pvd`` is the list.
-    cells
-        Of the mesh.
-    averaged
-        Seconds over which the density was averaged.
-    steadiness
-        Over that time; None where it could not be told.
-    wall_error_k
-        Largest difference between the field at the wall and the temperature asked for, K.
-    seconds
-        Clock time of mesh and solver in this call.
-    """
-
-    field: Path
-    snapshots: tuple[Path, ...]
+    field: Path  # the file with the mean field
+    snapshots: tuple[Path, ...]  # single states; ``<field>_snapshots.pvd`` lists them
     cells: int
-    averaged: float
-    steadiness: Steadiness | None
-    wall_error_k: float
-    seconds: float
+    averaged: float  # seconds over which the density was averaged
+    steadiness: Steadiness | None  # over that time; None where it could not be told
+    wall_error_k: float  # largest difference of the field at the wall from what was asked for
+    seconds: float  # clock time of mesh and solver in this call
 
 
 @frozen

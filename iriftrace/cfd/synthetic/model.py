@@ -60,29 +60,14 @@ class Plume:
     :math:`0.79\, t^{-3/5}` within 3 % from 30 to 120 mm, and the width was 5 mm throughout.
 
     Limits: steady, no swaying, no turbulence far above, no chimney effect of a wide part's sides.
-
-    Parameters
-    ----------
-    base : (3,) array, mm, world
-        The part's middle, where the plume has its virtual origin.
-    along : (2,) array
-        Horizontal unit vector of the source.
-    half_length_mm : float
-        a, half the length of the source.
-    half_height_mm : float
-        R, from the middle of the part to its top.
-    width_mm : float
-        b, the half width at the top, where the temperature has fallen to 1/e.
-    strength : float
-        A, excess temperature on the axis at the top as a share of the wall's.
     """
 
-    base: FloatArray
-    along: FloatArray
-    half_length_mm: float = field(validator=_positive)
-    half_height_mm: float = field(validator=_positive)
-    width_mm: float = field(validator=_positive)
-    strength: float = field()
+    base: FloatArray  # (3,), mm, world: the part's middle, the virtual origin
+    along: FloatArray  # (2,), horizontal unit vector of the source
+    half_length_mm: float = field(validator=_positive)  # a, of the source
+    half_height_mm: float = field(validator=_positive)  # R, from the part's middle to its top
+    width_mm: float = field(validator=_positive)  # b, where T falls to 1/e at the top
+    strength: float = field()  # A, excess on the axis at the top as a share of the wall's
 
     @strength.validator
     def _check_strength(self, _: Attribute[float], value: float) -> None:
