@@ -25,9 +25,9 @@ from iriftrace.core.errors import InputError
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Name to write to; the file gets its own name when the block ends without an error.
 
-    The temporary name is in the same folder, which must exist, so that the renaming is one step of the
-    file system; it is removed when the block fails or the program is interrupted. InputError if the
-    file system refuses the file.
+    The temporary name is in the same folder, which must exist, so that the renaming is one step of
+    the file system; it is removed when the block fails or the program is interrupted. InputError if
+    the file system refuses the file.
     """
     target = Path(path)
     if not target.parent.is_dir():

@@ -31,8 +31,8 @@ def first_order_error(
     the offset is taken at X for the line that ends beside it.
 
     Points and offsets are (n, 3) arrays, mm, world; an offset is :math:`-(I - a a^T)` times the
-    displacement, as `iriftrace.image.sightings.FaceSightings.offset` has it. A laser's sheet is taken
-    to pass through each point. System and phase as for :func:`iriftrace.measure`.
+    displacement, as `iriftrace.image.sightings.FaceSightings.offset` has it. A laser's sheet is
+    taken to pass through each point. System and phase as for :func:`iriftrace.measure`.
     """
     a, b = unit_vectors(points - camera.origin), unit_vectors(points - second.origin)
     phase = phase or ("columns" if system == "laser" else better_phase(camera, second))
