@@ -54,29 +54,17 @@ def trace_bundle(
     trace_all: bool,
     straight: StraightHits | None = None,
 ) -> Bundle:
-    """Trace a bundle of rays.
+    """Trace a bundle of `count` rays.
 
-    Parameters
-    ----------
-    prepared : PreparedScene
-    rays : callable
-        From ray numbers (UInt32) to origins (Point3d, mm) and unit directions (Vector3d).
-    count : int
-        Number of rays.
-    bend : callable
-        From origins and directions to where the bent rays end: RefractedHits or CurvedHits.
-    check : callable
-        From these to two masks (Bool): the index along the ray adds up; the ray came from ambient
-        air through no boundary of the data that is open.
-    focus : (2,) float, mm
-        Nearest and farthest length of a straight ray that counts as sharp.
-    coherent : bool
-        Neighbouring rays run alike.
-    trace_all : bool
-        Bend every ray, not only those whose straight twin hits the part.
-    straight : StraightHits, optional
-        Of the same bundle in another scene with the same opaque shapes, such as the same part in
-        other air; then the straight rays are not traced again.
+    `rays` gives origins (Point3d, mm) and unit directions (Vector3d) of ray numbers (UInt32),
+    `bend` of these where the bent rays end (RefractedHits or CurvedHits), and `check` of these two
+    masks (Bool): the index along the ray adds up; the ray came from ambient air through no boundary
+    of the data that is open.
+
+    `focus` is the nearest and farthest length of a straight ray, mm, that counts as sharp.
+    Neighbouring rays that run alike are `coherent`. Only rays whose straight twin hits the part are
+    bent, unless `trace_all`. `straight` are hits of the same bundle in another scene with the same
+    opaque shapes, such as the same part in other air; then straight rays are not traced again.
     """
     import drjit as dr
     import mitsuba as mi

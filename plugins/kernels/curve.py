@@ -43,16 +43,12 @@ class Step(NamedTuple):
 
 
 def nystrom_step(point: Any, velocity: Any, acceleration: Callable[[Any], Any], time: Any) -> Step:
-    """Advance a ray by one step of Nystrom's method of order 4 (Hairer, Norsett and Wanner, II.14).
+    """Advance a ray by one step of Nystrom's method of order 4 (Hairer, Norsett and Wanner,
+    II.14).
 
-    Parameters
-    ----------
-    point, velocity : Point3d, Vector3d
-        mm; index times unit direction.
-    acceleration : callable
-        n grad n (Vector3d, 1/mm) at points.
-    time : Float64, mm
-        Length of the step over the index; may be negative.
+    From a point (Point3d, mm) and a velocity (Vector3d, index times unit direction), with the
+    acceleration n grad n (Vector3d, 1/mm) at points. The time is the length of the step over the
+    index, mm; it may be negative.
     """
     first = acceleration(point) * time
     halfway = point + velocity * (time / 2) + first * (time / 8)
@@ -102,21 +98,9 @@ def curved_hits(
 ) -> CurvedHits:
     """Ends of rays that follow the ray equation through a medium.
 
-    Parameters
-    ----------
-    opaque : mi.Scene
-        The part and other opaque shapes.
-    tables : SceneTables
-    medium : TetrahedralAir
-        Or anything else with its methods.
-    origin, direction : Point3d, Vector3d
-        Rays, mm, world; directions of length one.
-    coherent : bool
-        A hint to the ray query.
-    max_steps : int
-        Rays with more steps give up.
-    step : float, mm
-        From :func:`iriftrace.plugins.kernels.queries.query_step`.
+    A medium is TetrahedralAir, or anything else with its methods; the scene has opaque shapes
+    alone. Rays have origins (Point3d, mm) and unit directions (Vector3d), world; those with more
+    than `max_steps` give up. `coherent` is a hint to the ray query; `step` is `query_step`.
     """
     import drjit as dr
     import mitsuba as mi

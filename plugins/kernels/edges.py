@@ -44,22 +44,8 @@ def settle(
 ) -> tuple[Any, Any]:
     """Face and distance of a hit on the part, moved across the edges that it lies beyond.
 
-    Parameters
-    ----------
-    tables : SceneTables
-    origin, direction : Point3d, Vector3d
-        Rays, mm, world.
-    face : UInt32
-        Row of the part's face in the tables, from the query.
-    distance : Float64, mm
-        To that face's plane.
-    active : Bool
-        Hits on the part.
-
-    Returns
-    -------
-    face : UInt32
-    distance : Float64, mm
+    Of rays (Point3d, mm; Vector3d), the row of the part's face in the tables (UInt32) that the
+    query gave, and the distance to its plane (Float64, mm).
     """
     import drjit as dr
     import mitsuba as mi

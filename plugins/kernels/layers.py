@@ -69,12 +69,7 @@ def transverse(vector: Any, direction: Any) -> Any:
 def onto_plane(offset: Any, direction: Any, facet: Any) -> Any:
     """Way along a ray (Float64, mm) that brings a point beside it back onto a plane.
 
-    Parameters
-    ----------
-    offset : Vector3d, mm
-        From a point of the plane.
-    direction, facet : Vector3d
-        Unit direction of the ray and unit normal of the plane.
+    The offset (Vector3d, mm) is from a point of the plane; direction and facet are unit vectors.
     """
     import drjit as dr
 
@@ -143,22 +138,10 @@ class AtShell(NamedTuple):
 
 
 def between_shells(before: AtShell, here: AtShell, direction: Any, length: Any) -> tuple[Any, Any]:
-    """Deflection between two shells, and lateral offset at the second one.
+    """Deflection (vector, rad) between two shells, and lateral offset (mm) at the second one.
 
-    The offset is that of the same cubic; the correction counts as if it lay in the middle.
-
-    Parameters
-    ----------
-    before, here : AtShell
-    direction : vector
-        Unit direction of the ray.
-    length : number, mm
-        Of the way from the one to the other.
-
-    Returns
-    -------
-    deflection : vector, rad
-    offset : vector, mm
+    The offset is that of the same cubic; the correction counts as if it lay in the middle. The
+    length, mm, is that of the way from the one to the other along the unit direction.
     """
     import drjit as dr
 
@@ -179,23 +162,11 @@ def between_shells(before: AtShell, here: AtShell, direction: Any, length: Any) 
 
 
 def beside_part(shell: AtShell, direction: Any, length: Any) -> tuple[Any, Any]:
-    """Deflection between a shell and the part, and its first moment about the shell.
+    """Deflection (vector, rad) between a shell and the part, and its first moment about the shell.
 
-    By Taylor's series of the gradient. For a ray from the part to a shell `direction` and the
-    shell's `change` are reversed.
-
-    Parameters
-    ----------
-    shell : AtShell
-    direction : vector
-        Unit direction from the shell to the part.
-    length : number, mm
-
-    Returns
-    -------
-    deflection : vector, rad
-    moment : vector, mm
-        The deflection times its mean distance from the shell.
+    By Taylor's series of the gradient, along a unit direction from the shell to the part and a
+    length, mm; for a ray from the part to a shell the direction and the shell's `change` are
+    reversed. The moment, mm, is the deflection times its mean distance from the shell.
     """
     first, second = shell.gradient * length, shell.change * (length * length)
     index = type(length)(shell.index)
@@ -218,23 +189,11 @@ def stays_in_layer(shell: AtShell, contrast: Any, direction: Any, length: Any) -
 
 
 def outside(shell: AtShell, contrast: Any, direction: Any, length: Any) -> tuple[Any, Any]:
-    """Deflection in air whose other end is not known, and its first moment about the shell.
+    """Deflection (vector, rad) in air whose other end is not known, and its first moment, mm.
 
-    Parameters
-    ----------
-    shell : AtShell
-    contrast : number
-        Difference between the index at the shell and that of the layer outside.
-    direction : vector
-        Unit direction of the ray.
-    length : number, mm
-        Of its way in this air: to the camera, the part, or half of that to the next crossing.
-
-    Returns
-    -------
-    deflection : vector, rad
-    moment : vector, mm
-        The deflection times its mean distance from the shell.
+    The moment is the deflection times its mean distance from the shell, and the contrast the index
+    at the shell less that of the layer outside. The length, mm, is that of the ray's way in this
+    air: to the camera, the part, or half of that to the next crossing.
     """
     import drjit as dr
 

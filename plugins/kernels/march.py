@@ -67,24 +67,10 @@ def refracted_hits(
 ) -> RefractedHits:
     """Ends of rays that are bent by shells or by the layers between them.
 
-    Parameters
-    ----------
-    scene : mi.Scene
-        Part, shells and other shapes.
-    opaque : mi.Scene
-        The same without shells.
-    tables : SceneTables
-    origin, direction : Point3d, Vector3d
-        Rays, mm, world; directions of length one.
-    coherent : bool
-        A hint to the ray query, as for :func:`straight_hits`.
-    bending : AtShells or InLayers
-    max_crossings : int
-        Rays with more crossings give up.
-    step : float, mm
-        From :func:`query_step`.
-    drop_inside_hits : bool
-        Rays that meet a shell from its inside give up there.
+    The scene has part, shells and other shapes; `opaque` is the same without shells. Rays have
+    origins (Point3d, mm) and unit directions (Vector3d), world; those with more than
+    `max_crossings` give up, and with `drop_inside_hits` those that meet a shell from its inside.
+    `bending` is AtShells or InLayers; `coherent` and `step` as for :func:`straight_hits`.
     """
     import drjit as dr
     import mitsuba as mi

@@ -62,18 +62,7 @@ def scene_beside(scene: Any, shapes: list[Any]) -> Any:
 
 
 class PreparedScene:
-    """A scene ready for tracing.
-
-    Parameters
-    ----------
-    scene : mi.Scene
-        Loaded with ``optimize=False``.
-
-    Raises
-    ------
-    InputError
-        See :class:`SceneTables`.
-    """
+    """A scene ready for tracing, loaded with ``optimize=False``; InputError as of `SceneTables`."""
 
     def __init__(self, scene: Any) -> None:
         import mitsuba as mi
@@ -130,20 +119,11 @@ class PreparedScene:
     def layers_near(
         self, points: NDArray[np.float64], normals: NDArray[np.float64], *, lines: int = 1
     ) -> NDArray[np.float64]:
-        """Index of the layer just before and just behind points, counted from outside.
+        """Index of the layer just before and just behind points, (2, n), counted from outside.
 
-        Parameters
-        ----------
-        points : (n, 3) array, mm, world
-        normals : (n, 3) array
-            Unit vectors towards the outside.
-        lines : int
-            Straight lines from each point by which the steps are counted. With several, the
-            majority decides, so that a hole in a shell does not.
-
-        Returns
-        -------
-        (2, n) array
+        Points are (n, 3), mm, world, with unit normals towards the outside. By `lines` straight
+        lines from each point the steps are counted. With several, the majority decides, so that a
+        hole in a shell does not.
         """
         import mitsuba as mi
 
@@ -173,16 +153,8 @@ def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
     """The same scene with the first, the third, ... and the last step of the index.
 
     Meshes, tables and gradients are shared. The steps of the shells that stay add up to the same
-    sum.
-
-    Parameters
-    ----------
-    prepared : PreparedScene
-
-    Returns
-    -------
-    PreparedScene or None
-        None where the shells' steps do not lead from one to the next, or are fewer than ``FEWEST``.
+    sum. None where the shells' steps do not lead from one to the next, or are fewer than
+    ``FEWEST``.
     """
     shapes = prepared.scene.shapes()
     pairs = [shell_indices(shape.bsdf()) for shape in shapes]

@@ -24,11 +24,9 @@ def flip_axes(matrix: ArrayLike) -> NDArray[np.float64]:
 class Projection:
     """Rays through image positions and image positions of points.
 
-    Parameters
-    ----------
-    description : dict
-        The values of ``iriftrace.camera.Camera.as_dict``: projection, focal_length_mm, sensor_mm,
-        resolution, principal_point_px, matrix (camera to world) and distortion (none by default).
+    The description has the values of ``iriftrace.camera.Camera.as_dict``: projection,
+    focal_length_mm, sensor_mm, resolution, principal_point_px, matrix (camera to world), distortion
+    (none by default).
     """
 
     def __init__(self, description: dict[str, Any]) -> None:
@@ -88,14 +86,11 @@ class Projection:
         return x * factor, y * factor
 
     def project64(self, point: Any) -> tuple[Any, Any, Any]:
-        """Image position of points (Point3d, mm, world).
+        """Image position (Float64, px) of points (Point3d, mm, world), and whether it means
+        anything.
 
-        Returns
-        -------
-        x, y : Float64, px
-        in_front : Bool
-            Points for which the position means anything: before the pinhole, and not so far beside
-            the picture that the lens distortion turns back. Always true for parallel projection.
+        It does (Bool) before the pinhole, and not so far beside the picture that the lens
+        distortion turns back; always for parallel projection.
         """
         import drjit as dr
         import mitsuba as mi

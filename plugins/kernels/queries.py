@@ -83,19 +83,10 @@ def ray_query(scene: Any, origin: Any, direction: Any, coherent: bool, active: A
 def straight_hits(
     opaque: Any, tables: SceneTables, origin: Any, direction: Any, *, coherent: bool, step: float
 ) -> StraightHits:
-    """First hits of straight rays on the opaque shapes.
+    """First hits of straight rays on the opaque shapes, a scene without shells.
 
-    Parameters
-    ----------
-    opaque : mi.Scene
-        The part and other opaque shapes, without shells.
-    tables : SceneTables
-    origin, direction : Point3d, Vector3d
-        Rays, mm, world; directions of length one.
-    coherent : bool
-        Neighbouring rays run alike, as a camera's do; a hint to the ray query.
-    step : float, mm
-        From :func:`query_step`.
+    Rays have origins (Point3d, mm) and unit directions (Vector3d), world. `coherent` says that
+    neighbouring rays run alike, as a camera's do, a hint to the ray query; `step` is `query_step`.
     """
     import drjit as dr
     import mitsuba as mi

@@ -40,17 +40,9 @@ def distance_to_plane(
 ) -> Any:
     """Distance along a ray to the plane of a triangle, mm (Float64).
 
-    Parameters
-    ----------
-    origin, direction : Point3d, Vector3d
-    triangle : Triangle
-    normal : Vector3d
-        Unit normal of the plane.
-    rough : Float64, mm
-        Distance at which the single precision query met the triangle.
-    tolerance : Float64, mm
-        Error of that query across the ray. A ray that grazes a triangle's plane may meet the plane
-        itself far from the triangle; so the result stays within what the query can be wrong by.
+    `rough` is the distance at which the single precision query met the triangle, and the tolerance
+    that query's error across the ray. A ray that grazes a triangle's plane may meet the plane
+    itself far from the triangle; so the result stays within what the query can be wrong by.
     """
     import drjit as dr
 
@@ -64,13 +56,8 @@ def distance_to_plane(
 def corner_weights(point: Any, triangle: Triangle, facet: Any) -> tuple[Any, Any]:
     """Weights (Float64) of a triangle's corners b and c at a point; that of a is the rest of 1.
 
-    Parameters
-    ----------
-    point : Point3d, mm
-        A point of the triangle's plane; outside the triangle the nearest weights are used.
-    triangle : Triangle
-    facet : Vector3d
-        Unit normal of the plane.
+    The point (Point3d, mm) is on the triangle's plane, of the unit normal `facet`; outside the
+    triangle the nearest weights are used.
     """
     import drjit as dr
 

@@ -22,21 +22,11 @@ from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 
 
 def shell_derivatives(shape: Any, normals: FloatArray, step: float) -> FloatArray | None:
-    """Derivatives of the index at a shell's vertices; None if its file does not have them.
+    """Derivatives of the index at a shell's vertices, (n, 7); None if its file does not have them.
 
-    Parameters
-    ----------
-    shape : mi.Mesh
-    normals : (n, 3) array
-        Its vertex normals, along the gradient.
-    step : float
-        Index outside less index inside; the file counts in these steps, so a shell without one
-        bends nothing.
-
-    Returns
-    -------
-    (n, 7) array
-        Magnitude of the gradient, 1/mm, and the Hessian xx, yy, zz, yz, xz, xy, 1/mm^2.
+    Magnitude of the gradient, 1/mm, and the Hessian xx, yy, zz, yz, xz, xy, 1/mm^2. The mesh's
+    vertex normals (n, 3) are along the gradient. The step is the index outside less that inside;
+    the file counts in these steps, so a shell without one bends nothing.
     """
     import mitsuba as mi
 
@@ -106,17 +96,10 @@ class MeshArrays(NamedTuple):
 
 
 class VertexTable:
-    """Triangles of many meshes, and what is known at their corners.
+    """Triangles of many meshes, and what is known at their corners; zero where a mesh lacks it.
 
-    A vertex's rows are x, y, z, 0; the normal and the gradient's magnitude; xx, yy, zz, yz; and
-    xz, xy, 0, 0 of the Hessian. Without ``derivatives`` there are the first two.
-
-    Parameters
-    ----------
-    meshes : list of MeshArrays
-        What one lacks is taken to be zero.
-    derivatives : bool
-        Keep those of the index.
+    A vertex's rows are x, y, z, 0; the normal and the gradient's magnitude; xx, yy, zz, yz; and xz,
+    xy, 0, 0 of the Hessian. Without ``derivatives`` there are the first two.
     """
 
     def __init__(self, meshes: list[MeshArrays], derivatives: bool) -> None:
@@ -309,15 +292,8 @@ def _described(shape: Any, is_part: bool) -> _Described:
 class SceneTables:
     """Triangles, kinds and indices of every mesh of a scene, for gathering in a kernel.
 
-    Parameters
-    ----------
-    scene : mi.Scene
-
-    Raises
-    ------
-    InputError
-        If there is no shape with id ``part``, a shell is not a mesh or is turned inside out, or the
-        part is too large.
+    InputError if there is no shape with id ``part``, a shell is not a mesh or is turned inside out,
+    or the part is too large.
     """
 
     def __init__(self, scene: Any) -> None:

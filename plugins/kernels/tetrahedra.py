@@ -254,11 +254,7 @@ def _chosen(values: list[Any], number: Any) -> Any:
 class TetrahedralAir:
     """A field's tetrahedra in tables for a kernel, and its boundary for ray queries.
 
-    Parameters
-    ----------
-    cells : FieldCells
-    recovered : bool
-        Interpolate the gradients recovered at the points; else each tetrahedron has its own.
+    Gradients are the ones recovered at the points, interpolated; or each tetrahedron has its own.
     """
 
     def __init__(self, cells: FieldCells, recovered: bool) -> None:
