@@ -33,22 +33,10 @@ def separator_of(row: str) -> str | None:
 
 
 def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -> FloatArray:
-    """Rows as an array (rows, columns).
+    """Rows, without comments and empty lines, as an array (rows, columns).
 
-    Parameters
-    ----------
-    rows : sequence of str
-        Without comments and empty lines.
-    separator : str or None
-        As `separator_of` tells.
-    path : Path
-    what : str
-        What the rows are, for messages, such as ``"coordinates"``.
-
-    Raises
-    ------
-    InputError
-        A row has other columns than the first, or something that is no number.
+    `separator` is as `separator_of` tells, `what` names the rows in messages ("coordinates").
+    InputError if a row has other columns than the first, or something that is no number.
     """
     lines = rows
     if separator != "," and any(_DECIMAL_COMMA.search(row) for row in rows):
