@@ -86,20 +86,21 @@ def concentric_cylinders(
     """
     air = air or Air()
     surfaces, indices = _levels(layers, air, rule)
+    radii = cylinder_radii(surfaces, air).tolist()
     shells = [
         Shell(
             k + 1,
             float(surfaces[k]),
             float(indices[k]),
             float(indices[k + 1]),
-            *tube(float(radius), length_mm, sections),
+            *tube(radius, length_mm, sections),
         )
-        for k, radius in enumerate(cylinder_radii(surfaces, air))
+        for k, radius in enumerate(radii)
     ]
     rise = (WALL_K - air.temperature_k) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
     shells = [
-        _with_derivatives(shell, rise / float(radius), float(radius), air, rule)
-        for shell, radius in zip(shells, cylinder_radii(surfaces, air), strict=True)
+        _with_derivatives(shell, rise / radius, radius, air, rule)
+        for shell, radius in zip(shells, radii, strict=True)
     ]
     solid = trimesh.creation.cylinder(
         CYLINDER_RADIUS_MM, length_mm, sections=part_sections or sections
