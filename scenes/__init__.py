@@ -15,13 +15,7 @@ def names() -> tuple[str, ...]:
 
 
 def folder_of(name: str) -> Path:
-    """Folder of a bundled scene.
-
-    Raises
-    ------
-    InputError
-        If there is no scene of this name.
-    """
+    """Folder of a bundled scene; InputError if there is none of this name."""
     from iriftrace.core.errors import InputError
 
     if name not in names():
@@ -43,24 +37,8 @@ def shells_of(name: str) -> Path:
 def scene_copied(name: str, folder: Path) -> Iterator[tuple[Path, Path]]:
     """Copy a bundled scene to a folder of the user's; removed again if the block fails.
 
-    Parameters
-    ----------
-    name : str
-    folder : Path
-        A copy that was not changed since is replaced. Shells of another scene, which some use, go
-        beside it.
-
-    Yields
-    ------
-    xml : Path
-        The copy's XML file.
-    shells : Path
-        The folder of its shells.
-
-    Raises
-    ------
-    InputError
-        If there is no scene of this name, or somebody has changed the copy that is there.
+    Yields the copy's XML file and the folder of its shells. A copy that was not changed since is
+    replaced, one that was raises InputError. Shells of another scene, which some use, go beside it.
     """
     from iriftrace.scene.write import refuse_edited
 

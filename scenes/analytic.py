@@ -40,23 +40,10 @@ def cylinder_radii(refractivity: FloatArray, air: Air) -> FloatArray:
 def slab(
     layers: int = 13, *, air: Air | None = None, size_mm: float = 100.0, rule: str = "rim"
 ) -> tuple[Part, ShellStack]:
-    """A plate under plane layers of hot air.
+    """A plate under plane layers of hot air: a box below z = 0, and shells parallel to its top.
 
-    Parameters
-    ----------
-    layers : int
-        Number of shells, squares parallel to the plate's top at z = 0.
-    air : Air, optional
-    size_mm : float, mm
-        Side of plate and shells.
-    rule : str
-        Of :func:`iriftrace.shells.levels.index_levels`.
-
-    Returns
-    -------
-    part : Part
-        Box below z = 0.
-    shells : ShellStack
+    Plate and shells are squares of `size_mm`; the rule is that of
+    :func:`iriftrace.shells.levels.index_levels`.
     """
     air = air or Air()
     half = size_mm / 2
@@ -91,43 +78,29 @@ def concentric_cylinders(
     length_mm: float = 60.0,
     rule: str = "rim",
 ) -> tuple[Part, ShellStack]:
-    """A hot cylinder in coaxial layers of hot air; axis x.
+    """A hot cylinder in coaxial layers of hot air, both of `length_mm` along x.
 
-    Parameters
-    ----------
-    layers : int
-        Number of shells: tubes, open at both ends.
-    air : Air, optional
-    sections : int
-        Facets around each shell.
-    part_sections : int, optional
-        Facets around the part; as many as the shells have by default.
-    length_mm : float, mm
-        Length of part and shells.
-    rule : str
-        Of :func:`iriftrace.shells.levels.index_levels`.
-
-    Returns
-    -------
-    part : Part
-    shells : ShellStack
+    The shells are tubes, open at both ends, with `sections` facets around; the part has
+    `part_sections`, by default as many. The rule is that of
+    :func:`iriftrace.shells.levels.index_levels`.
     """
     air = air or Air()
     surfaces, indices = _levels(layers, air, rule)
+    radii = cylinder_radii(surfaces, air).tolist()
     shells = [
         Shell(
             k + 1,
             float(surfaces[k]),
             float(indices[k]),
             float(indices[k + 1]),
-            *tube(float(radius), length_mm, sections),
+            *tube(radius, length_mm, sections),
         )
-        for k, radius in enumerate(cylinder_radii(surfaces, air))
+        for k, radius in enumerate(radii)
     ]
     rise = (WALL_K - air.temperature_k) / np.log(HOT_AIR_RADIUS_MM / CYLINDER_RADIUS_MM)
     shells = [
-        _with_derivatives(shell, rise / float(radius), float(radius), air, rule)
-        for shell, radius in zip(shells, cylinder_radii(surfaces, air), strict=True)
+        _with_derivatives(shell, rise / radius, radius, air, rule)
+        for shell, radius in zip(shells, radii, strict=True)
     ]
     solid = trimesh.creation.cylinder(
         CYLINDER_RADIUS_MM, length_mm, sections=part_sections or sections
@@ -161,21 +134,9 @@ def _with_derivatives(
 def tube(
     radius: float, length: float, sections: int
 ) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-    """A tube along x around the origin, open at both ends.
+    """A tube along x around the origin, mm, open at both ends, with `sections` facets around.
 
-    Parameters
-    ----------
-    radius, length : float, mm
-    sections : int
-        Facets around.
-
-    Returns
-    -------
-    vertices : (n, 3) array, mm
-    faces : (m, 3) array
-        They face outward.
-    normals : (n, 3) array
-        Radial.
+    Vertices (n, 3), faces (m, 3), which face outward, and the radial unit normals (n, 3).
     """
     angle = 2 * np.pi * np.arange(sections) / sections
     radial = np.column_stack((np.zeros(sections), np.cos(angle), np.sin(angle)))

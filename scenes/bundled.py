@@ -80,12 +80,8 @@ def write_bundled(folder: str | Path) -> list[Path]:
 def write_fringe(folder: Path, cylinder: Path) -> Path:
     """Write the cylinder's scene with a camera and a projector, in the shells of the scene beside.
 
-    Parameters
-    ----------
-    folder
-        Of the scenes.
-    cylinder
-        Folder of the cylinder's scene; its name is what the new scene refers to.
+    `folder` is that of the scenes; the name of `cylinder`, the cylinder's scene, is what the new
+    scene refers to.
     """
     camera, projector = (
         scene_camera(origin, (0.0, 0.0, 0.0), (50.0, 450.0)) for origin in FRINGE_DEVICES_MM
@@ -95,14 +91,7 @@ def write_fringe(folder: Path, cylinder: Path) -> Path:
 
 
 def write_components(folder: str | Path, fields: Mapping[str, Path]) -> list[Path]:
-    """Write the scenes of the components whose fields are given; returns the XML files.
-
-    Parameters
-    ----------
-    folder
-    fields
-        File of the flow solution of each of `components.COMPONENTS` that is wanted.
-    """
+    """Write the scenes of those of `COMPONENTS` whose fields are given; returns the XML files."""
     written = [write_component(Path(folder), name, path) for name, path in fields.items()]
     if "bevel_gear" in fields:
         written.append(write_tooth(Path(folder), Path(folder) / "bevel_gear"))

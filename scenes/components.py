@@ -37,34 +37,16 @@ _TOOTH_VIEW_MM = (80.0, -25.0, 60.0)
 
 @frozen
 class Component:
-    """A part in its simulated air, and how it is shown.
-
-    Attributes
-    ----------
-    part
-        Makes the part.
-    triangles
-        Of all shells together, after thinning out.
-    origin_mm
-        Where the camera stands; it looks at the part's middle.
-    focus_mm
-        Nearest and farthest sharp distance.
-    field_origin
-        How the field was made.
-    time, symmetry
-        Notes on the field, stated in every result.
-    scale
-        Default factor on the camera's resolution; every face in view should have some rays.
-    """
+    """A part in its simulated air, and how it is shown."""
 
     part: Callable[[], Part]
-    triangles: int
-    origin_mm: tuple[float, float, float]
-    focus_mm: tuple[float, float]
-    field_origin: str
-    time: str
+    triangles: int  # of all shells together, after thinning out
+    origin_mm: tuple[float, float, float]  # of the camera, which looks at the part's middle
+    focus_mm: tuple[float, float]  # nearest and farthest sharp distance
+    field_origin: str  # how the field was made
+    time: str  # this and the symmetry are notes on the field, stated in every result
     symmetry: str
-    scale: float = SCALE
+    scale: float = SCALE  # factor on the resolution; every face in view should have some rays
 
     def camera(self) -> Camera:
         """The scene's camera."""
@@ -129,15 +111,7 @@ def write_component(folder: Path, name: str, field_path: Path) -> Path:
 
 
 def write_tooth(folder: Path, gear: Path) -> Path:
-    """Write the scene of one tooth, which uses the shells of the gear's scene beside it.
-
-    Parameters
-    ----------
-    folder
-        Of the scenes.
-    gear
-        Folder of the gear's scene; its name is what the new scene refers to.
-    """
+    """Write the scene of one tooth, in the shells of the gear's scene beside it, `gear`."""
     part = bevel_gear(tooth=TOOTH_NUMBER)
     middle = tooth_centre(part)
     camera = scene_camera(tuple(middle + _TOOTH_VIEW_MM), tuple(middle), (50.0, 250.0))
@@ -154,14 +128,8 @@ def write_beside(
 ) -> Path:
     """Write a scene beside another one, in whose shells its part lies; returns the XML file.
 
-    Parameters
-    ----------
-    target
-        Folder of the new scene.
-    other
-        Folder of the other scene; its name is what the new scene refers to.
-    part, camera, scale, second
-        As for `iriftrace.scene.write.write_scene`.
+    The name of the other scene's folder is what the new scene refers to; the rest is as for
+    `iriftrace.scene.write.write_scene`.
     """
     target.mkdir(parents=True, exist_ok=True)
     save_part(part, target / PART_FILE)

@@ -17,10 +17,7 @@ class ChildError(Exception):
 def output_of(module: str, *arguments: str) -> bytes:
     """Standard output of ``python -m module arguments``, a module that calls `run_limited`.
 
-    Raises
-    ------
-    ChildError
-        It failed, was ended by its limits or broke down.
+    ChildError if it failed, was ended by its limits or broke down.
     """
     done = subprocess.run(
         # -P: nothing of the working folder is taken for a module.

@@ -30,13 +30,7 @@ _ROWS = 1 << 20
 
 
 def check_netcdf(path: Path) -> None:
-    """Refuse a file of which HDF5 cannot read all.
-
-    Raises
-    ------
-    InputError
-        It is damaged, no netCDF file, or states variables that cannot be in it.
-    """
+    """Refuse a file of which HDF5 cannot read all, or that states variables too large for it."""
     state = path.stat()
     fault = _fault(path.absolute(), state.st_size, state.st_mtime_ns)
     if fault:

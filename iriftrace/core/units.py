@@ -49,13 +49,7 @@ def parse_quantity(text: str | float, unit: str) -> float:
 
 
 def length_factor(unit: str) -> float:
-    """Millimetres in one length unit: um, mm, cm, m, inch (or in).
-
-    Raises
-    ------
-    InputError
-        Another name.
-    """
+    """Millimetres in one length unit (um, mm, cm, m, inch, in); InputError for another name."""
     try:
         return _MILLIMETRES[unit.strip()]
     except KeyError:

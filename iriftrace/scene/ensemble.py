@@ -26,24 +26,12 @@ SCHEMA = "iriftrace.members/1"
 
 @frozen
 class FieldMember:
-    """One field of an ensemble.
+    """One field of an ensemble."""
 
-    Attributes
-    ----------
-    number : int
-        From 1.
-    label : str
-        What tells it from the others: a time step, a parameter, a file's name.
-    time : float or None
-        In the file's own unit, where it states one.
-    source : dict
-        Its file; see `iriftrace.index_field.FieldSource`.
-    """
-
-    number: int
-    label: str
-    time: float | None
-    source: dict[str, Any]
+    number: int  # from 1
+    label: str  # what tells it from the others: a time step, a parameter, a file's name
+    time: float | None  # in the file's own unit, where it states one
+    source: dict[str, Any]  # its file; see `iriftrace.index_field.FieldSource`
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -66,12 +54,9 @@ def is_ensemble(scene: Path) -> bool:
 
 
 def read_members(scene: Path) -> tuple[FieldMember, ...]:
-    """Members of an ensemble's scene.
+    """Members of an ensemble's scene, as its table lists them.
 
-    Raises
-    ------
-    InputError
-        The table is missing, damaged, or names members whose shells are not there.
+    InputError where the table is missing, damaged, or names members whose shells are not there.
     """
     path = scene.parent / FOLDER / TABLE
     try:
@@ -107,10 +92,7 @@ def write_members(folder: Path, members: tuple[FieldMember, ...]) -> None:
 def members_of(scene: Path, values: Mapping[str, str]) -> tuple[FieldMember, ...]:
     """Members that are to be traced together; none where one was chosen or the scene has one field.
 
-    Raises
-    ------
-    InputError
-        As `read_members`; or the member that was chosen does not exist.
+    Raises InputError as `read_members`, and where the member that was chosen does not exist.
     """
     if not is_ensemble(scene):
         return ()

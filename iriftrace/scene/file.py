@@ -39,14 +39,7 @@ class SceneFile:
 
 
 def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
-    """Parse a scene's XML without loading it, and refuse or warn of what would spoil the result.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or malformed, a variable is unknown, there is no part, or a mesh is
-        mirrored.
-    """
+    """Parse a scene's XML without loading it, and refuse or warn of what would spoil the result."""
     import mitsuba as mi
 
     require_scene(path)

@@ -53,26 +53,12 @@ def default_viewpoint(
     target: ArrayLike | None = None,
     up: ArrayLike = (0.0, 0.0, 1.0),
 ) -> FloatArray:
-    """Pose diagonally above the part, outside the hot air, with all of the part in the picture.
+    """Camera-to-world matrix (4, 4) diagonally above the part, in cold air, with all of it in view.
 
-    Parameters
-    ----------
-    part : Part
-    field : IndexField, optional
-        Without it, the hot air is the box around the shells.
-    stack : ShellStack
-    camera : Camera
-        Lens, sensor and the near end of the focus, which the whole part keeps from the camera.
-    target : (3,) array, mm, world, optional
-        Point that is looked at; the part's centre by default.
-    up : (3,) array, world
-        Direction that is up in the picture.
-
-    Returns
-    -------
-    (4, 4) array
-        Camera to world. Where the picture never holds the whole part, as for a target far beside
-        it, the place is the nearest that all else allows.
+    Lens, sensor and the near end of the focus, which the whole part keeps from it, are those of
+    `camera`; without a field, the hot air is the box around the shells. It looks at `target` (3,),
+    mm, world, by default the part's centre. Where the picture never holds the whole part, as for a
+    target far beside it, the place is the nearest that all else allows.
     """
     direction = DIAGONAL / np.linalg.norm(DIAGONAL)
     diagonal = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
@@ -131,34 +117,18 @@ def farthest_mm(part: Part, camera: Camera) -> float:
 
 @frozen
 class PartView:
-    """How much of a part its picture holds.
+    """How much of a part its picture holds, as shares of the solid angle at the camera."""
 
-    Attributes
-    ----------
-    outside : float
-        Share of what the part turns to the camera that lies outside the picture. Shares are those
-        of the solid angle at the camera; that one place may hide another is left out of account.
-        1 where it turns nothing to the camera, as to one inside it.
-    out_of_focus : float
-        Share that lies in the picture, but nearer or farther than the focus interval.
-    """
-
+    # Of what the part turns to the camera; that one place may hide another is left out of account.
+    # 1 where it turns nothing to the camera, as to one inside it.
     outside: float
-    out_of_focus: float
+    out_of_focus: float  # in the picture, but nearer or farther than the focus interval
 
 
 def part_view(part: Part, camera: Camera) -> PartView:
     """Measure how much of a part lies outside a camera's picture and focus.
 
-    Parameters
-    ----------
-    part : Part
-        Of an open one both sides count, as its mesh does not tell which is outside.
-    camera : Camera
-
-    Returns
-    -------
-    PartView
+    Of an open part both sides count, as its mesh does not tell which is outside.
     """
     # Evenly spaced over the area, and within their triangles by Roberts' R2 sequence (2018).
     number = np.arange(_SAMPLES)
@@ -194,21 +164,9 @@ def refuse_camera_inside(
     field: IndexField | None,
     name: str = "camera",
 ) -> None:
-    """Refuse a camera that stands in the part or inside the outermost shell.
+    """Refuse a camera, at (3,) mm in the world, in the part or inside the outermost shell.
 
-    Parameters
-    ----------
-    origin : (3,) array, mm, world
-    part : Part
-    stack : ShellStack
-    field : IndexField, optional
-        Without it, the closed shells are asked.
-    name : str
-        What the error calls it.
-
-    Raises
-    ------
-    InputError
+    Without a field, the closed shells are asked; `name` is what the error calls the camera.
     """
     point = np.asarray(origin, dtype=np.float64).reshape(1, 3)
     place = f"The {name} at {np.round(point[0], 1).tolist()} mm stands"

@@ -126,12 +126,7 @@ def written_together(folder: Path) -> Iterator[Path]:
     """Folder to write to, whose files go to `folder` when the block ends without an error.
 
     A block that fails, as on a full disk, leaves nothing behind: neither files nor folders that
-    were not there before.
-
-    Raises
-    ------
-    InputError
-        The folder cannot be made, or the file system refuses a file.
+    were not there before. What the file system refuses is an InputError.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     building = folder / f".scene.{os.getpid()}"

@@ -30,20 +30,10 @@ needs the number also behind a single one, ``hessian_xx_1``. The gradient tells 
 
 
 def derivative_rows(magnitude: FloatArray, hessian: FloatArray, step: float = 1.0) -> FloatArray:
-    """The derivatives that a :class:`iriftrace.shells.stack.Shell` keeps.
+    """The derivatives (n, 7) that a :class:`iriftrace.shells.stack.Shell` keeps, over its step.
 
-    Parameters
-    ----------
-    magnitude : (n,) array, 1/mm
-        Of the gradient of n.
-    hessian : (n, 3, 3) array, 1/mm^2, world
-        Second derivatives of n, symmetric.
-    step : float
-        The shell's ``ext - int_``, by which all are divided.
-
-    Returns
-    -------
-    (n, 7) array
+    Of the magnitude (n,) of the gradient of n, 1/mm, and the symmetric Hessian (n, 3, 3) of n,
+    1/mm^2, world; `step` is the shell's ``ext - int_``.
     """
     columns = [magnitude, *(hessian[:, i, j] for i, j in HESSIAN_AXES.values())]
     return np.stack(columns, axis=1) / step
@@ -52,18 +42,11 @@ def derivative_rows(magnitude: FloatArray, hessian: FloatArray, step: float = 1.
 def radial_derivatives(
     normals: NDArray[np.floating], slope: float, bend: float, radius: float, step: float
 ) -> FloatArray:
-    """The same where n depends on the distance from an axis, or from a plane, alone.
+    """The same where n depends on the distance from the x axis, or from a plane, alone.
 
-    Parameters
-    ----------
-    normals : (n, 3) array
-        Unit normals along +grad(n), away from the axis, which is that of x.
-    slope, bend : float, 1/mm and 1/mm^2
-        First and second derivative of n along them.
-    radius : float, mm
-        Distance from the axis; infinite for a plane.
-    step : float
-        As for :func:`derivative_rows`.
+    `normals` (n, 3) are unit vectors along +grad(n), away from the axis; `slope` and `bend` the
+    first and second derivative of n along them, 1/mm and 1/mm^2; `radius`, mm, is infinite for a
+    plane; `step` as for :func:`derivative_rows`.
     """
     unit = np.asarray(normals, dtype=np.float64)
     along = unit[:, :, None] * unit[:, None, :]

@@ -92,27 +92,10 @@ def layers_between(
     """Refractivities of the layers between given surfaces: the midpoint rule reversed.
 
     ``e_0`` is ambient, the layers between surfaces lie midway, and the innermost is extrapolated
-    by the same step (``e_N = 2 s_N - e_{N-1}``) but not beyond ``hottest``. Equal steps give back
-    what :func:`index_levels` says.
-
-    Parameters
-    ----------
-    surfaces : (N,) sequence
-        n - 1 of the shells in any order.
-    ambient : float
-    hottest : float, optional
-        n - 1 of the hottest air; by default the extrapolation has no limit but vacuum.
-
-    Returns
-    -------
-    surfaces : (N,) array
-        From ambient inwards.
-    layers : (N + 1,) array
-
-    Raises
-    ------
-    InputError
-        If there is none, two are equal, or one does not lie between ambient and hottest.
+    by the same step (``e_N = 2 s_N - e_{N-1}``) but not beyond ``hottest``, or vacuum. Equal steps
+    give back what :func:`index_levels` says. All are n - 1: (N,) surfaces, given in any order, come
+    back from ambient inwards, with (N + 1,) layers. Surfaces outside ambient to hottest, or twice
+    the same, raise InputError.
     """
     s = np.sort(np.asarray(surfaces, dtype=np.float64).ravel())[::-1]
     limit = 0.0 if hottest is None else hottest
