@@ -26,8 +26,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     """Name to write to; the file gets its own name when the block ends without an error.
 
     The temporary name is in the same folder, which must exist, so that the renaming is one step of
-    the file system; it is removed when the block fails or the program is interrupted. InputError if
-    the file system refuses the file.
+    the file system. It is removed when the block fails or the program is interrupted. A missing
+    folder, and what the file system refuses, is an InputError.
     """
     target = Path(path)
     if not target.parent.is_dir():
@@ -77,10 +77,7 @@ MOST_PACKED = 100
 def array_in(content: bytes) -> NDArray[Any]:
     """Array of numbers in the bytes of a ``.npy`` file; nothing is unpickled.
 
-    Raises
-    ------
-    ValueError
-        It is no such file, or its header states another size than it has.
+    ValueError if it is no such file, or its header states another size than it has.
     """
     file = io.BytesIO(content)
     try:
@@ -104,10 +101,7 @@ _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 def arrays_in(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Arrays of an ``.npz`` file by name, as in `array_in`.
 
-    Raises
-    ------
-    ValueError
-        It is no such file, lacks an array, or would unpack to more than `MOST_PACKED` times itself.
+    ValueError also if it lacks one, or would unpack to more than `MOST_PACKED` times itself.
     """
     try:
         with zipfile.ZipFile(path) as archive:

@@ -35,9 +35,8 @@ def separator_of(row: str) -> str | None:
 def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -> FloatArray:
     """Rows, without comments and empty lines, as an array (rows, columns).
 
-    The separator is as `separator_of` tells; `what` says what the rows are, such as
-    ``"coordinates"``. InputError for a row of other columns than the first, or with something that
-    is no number.
+    `separator` is as `separator_of` tells, `what` names the rows in messages ("coordinates").
+    InputError if a row has other columns than the first, or something that is no number.
     """
     lines = rows
     if separator != "," and any(_DECIMAL_COMMA.search(row) for row in rows):
