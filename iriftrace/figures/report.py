@@ -173,6 +173,19 @@ def report_content(
     )
 
 
+def _engines_text(dataset: xr.Dataset) -> str:
+    """How many poses the sweep, or the confirmation, took through the field after all."""
+    from iriftrace.sweep.confirm import traced_through_field
+
+    through = traced_through_field(dataset)
+    if through.all() or not through.any():
+        return ""
+    return (
+        f"{through.sum()} of {len(through)} poses were traced through the field itself, where the "
+        "shells are too few."
+    )
+
+
 def _rests_on(
     dataset: xr.Dataset, summary: SweepSummary, confirmation: Confirmation | None
 ) -> tuple[str, ...]:
@@ -184,6 +197,7 @@ def _rests_on(
     sentences = (
         f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
         assumed.get("field_fit", ""),
+        _engines_text(dataset),
         warned_text(summary),
         other_statistics_text(summary),
         "" if confirmation is None else confirmation.text,

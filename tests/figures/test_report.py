@@ -164,7 +164,10 @@ def test_a_winner_that_is_not_clear_is_said(tmp_path: Path) -> None:
     content = report_content(table, summary, 3)
     assert content.unclear is not None
     assert "pose 0 scores" in content.unclear or "pose 1 scores" in content.unclear
-    assert report_content(table, summary_of(table, Criteria(1, 0, 0, 0)), 1).unclear is None
+    little = report_content(table, summary_of(table, Criteria(1, 0, 0, 0)), 1).unclear
+    assert little is not None
+    assert little.startswith("The best pose sees")
+    assert report_content(table, summary_of(table, Criteria(0, 1, 0, 0)), 1).unclear is None
     with pytest.raises(InputError, match="0 rows"):
         report_content(table, summary, 0)
 
@@ -200,11 +203,13 @@ def test_what_decides_stands_in_the_first_box(tmp_path: Path) -> None:
     table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
     best = summary_of(table).plan.best
     table["warned"] = ("pose", np.where(np.arange(4) == best, 1 + 8, 0).astype("i1"))
+    table["through_field"] = ("pose", np.array([0.0, 1.0, 0.0, np.nan]))
     summary = summary_of(table)
     said = Confirmation(missing="the scene is gone")
     content = report_content(table, summary, 4, said)
     assert content.title == "Where to put the camera: flange.stl"
-    field_text, warned, confirmed = content.rests_on
+    field_text, engines, warned, confirmed = content.rests_on
+    assert engines.startswith("1 of 4 poses were traced through the field itself")
     assert field_text.startswith("SYNTHETIC FIELD: synthetic: formulas, no simulation.")
     assert "shells too few" in warned
     assert "part reaches beyond the picture" in warned
