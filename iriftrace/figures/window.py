@@ -241,6 +241,12 @@ def _coloured(path: Path, places: FloatArray, columns: Mapping[str, NDArray[Any]
         )
     values, title = known[name], CLOUD_COLUMNS[name]
     um = 1e3 * (values if values.ndim == 1 else np.linalg.norm(values, axis=1)).astype(np.float64)
+    if "status" in columns:
+        # Of other points nothing is known, which is no 0.
+        good = np.asarray(columns["status"]) == 0
+        places, um = places[good], um[good]
+    if len(um) == 0:
+        raise InputError(f"{path} has no point of status 0, so there is nothing to show.")
     points = pv.PolyData(places)
 
     def draw(plotter: pv.Plotter) -> None:
