@@ -109,16 +109,9 @@ def fading_length(gradient: Any, change: Any, contrast: Any, direction: Any) -> 
     .. math:: \int_0^\infty e^{-a s - b s^2} ds \approx
               \frac{2}{a + \sqrt{a^2 + 16 b / \pi}}
 
-    which is exact for a = 0 and for b = 0 (Abramowitz and Stegun 7.1.13).
-
-    Parameters
-    ----------
-    gradient, change : vectors, 1/mm and 1/mm^2
-        g and g', its change per way along the ray.
-    contrast : number
-        u_0, difference between the index at the shell and that of the layer.
-    direction : vector
-        t, unit.
+    which is exact for a = 0 and for b = 0 (Abramowitz and Stegun 7.1.13). Given are g, 1/mm, and
+    g', its change per way along the ray, 1/mm^2, the contrast :math:`u_0` between the index at the
+    shell and that of the layer, and the unit direction t.
     """
     import drjit as dr
 

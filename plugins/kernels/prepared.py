@@ -181,13 +181,9 @@ def crossed_steps(
 ) -> tuple[Any, Any]:
     """Index steps along straight lines to infinity, opaque shapes being transparent.
 
-    Returns
-    -------
-    start_index : Float64
-        Index of the layer at the start: what remains outside less the steps on the way there;
-        0 for a line without crossing, or with too many (``MOST_STEPS``) to be believed.
-    enclosed : Bool
-        The first shell on the way is crossed from inside.
+    Gives the index (Float64) of the layer at the start: what remains outside less the steps on the
+    way there; 0 for a line without crossing, or with too many (``MOST_STEPS``) to be believed. And
+    whether (Bool) the first shell on the way is crossed from inside.
     """
     import drjit as dr
     import mitsuba as mi

@@ -162,23 +162,10 @@ def cross_surface(
     where neither has one the ray is totally reflected by the triangle. No ray leaves a triangle on
     the side it came from, and a ray that is sent back takes the same way.
 
-    Parameters
-    ----------
-    direction : Vector3d
-        Unit direction of the ray.
-    facet, shading : Vector3d
-        Unit normals: the triangle's, and the interpolated one (None: use the triangle's).
-    ratio : Float64
-        Index on the ray's side over index on the far side.
-    outward : Bool
-        The ray runs along the normals, not against them.
-
-    Returns
-    -------
-    direction : Vector3d
-        Unit direction of the refracted or totally reflected ray.
-    reflected : Bool
-        The ray is totally reflected and stays in its medium.
+    Directions and normals are unit vectors (Vector3d): the triangle's, `facet`, and the
+    interpolated one, `shading` (None: use the triangle's). The ratio (Float64) is the index on the
+    ray's side over that on the far side; `outward` (Bool) if the ray runs along the normals. The
+    second result (Bool) says that the ray is totally reflected and stays in its medium.
     """
     import drjit as dr
 
