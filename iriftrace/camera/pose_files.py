@@ -269,8 +269,9 @@ class _Rows:
 
 
 def _table_columns(text: str, path: Path) -> dict[str, Any]:
-    """Columns of a text table of poses, as `read_poses` describes it: ``matrices`` (n, 4, 4) and
-    what else there is by name; ``aimed`` is true for poses that came from targets, which are in
+    """Columns of a text table of poses, as `read_poses` describes it, by name.
+
+    ``matrices`` are (n, 4, 4); ``aimed`` is true for poses that came from targets, which are in
     iriftrace's own convention.
     """
     rows = _rows(text, path)

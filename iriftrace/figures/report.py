@@ -33,6 +33,7 @@ from iriftrace.planning.summary import (
     views_title,
     warned_text,
 )
+from iriftrace.sweep.confirm import traced_through_field
 from iriftrace.sweep.diagnostics import setting_of
 from iriftrace.sweep.faces import has_faces
 from iriftrace.sweep.store import attribute, scene_of
@@ -175,8 +176,6 @@ def report_content(
 
 def _engines_text(dataset: xr.Dataset) -> str:
     """How many poses the sweep, or the confirmation, took through the field after all."""
-    from iriftrace.sweep.confirm import traced_through_field
-
     through = traced_through_field(dataset)
     if through.all() or not through.any():
         return ""

@@ -26,7 +26,7 @@ def scan_figure(scan: Scan) -> Figure:
         8.0,
         4.4,
         f"What hot air adds to a {scan.system} measurement{marked}",
-        f"median {middle:.2g} um, 5th to 95th percentile {low:.2g} to {high:.2g} um along the "
+        f"median {middle:.2g} µm, 5th to 95th percentile {low:.2g} to {high:.2g} µm along the "
         "part's normal; grey: on the part, not measured",
     )
     left, right = body.subplots(1, 2, width_ratios=(3, 2))
@@ -40,13 +40,13 @@ def scan_figure(scan: Scan) -> Figure:
     left.set_xlim(columns.min() - 2, columns.max() + 2)
     left.set_ylim(rows.max() + 2, rows.min() - 2)
     left.set_axis_off()
-    body.colorbar(shown, ax=left, orientation="horizontal", label="error along the normal / um")
+    body.colorbar(shown, ax=left, orientation="horizontal", label="error along the normal (µm)")
     _, _, left_over = scan.best_fit()
     bins = np.linspace(-1.5 * limit, 1.5 * limit, 61)
     for values, name in ((error, "as measured"), (UM_PER_MM * left_over, "after best fit")):
         right.hist(values.clip(bins[0], bins[-1]), bins, histtype="step", label=name)
     right.axvline(0.0, color="0.5", linewidth=0.8)
-    right.set_xlabel("error along the normal / um")
+    right.set_xlabel("error along the normal (µm)")
     right.set_ylabel("points")
     right.legend(fontsize="small")
     finish_axes(right)

@@ -183,9 +183,7 @@ class AovImage:
 
     @cached_property
     def camera(self) -> Camera:
-        """The camera that the picture was taken with, in its pose; an InputError if it is not
-        named.
-        """
+        """Camera with which the picture was taken, in its pose; an InputError if not named."""
         self.require("camera")
         return Camera.from_dict(self.header["camera"])
 

@@ -334,9 +334,7 @@ def pose_metrics(
 
 
 def ensemble_metrics(image: AovImage, pixels: IntArray, hits: IntArray) -> EnsembleMetrics:
-    """Scatter at pixels (n,) whose rays count, among the hits (m,): all pixels on the part;
-    row-major.
-    """
+    """Scatter at the row-major pixels (n,) whose rays count, among all (m,) on the part."""
     members = int((image.header.get("ensemble") or {}).get("count") or 0)
     counted = np.rint(image.channels[MEMBERS_CHANNEL].ravel()[hits]).astype(np.int64)
     members = members or int(counted.max(initial=0))

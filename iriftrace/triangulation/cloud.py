@@ -43,9 +43,6 @@ def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
     if not file.is_file():
         raise InputError(f"There is no file {file}; check the name.")
     points = _points(file)
-    if file.suffix.lower() == ".stl":
-        # Every triangle has its own corners.
-        points = np.unique(points, axis=0)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise InputError(f"{file} holds no points; export the cloud again.")
     if not np.isfinite(points).all():
@@ -61,6 +58,8 @@ def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
             stacklevel=2,
         )
     if file.suffix.lower() == ".stl":
+        # Every triangle has its own corners.
+        points = np.unique(points, axis=0)
         warnings.warn(
             f"{file.name} is a mesh made of measured points, often from several scans, and an STL "
             "does not say from which; correct the cloud of each scan before it is merged or "

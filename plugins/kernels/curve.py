@@ -43,8 +43,7 @@ class Step(NamedTuple):
 
 
 def nystrom_step(point: Any, velocity: Any, acceleration: Callable[[Any], Any], time: Any) -> Step:
-    """Advance a ray by one step of Nystrom's method of order 4 (Hairer, Norsett and Wanner,
-    II.14).
+    """Advance a ray by one step of Nystrom's method of order 4 (Hairer, Norsett and Wanner, II.14).
 
     From a point (Point3d, mm) and a velocity (Vector3d, index times unit direction), with the
     acceleration n grad n (Vector3d, 1/mm) at points. The time is the length of the step over the

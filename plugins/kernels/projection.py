@@ -86,8 +86,7 @@ class Projection:
         return x * factor, y * factor
 
     def project64(self, point: Any) -> tuple[Any, Any, Any]:
-        """Image position (Float64, px) of points (Point3d, mm, world), and whether it means
-        anything.
+        """Image position (Float64, px) of points (Point3d, mm, world), and if it means anything.
 
         It does (Bool) before the pinhole, and not so far beside the picture that the lens
         distortion turns back; always for parallel projection.
