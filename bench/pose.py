@@ -10,7 +10,6 @@ from statistics import median
 from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.pose import SAMPLE
 from iriftrace.trace.render import render_scene
-from iriftrace.trace.shell_convergence import shell_resolution
 
 
 def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
@@ -32,8 +31,7 @@ def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
     ratios = []
     for _ in range(repeats + 1):
         started = time.perf_counter()
-        rendering = render_scene(scene)
-        shell_resolution(scene, rendering.image, sample=SAMPLE)
+        rendering = render_scene(scene, check_shells=SAMPLE)
         seconds = time.perf_counter() - started
         time_s = rendering.metrics.time_s
         ratios.append(seconds / (time_s["straight"] + time_s["refracted"]))

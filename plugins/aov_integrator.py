@@ -19,7 +19,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS
-from iriftrace.plugins.kernels.bundle import Bundle, Trace, trace_bundle
+from iriftrace.plugins.kernels.bundle import Bundle, Trace, straight_twins, trace_bundle
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART, StraightHits
 from iriftrace.plugins.stock_sensor import StockSensor
@@ -182,6 +182,55 @@ def integrator_class(variant: str) -> type:
             """Triangles of shells in a window of the picture."""
             return self.prepare(scene).tables.triangles_in_view(camera.project64, *window)
 
+        def pixel_rays(self, sensor: Any) -> tuple[Any, Callable[[Any], tuple[Any, Any]]]:
+            """Row-major numbers of a picture's pixels (UInt32), tile by tile, and their rays.
+
+            The latter are a rule that gives origins (Point3d, mm) and unit directions (Vector3d)
+            of the pixels by their places in that order (UInt32).
+            """
+            camera, film = camera_of(sensor), sensor.film()
+            width, height = (int(n) for n in film.crop_size())
+            left, top = (int(n) for n in film.crop_offset())
+            columns = dr.opaque(mi.UInt32, width)
+            pixels = mi.UInt32(pixels_in_tiles(width, height))
+
+            def rays(place: Any) -> tuple[Any, Any]:
+                pixel = dr.gather(mi.UInt32, pixels, place)
+                x = mi.Float64(pixel % columns) + (left + 0.5)
+                y = mi.Float64(pixel // columns) + (top + 0.5)
+                return camera.rays64(x, y)
+
+            return pixels, rays
+
+        def straight(self, scene: Any, sensor: Any) -> StraightHits:
+            """Straight hits of a sensor's picture, for `image` and `sharp_rays`."""
+            pixels, rays = self.pixel_rays(sensor)
+            return straight_twins(self.prepare(scene), rays, dr.width(pixels), coherent=True)
+
+        def sharp_rays(
+            self, sensor: Any, straight: StraightHits, most: int
+        ) -> tuple[Any, Any] | None:
+            """Rays of a sensor whose straight hits are on the part, in focus: a sample of them.
+
+            Origins (Point3d, mm) and unit directions (Vector3d); None if there are none.
+            """
+            near, far = camera_of(sensor).description()["focus_mm"]
+            sharp = (straight.outcome == HIT_PART) & (
+                straight.distance >= dr.opaque(mi.Float64, near)
+            )
+            if far is not None:
+                sharp &= straight.distance <= dr.opaque(mi.Float64, far)
+            places = dr.compress(sharp)
+            there = dr.width(places)
+            if there == 0:
+                return None
+            number = mi.Float64(dr.arange(mi.UInt32, min(most, there)))
+            apart = dr.opaque(mi.Float64, max(there / most, 1.0))
+            _, rays = self.pixel_rays(sensor)
+            sample = rays(dr.gather(mi.UInt32, places, mi.UInt32(number * apart)))
+            dr.eval(sample)
+            return sample
+
         def image(
             self, scene: Any, sensor: Any, straight: StraightHits | None = None
         ) -> tuple[Any, dict[str, Any]]:
@@ -192,7 +241,7 @@ def integrator_class(variant: str) -> type:
             scene : mi.Scene
             sensor : mi.Sensor
             straight : StraightHits, optional
-                From the report of the same sensor's picture of the same part in other air.
+                Of the same sensor's picture of the same part, perhaps in other air.
 
             Returns
             -------
@@ -210,15 +259,7 @@ def integrator_class(variant: str) -> type:
             width, height = (int(n) for n in film.crop_size())
             left, top = (int(n) for n in film.crop_offset())
             check_picture_size(width, height, len(self.aov_names()))
-            columns = dr.opaque(mi.UInt32, width)
-            pixels_of = mi.UInt32(pixels_in_tiles(width, height))
-
-            def rays(number: Any) -> tuple[Any, Any]:
-                pixel = dr.gather(mi.UInt32, pixels_of, number)
-                x = mi.Float64(pixel % columns) + (left + 0.5)
-                y = mi.Float64(pixel // columns) + (top + 0.5)
-                return camera.rays64(x, y)
-
+            pixels_of, rays = self.pixel_rays(sensor)
             count = width * height
             near, far = description["focus_mm"]
             bundle = self.trace(

@@ -11,7 +11,7 @@ from iriftrace.plugins.kernels.layers import AtShells, InLayers
 from iriftrace.plugins.kernels.ledger import index_check
 from iriftrace.plugins.kernels.march import refracted_hits
 from iriftrace.plugins.kernels.prepared import PreparedScene, with_every_second_shell
-from iriftrace.plugins.kernels.queries import HIT_PART
+from iriftrace.plugins.kernels.queries import HIT_PART, straight_hits
 from iriftrace.plugins.kernels.tables import SceneTables
 from iriftrace.plugins.properties import choice, flag, whole_number
 
@@ -113,9 +113,10 @@ def plugin_class(variant: str) -> type:
             )
 
         def moved_by_fewer_shells(self, scene: Any, origin: Any, direction: Any) -> Any:
-            """Way of the hits without every second shell, mm (Float64); NaN without both hits.
+            """Displacements of rays, and ways of their hits without every second shell.
 
-            None where the shells cannot be thinned out; see
+            Both are in mm (Float64), NaN where one of the three hits is not on the part. None where
+            the shells cannot be thinned out; see
             :func:`iriftrace.plugins.kernels.prepared.with_every_second_shell`.
             """
             prepared = self.prepare(scene)
@@ -124,9 +125,20 @@ def plugin_class(variant: str) -> type:
             fewer = self._fewer[1]
             if fewer is None:
                 return None
+            straight = straight_hits(
+                *(prepared.opaque, prepared.tables, origin, direction),
+                coherent=False,
+                step=prepared.step,
+            )
             one, other = (self.bender(each, False)(origin, direction) for each in (prepared, fewer))
-            both = (one.outcome == HIT_PART) & (other.outcome == HIT_PART)
-            return dr.select(both, dr.norm(other.point - one.point), dr.nan)
+            on_part = straight.outcome == HIT_PART
+            on_part &= (one.outcome == HIT_PART) & (other.outcome == HIT_PART)
+            twin = origin + direction * straight.distance
+            ways = tuple(
+                dr.select(on_part, dr.norm(end - one.point), dr.nan) for end in (twin, other.point)
+            )
+            dr.eval(ways)
+            return ways
 
         def checking(self, prepared: PreparedScene) -> Callable[[Any], tuple[Any, Any]]:
             """The index steps add up to the layer at the hit."""

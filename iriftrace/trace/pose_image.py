@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,25 +23,31 @@ from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.provenance import provenance
 
+if TYPE_CHECKING:
+    from iriftrace.plugins.kernels.queries import StraightHits
+
 _SCATTERED = (*(f"displacement.{axis}" for axis in "XYZ"), "shift.px.X", "shift.px.Y")
 _AVERAGED = (*_SCATTERED, "path.length", "path.crossings")
 
 
 def pose_image(
-    scene: LoadedScene, camera: Camera | None = None, include: Collection[int] = (0,)
+    scene: LoadedScene,
+    camera: Camera | None = None,
+    include: Collection[int] = (0,),
+    straight: StraightHits | None = None,
 ) -> AovImage:
     """Trace the rays of a scene's own sensor, or of a camera in its place, straight and bent.
 
-    Of an ensemble all members are traced, one after the other; straight rays only once. The codes
-    in `include` are those of the rays that enter its mean and scatter. Refused is a camera in the
-    hot air or in the part, and a film that would smear the channels.
+    Of an ensemble all members are traced, one after the other; straight rays only once, or not at
+    all where their hits are given. The codes in `include` are those of the rays that enter its mean
+    and scatter. Refused is a camera in the hot air or in the part, and a film that would smear the
+    channels.
     """
     if scene.ensemble is None:
-        return _one_field(scene, camera)[0]
+        return _one_field(scene, camera, straight)[0]
     statistics = EnsembleStatistics(include)
     time_s: dict[str, float] = {}
     counts: dict[str, int] = {}
-    straight: Any = None
     for number, member in enumerate(scene.ensemble.scenes(), start=1):
         image, straight = _one_field(member, camera, straight, f" of member {number}")
         statistics.add(image)
@@ -54,17 +60,21 @@ def pose_image(
     return statistics.image({**last, **whole, "time_s": time_s, "counts": counts})
 
 
+def sensor_for(scene: LoadedScene, camera: Camera | None) -> Any:
+    """Mitsuba's sensor of a camera, or the scene's own; the scene's variant is set."""
+    if camera is None:
+        return scene.mitsuba_scene.sensors()[0]
+    from iriftrace.plugins.calibrated_camera import sensor_of
+
+    return sensor_of(camera)
+
+
 def _one_field(
-    scene: LoadedScene, camera: Camera | None, straight: Any = None, whose: str = ""
-) -> tuple[AovImage, Any]:
+    scene: LoadedScene, camera: Camera | None, straight: StraightHits | None, whose: str = ""
+) -> tuple[AovImage, StraightHits]:
     """The image of one field, and its straight hits, which serve other fields too."""
     with runtime.using(scene.variant):
-        if camera is None:
-            sensor = scene.mitsuba_scene.sensors()[0]
-        else:
-            from iriftrace.plugins.calibrated_camera import sensor_of
-
-            sensor = sensor_of(camera)
+        sensor = sensor_for(scene, camera)
         where = scene.integrator.surroundings(scene.mitsuba_scene, sensor)
         if where is not None:
             raise InputError(

@@ -21,7 +21,7 @@ from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.trace.field_reference import shell_error
 from iriftrace.trace.pose_image import pose_image
-from iriftrace.trace.shell_convergence import shell_resolution, warn_of_coarse_shells
+from iriftrace.trace.shell_convergence import NOT_TESTED, shell_resolution, warn_of_coarse_shells
 
 
 @frozen(eq=False)
@@ -146,22 +146,20 @@ def render_scene(
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
     began = time.perf_counter()
     against_field = shell_error(loaded).as_dict() if check_field else None
-    started = time.perf_counter()
-    image = pose_image(loaded, camera, include)
-    every_second_shell = None
-    checking = time.perf_counter()
-    resolution = shell_resolution(loaded, image, check_shells)
-    check_s = started - began + time.perf_counter() - checking
+    chosen, every_second_shell = loaded, None
+    tested = shell_resolution(loaded, camera, check_shells) if check_shells else NOT_TESTED
+    resolution = tested.resolution
     if resolution is not None:
         instead = None if resolution.suffices else loaded.through_field
         warn_of_coarse_shells(resolution, instead is not None)
-        if instead is not None:
-            # All up to here was the check: the picture is traced once more.
-            check_s = time.perf_counter() - began
-            image = pose_image(instead, camera, include)
-            # Loading the field is part of the check, too, and done once for many poses.
-            image.header["time_s"].update(load=loaded.load_s, build=loaded.build_s)
         every_second_shell = resolution.as_dict() | {"through_field": instead is not None}
+        chosen = instead or loaded
+    check_s = time.perf_counter() - began - tested.straight_s
+    image = pose_image(chosen, camera, include, tested.straight)
+    known = image.header["time_s"]
+    # Loading the field is part of the check, and done once for many poses.
+    known.update(load=loaded.load_s, build=loaded.build_s)
+    known["straight"] += tested.straight_s
     if not empty:
         _refuse_empty(image)
     reduced = time.perf_counter()

@@ -6,19 +6,25 @@ lines of sight run along the layers, as straight down a plume, they move by as m
 
 from __future__ import annotations
 
+import time
 import warnings
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from attrs import asdict, frozen
 
+from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene
+from iriftrace.trace.pose_image import sensor_for
+
+if TYPE_CHECKING:
+    from iriftrace.plugins.kernels.queries import StraightHits
 
 SAMPLE = 5000
-"""Good rays of the picture that are traced again."""
+"""Rays of the picture that are traced to test the shells."""
 
 SHARES = 0.5, 0.95
 
@@ -55,32 +61,43 @@ class ShellResolution:
         return {**asdict(self), "suffices": self.suffices}
 
 
-def shell_resolution(
-    scene: LoadedScene, image: AovImage, sample: int = SAMPLE
-) -> ShellResolution | None:
-    """Trace a sample of a picture's good rays again, with all shells and with every second one.
+class PictureTest(NamedTuple):
+    """What a picture's rays say of the shells, and its straight hits, of which these are."""
 
-    None with the continuous engine, of an ensemble, with fewer than 5 shells or such as do not lead
-    from one index to the next, where no ray is bent, and with fewer than `FEWEST` rays.
+    resolution: ShellResolution | None
+    straight: StraightHits | None  # None without a test
+    straight_s: float
+
+
+NOT_TESTED = PictureTest(None, None, 0.0)
+
+
+def shell_resolution(
+    scene: LoadedScene, camera: Camera | None = None, sample: int = SAMPLE
+) -> PictureTest:
+    """Trace a sample of a picture's rays with all shells and with every second one.
+
+    Of the scene's own camera or of another, before the picture is traced. No resolution is found
+    with the continuous engine, of an ensemble, with fewer than 5 shells or such as do not lead from
+    one index to the next, where no ray is bent, and with fewer than `FEWEST` rays.
     """
-    good = np.flatnonzero(image.status == Status.GOOD)
-    if len(good) == 0:
-        return None
-    pixels = good[np.linspace(0, len(good) - 1, min(sample, len(good))).astype(np.int64)]
-    row, column = np.divmod(pixels, image.status.shape[1])
-    origin, direction = image.camera.rays(np.column_stack((column, row)) + 0.5)
-    size = image.channels["displacement.norm"].ravel()[pixels].astype(np.float64)
-    return resolution_of_rays(scene, origin, direction, size)
+    if not _can_be_thinned_out(scene):
+        return NOT_TESTED
+    with runtime.using(scene.variant):
+        sensor = sensor_for(scene, camera)
+        started = time.perf_counter()
+        straight = scene.integrator.straight(scene.mitsuba_scene, sensor)
+        seconds = time.perf_counter() - started
+        rays = scene.integrator.sharp_rays(sensor, straight, sample)
+        found = None if rays is None else _resolution(scene, *rays)
+        return PictureTest(found, straight, seconds)
 
 
 def resolution_of_rays(
-    scene: LoadedScene, origin: FloatArray, direction: FloatArray, displacement_mm: FloatArray
+    scene: LoadedScene, origin: FloatArray, direction: FloatArray
 ) -> ShellResolution | None:
-    """As `shell_resolution`, of rays that hit the part with the displacements (n,), mm.
-
-    Origins and unit directions are (n, 3) arrays, mm, world.
-    """
-    if scene.engine != "shells" or scene.ensemble is not None or len(origin) < FEWEST:
+    """As `shell_resolution`, of (n, 3) origins, mm, and unit directions, world."""
+    if not _can_be_thinned_out(scene):
         return None
     with runtime.using(scene.variant):
         import mitsuba as mi
@@ -89,14 +106,23 @@ def resolution_of_rays(
 
         places = mi.Point3d(*(mi.Float64(aligned(column)) for column in origin.T))
         headings = mi.Vector3d(*(mi.Float64(aligned(column)) for column in direction.T))
-        distances = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, places, headings)
-        if distances is None:
-            return None
-        moved = np.array(distances)
+        return _resolution(scene, places, headings)
+
+
+def _can_be_thinned_out(scene: LoadedScene) -> bool:
+    return scene.engine == "shells" and scene.ensemble is None
+
+
+def _resolution(scene: LoadedScene, origin: Any, direction: Any) -> ShellResolution | None:
+    """Of rays with origins (Point3d) and directions (Vector3d)."""
+    ways = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, origin, direction)
+    if ways is None:
+        return None
+    displacement, moved = map(np.array, ways)
     known = np.isfinite(moved)
     if known.sum() < FEWEST:
         return None
-    whole = np.quantile(displacement_mm[known], SHARES)
+    whole = np.quantile(displacement[known], SHARES)
     if not whole[0] > 0.0:
         return None
     change = np.quantile(moved[known], SHARES)

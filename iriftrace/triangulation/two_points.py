@@ -24,9 +24,8 @@ from attrs import frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import unit_vectors
-from iriftrace.image.aov_image import Status
 from iriftrace.scene.load import LoadedScene
-from iriftrace.trace.render import bent_ends, trace_rays
+from iriftrace.trace.render import bent_ends
 from iriftrace.trace.shell_convergence import (
     SAMPLE,
     resolution_of_rays,
@@ -53,10 +52,7 @@ def field_where_needed(
     for device in devices:
         direction = unit_vectors(sample - device.origin)
         origin = np.broadcast_to(device.origin, direction.shape)
-        hits = trace_rays(scene, origin, direction)
-        good = hits.status == Status.GOOD
-        size = np.linalg.norm(hits.displacement[good], axis=1)
-        found = resolution_of_rays(scene, origin[good], direction[good], size)
+        found = resolution_of_rays(scene, origin, direction)
         if found is not None and not found.suffices:
             field = scene.through_field
             warn_of_coarse_shells(found, field is not None)

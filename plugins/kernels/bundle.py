@@ -69,20 +69,9 @@ def trace_bundle(
     import drjit as dr
     import mitsuba as mi
 
-    tables = prepared.tables
     started = time.perf_counter()
     if straight is None:
-        straight = straight_hits(
-            prepared.opaque,
-            tables,
-            *rays(dr.arange(mi.UInt32, count)),
-            coherent=coherent,
-            step=prepared.step,
-        )
-        dr.eval(*straight)
-        dr.sync_thread()
-    else:
-        straight = _faces_from(straight, tables.part_first_face)
+        straight = straight_twins(prepared, rays, count, coherent)
     straight_done = time.perf_counter()
 
     hit = straight.outcome == HIT_PART
@@ -92,7 +81,7 @@ def trace_bundle(
     chosen = dr.arange(mi.UInt32, count) if trace_all else dr.compress(hit)
     if dr.width(chosen) == 0:
         time_s = {"straight": straight_done - started, "refracted": 0.0}
-        return Bundle(None, untraced, time_s, _faces_from(straight, -tables.part_first_face))
+        return Bundle(None, untraced, time_s, straight)
     origin, direction = rays(chosen)
     refracted = bend(origin, direction)
     dr.eval(*refracted)
@@ -107,19 +96,28 @@ def trace_bundle(
             "straight": straight_done - started,
             "refracted": refracted_done - straight_done,
         },
-        _faces_from(straight, -tables.part_first_face),
+        straight,
     )
 
 
-def _faces_from(straight: StraightHits, shift: int) -> StraightHits:
-    """The same hits with faces of the part counted from elsewhere."""
+def straight_twins(prepared: PreparedScene, rays: Any, count: int, coherent: bool) -> StraightHits:
+    """Straight hits of a bundle of rays, with faces of the part from 0; see `trace_bundle`."""
     import drjit as dr
     import mitsuba as mi
 
+    hits = straight_hits(
+        prepared.opaque,
+        prepared.tables,
+        *rays(dr.arange(mi.UInt32, count)),
+        coherent=coherent,
+        step=prepared.step,
+    )
     # In some scenes shells come before the part in the tables, and not as many in each.
-    if shift == 0:
-        return straight
-    return straight._replace(face=straight.face + dr.opaque(mi.UInt32, shift % 2**32))
+    if prepared.tables.part_first_face:
+        hits = hits._replace(face=hits.face - dr.opaque(mi.UInt32, prepared.tables.part_first_face))
+    dr.eval(*hits)
+    dr.sync_thread()
+    return hits
 
 
 def _judged(
@@ -141,7 +139,7 @@ def _judged(
     outcome = dr.gather(mi.UInt32, straight.outcome, chosen)
     face = dr.gather(mi.UInt32, straight.face, chosen)
     on_part = outcome == HIT_PART
-    _, normal = tables.plane(face, on_part)
+    _, normal = tables.plane(face + dr.opaque(mi.UInt32, tables.part_first_face), on_part)
     # The arc cosine alone loses digits near normal incidence.
     sine = dr.norm(dr.cross(direction, normal))
     incidence = dr.atan2(sine, dr.abs(dr.dot(direction, normal)))
@@ -171,7 +169,7 @@ def _judged(
         straight=dr.select(on_part, origin + direction * length, 0),
         straight_length=length,
         straight_outcome=outcome,
-        straight_face=face - tables.part_first_face,
+        straight_face=face,
         incidence=dr.select(on_part, incidence, 0),
         refracted=refracted,
         status=status,

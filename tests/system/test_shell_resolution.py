@@ -81,7 +81,7 @@ def every_second(stack: ShellStack) -> ShellStack:
 
 def found_in(scene: LoadedScene) -> ShellResolution | None:
     """Of the scene's own picture."""
-    return shell_resolution(scene, render_scene(scene).image)
+    return shell_resolution(scene).resolution
 
 
 def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path) -> None:
