@@ -47,9 +47,11 @@ def distance_to_plane(
     import drjit as dr
 
     cosine = dr.dot(direction, normal)
+    # Divisions in double precision are what this costs.
+    slope = 1 / cosine
     # A ray parallel to the plane has no exact distance; one that lies in it would give NaN.
-    exact = dr.select(cosine != 0, dr.dot(triangle.a - origin, normal) / cosine, rough)
-    reach = tolerance / dr.maximum(dr.abs(cosine), 0.01)
+    exact = dr.select(cosine != 0, dr.dot(triangle.a - origin, normal) * slope, rough)
+    reach = tolerance * dr.minimum(dr.abs(slope), 100)
     return dr.clip(exact, rough - reach, rough + reach)
 
 
@@ -61,10 +63,11 @@ def corner_weights(point: Any, triangle: Triangle, facet: Any) -> tuple[Any, Any
     """
     import drjit as dr
 
-    doubled_area = dr.dot(facet, dr.cross(triangle.b - triangle.a, triangle.c - triangle.a))
+    along_b, along_c = triangle.b - triangle.a, triangle.c - triangle.a
+    share = facet / dr.dot(facet, dr.cross(along_b, along_c))
     to_point = point - triangle.a
-    weight_b = dr.dot(facet, dr.cross(to_point, triangle.c - triangle.a)) / doubled_area
-    weight_c = dr.dot(facet, dr.cross(triangle.b - triangle.a, to_point)) / doubled_area
+    weight_b = dr.dot(share, dr.cross(to_point, along_c))
+    weight_c = dr.dot(share, dr.cross(along_b, to_point))
     weight_b = dr.clip(weight_b, 0, 1)
     return weight_b, dr.clip(weight_c, 0, 1 - weight_b)
 
