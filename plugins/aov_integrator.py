@@ -186,10 +186,13 @@ def integrator_class(variant: str) -> type:
             """Row-major numbers of a picture's pixels (UInt32), tile by tile, and their rays.
 
             The latter are a rule that gives origins (Point3d, mm) and unit directions (Vector3d)
-            of the pixels by their places in that order (UInt32).
+            of the pixels by their places in that order (UInt32). An InputError if the film would
+            smear the channels, or the picture is larger than memory.
             """
             camera, film = camera_of(sensor), sensor.film()
+            check_film(film)
             width, height = (int(n) for n in film.crop_size())
+            check_picture_size(width, height, len(self.aov_names()))
             left, top = (int(n) for n in film.crop_offset())
             columns = dr.opaque(mi.UInt32, width)
             pixels = mi.UInt32(pixels_in_tiles(width, height))
@@ -252,14 +255,11 @@ def integrator_class(variant: str) -> type:
                 ``shell_triangles_in_view``) and ``camera`` of the crop window (as of
                 ``iriftrace.camera.Camera.as_dict``), and ``straight`` (StraightHits).
             """
-            film = sensor.film()
-            check_film(film)
-            camera = camera_of(sensor)
+            pixels_of, rays = self.pixel_rays(sensor)
+            film, camera = sensor.film(), camera_of(sensor)
             description = camera.description()
             width, height = (int(n) for n in film.crop_size())
             left, top = (int(n) for n in film.crop_offset())
-            check_picture_size(width, height, len(self.aov_names()))
-            pixels_of, rays = self.pixel_rays(sensor)
             count = width * height
             near, far = description["focus_mm"]
             bundle = self.trace(

@@ -196,6 +196,45 @@ def outside(shell: AtShell, contrast: Any, direction: Any, length: Any) -> tuple
     return deflection, deflection * dr.minimum(0.5 * length, fading)
 
 
+def _open_layer(
+    shell: AtShell, ambient: Any, contrast: Any, direction: Any, length: Any
+) -> tuple[Any, Any]:
+    """Deflection, and its moment, in a layer with one shell, along a ray that leaves that.
+
+    The layer is that of the `ambient` air (Bool) or another.
+    """
+    import drjit as dr
+
+    inside = ~ambient & stays_in_layer(shell, contrast, direction, length)
+    there = beside_part(shell, direction, length)
+    beyond = outside(shell, contrast, direction, length)
+    return tuple(dr.select(inside, a, b) for a, b in zip(there, beyond, strict=True))
+
+
+def _layer_at_rim(known: Any, ambient: Any, first: Any, _through: Any) -> tuple[Any, Any]:
+    """Deflection and lateral offset to a ray's first shell, or from shell to shell outside all."""
+    import drjit as dr
+
+    before, here, heading, mean, length, near = known
+    before, here = AtShell(*before), AtShell(*here)
+    contrast = type(length)(dr.abs(near - here.index))
+    reverse = here._replace(change=-here.change)
+    guess, _ = _open_layer(reverse, ambient, contrast, -heading, length)
+    start = _open_layer(reverse, ambient, contrast, -_mean(heading, guess), length)
+    # Out into the ambient air and back: nothing says what lies between but the two ends.
+    coming = outside(here, contrast, mean, 0.5 * length)
+    leaving = outside(before, contrast, mean, 0.5 * length)
+    gap = leaving[0] + coming[0], leaving[0] * length - leaving[1] + coming[1]
+    return tuple(dr.select(first, a, b) for a, b in zip(start, gap, strict=True))
+
+
+def _mean(heading: Any, deflection: Any) -> Any:
+    """Mean direction of a way that begins with a unit direction and is deflected."""
+    import drjit as dr
+
+    return dr.normalize(heading + deflection / 2)
+
+
 class Passage(NamedTuple):
     """A ray's way to the next shell, and its crossing there."""
 
@@ -320,11 +359,7 @@ class InLayers:
             between_corners(changes, weights),
             self._tables.level(passage.shape, crossed),
         )
-        # The mean direction, which a guess tells, is the same for a ray that runs back.
-        guess = transverse(last.gradient + here.gradient, heading) * (length / 2)
-        guess = dr.select(passage.first, self._to_first(here, passage, heading, length)[0], guess)
-        mean = dr.normalize(heading + guess / 2)
-        deflection, offset = self._layer(last.shell, here, passage, mean, length)
+        deflection, offset = self._layer(last.shell, here, passage, heading, length)
 
         ahead = direction + mi.Vector3d(deflection)
         away = dr.select(passage.outward, passage.facet, -passage.facet)
@@ -339,46 +374,22 @@ class InLayers:
         )
         return dr.normalize(ahead), mi.Bool(False), kept
 
-    def _to_first(
-        self, here: AtShell, passage: Passage, heading: Any, length: Any
-    ) -> tuple[Any, Any]:
-        """Deflection and lateral offset on the way to the first shell."""
-        import drjit as dr
-
-        contrast = type(length)(dr.abs(passage.near - here.index))
-        return self._open_layer(
-            here._replace(change=-here.change), passage.near, contrast, -heading, length
-        )
-
-    def _open_layer(
-        self, shell: AtShell, layer: Any, contrast: Any, direction: Any, length: Any
-    ) -> tuple[Any, Any]:
-        """Deflection, and its moment, in a layer with one shell, along a ray that leaves that."""
-        import drjit as dr
-
-        inside = (layer != self._ambient) & stays_in_layer(shell, contrast, direction, length)
-        there = beside_part(shell, direction, length)
-        beyond = outside(shell, contrast, direction, length)
-        return tuple(dr.select(inside, a, b) for a, b in zip(there, beyond, strict=True))
-
     def _layer(
         self, before: AtShell, here: AtShell, passage: Passage, heading: Any, length: Any
     ) -> tuple[Any, Any]:
         """Deflection and lateral offset on the way to a shell."""
         import drjit as dr
-        import mitsuba as mi
 
-        first = self._to_first(here, passage, heading, length)
-        through = between_shells(before, here, heading, length)
-        # Out into the ambient air and back: nothing says what lies between but the two ends.
+        # The mean direction, which a guess tells, is the same for a ray that runs back.
+        mean = _mean(heading, transverse(before.gradient + here.gradient, heading) * (length / 2))
         ambient = passage.near == self._ambient
-        contrast = mi.Float(dr.abs(passage.near - here.index))
-        coming = outside(here, contrast, heading, 0.5 * length)
-        leaving = outside(before, contrast, heading, 0.5 * length)
-        back = leaving[0] + coming[0], leaving[0] * length - leaving[1] + coming[1]
-        return tuple(
-            dr.select(passage.first, one, dr.select(ambient, gap, layer))
-            for one, gap, layer in zip(first, back, through, strict=True)
+        known = tuple(before), tuple(here), heading, mean, length, passage.near
+        # Few ways are of the second kind, which takes longer.
+        return dr.if_stmt(
+            (known, ambient, passage.first, between_shells(before, here, mean, length)),
+            passage.crossed & (passage.first | ambient),
+            _layer_at_rim,
+            lambda _known, _ambient, _first, through: through,
         )
 
     def end(
@@ -392,9 +403,9 @@ class InLayers:
         beside, heading = mi.Vector3d(last.offset), mi.Vector3f(direction)
         length = length + onto_plane(beside, direction, facet) - last.along
         way, contrast = mi.Float(length), mi.Float(dr.abs(last.beyond - last.index))
-        air = last.shell, last.beyond, contrast
-        guess, _ = self._open_layer(*air, heading, way)
-        found = self._open_layer(*air, dr.normalize(heading + guess / 2), way)
+        air = last.shell, last.beyond == self._ambient, contrast
+        guess, _ = _open_layer(*air, heading, way)
+        found = _open_layer(*air, _mean(heading, guess), way)
         deflection, moment = (mi.Vector3d(vector) for vector in found)
         # What leaves the scene is given by a point at its last shell and the direction far away.
         lever = dr.select(dr.isfinite(length), length, 0)
