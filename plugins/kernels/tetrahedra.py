@@ -282,6 +282,7 @@ class TetrahedralAir:
         wall = cells.wall[tetrahedra.boundary].all(axis=1)
         self.wall = mi.UInt32(aligned(wall.astype(np.uint32)))
         self.boundary_place = mi.UInt32(aligned(tetrahedra.boundary_place))
+        self._boundary_faces = tetrahedra.boundary
         self._boundary_mesh = _mesh(cells.points, tetrahedra.boundary)
         self._boundary: tuple[Any, Any] | None = None
 
@@ -302,10 +303,12 @@ class TetrahedralAir:
         # Seen from inside, the first face of the boundary shows its back in every direction.
         places = mi.Point3f(*(aligned(np.full(len(WAYS), x, dtype=np.float32)) for x in point))
         ways = mi.Vector3f(*(aligned(axis.astype(np.float32)) for axis in WAYS.T))
-        boundary = self.boundary_beside(scene)
-        hit = boundary.ray_intersect(mi.Ray3f(places, dr.normalize(ways)))
-        leaving = hit.is_valid() & (dr.dot(hit.n, ways) > 0)
-        return bool(np.mean(np.array(leaving)) > 0.5)
+        ray = mi.Ray3f(places, dr.normalize(ways))
+        hit = self.boundary_beside(scene).ray_intersect_preliminary(ray)
+        found = np.array(hit.is_valid())
+        a, b, c = self.cells.points[self._boundary_faces[np.array(hit.prim_index)[found]].T]
+        leaving = np.einsum("ij,ij->i", np.cross(b - a, c - a), WAYS[found]) > 0
+        return bool(np.count_nonzero(leaving) > 0.5 * len(WAYS))
 
     @cached_property
     def _tree(self) -> KDTree:
