@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +112,11 @@ def integrator_class(variant: str) -> type:
     import drjit as dr
     import mitsuba as mi
 
+    @lru_cache(maxsize=2)
+    def tiles(width: int, height: int) -> Any:
+        """Row-major numbers of a picture's pixels, tile by tile (UInt32), on the device."""
+        return mi.UInt32(pixels_in_tiles(width, height))
+
     class AovIntegrator(mi.SamplingIntegrator):  # type: ignore[misc]
         """Straight and bent first hits of each pixel's ray; what bends them is left open."""
 
@@ -195,7 +200,7 @@ def integrator_class(variant: str) -> type:
             check_picture_size(width, height, len(self.aov_names()))
             left, top = (int(n) for n in film.crop_offset())
             columns = dr.opaque(mi.UInt32, width)
-            pixels = mi.UInt32(pixels_in_tiles(width, height))
+            pixels = tiles(width, height)
 
             def rays(place: Any) -> tuple[Any, Any]:
                 pixel = dr.gather(mi.UInt32, pixels, place)
@@ -283,7 +288,9 @@ def integrator_class(variant: str) -> type:
                 pixel = dr.gather(mi.UInt32, pixels_of, trace.ray)
                 for row, (value, exists) in enumerate(self.channel_values(trace, camera)):
                     value = mi.Float(dr.select(exists, value, 0))
-                    dr.scatter(pixels, value, pixel + row * count)
+                    # Without conflicts, scatters need no kernel each.
+                    place = pixel + row * count
+                    dr.scatter(pixels, value, place, mode=dr.ReduceMode.NoConflicts)
                 dr.eval(pixels)
                 counts = self.counts(trace)
             dr.sync_thread()

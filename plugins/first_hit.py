@@ -130,7 +130,13 @@ def plugin_class(variant: str) -> type:
                 coherent=False,
                 step=prepared.step,
             )
-            one, other = (self.bender(each, False)(origin, direction) for each in (prepared, fewer))
+            ends = []
+            for each in (prepared, fewer):
+                hits = self.bender(each, False)(origin, direction)
+                # Apart, both are the same kernel, compiled once.
+                dr.eval(hits.point, hits.outcome)
+                ends.append(hits)
+            one, other = ends
             on_part = straight.outcome == HIT_PART
             on_part &= (one.outcome == HIT_PART) & (other.outcome == HIT_PART)
             twin = origin + direction * straight.distance

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,9 +14,8 @@ _WIDEST = 1 << 20
 """Pixels: more than any picture has."""
 
 
-@lru_cache(maxsize=4)
 def pixels_in_tiles(width: int, height: int) -> NDArray[np.uint32]:
-    """Row-major numbers of a picture's pixels, tile by tile, (width * height,) array, read-only.
+    """Row-major numbers of a picture's pixels, tile by tile, (width * height,) array.
 
     Tiles at the right and lower edge are smaller. Rays of a tile meet the same triangles far more
     often than those of as many pixels in a row.
@@ -35,9 +32,7 @@ def pixels_in_tiles(width: int, height: int) -> NDArray[np.uint32]:
     pixels = np.arange(width * height, dtype=np.uint32).reshape(height, width)
     above = height - height % TILE
     bands = pixels[:above].reshape(above // TILE, TILE, width)
-    order = np.concatenate((ordered(bands), ordered(pixels[None, above:])))
-    order.flags.writeable = False
-    return order
+    return np.concatenate((ordered(bands), ordered(pixels[None, above:])))
 
 
 def places_in_tiles(places: FloatArray) -> IntArray:

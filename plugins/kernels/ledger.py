@@ -90,6 +90,7 @@ def _records(
     # Row after row: Dr.Jit compiles a kernel for every length when it interleaves them.
     table, place = dr.zeros(mi.Float64, len(columns) * count), dr.arange(mi.UInt32, count)
     for number, column in enumerate(columns):
-        dr.scatter(table, column, place + dr.opaque(mi.UInt32, number * count))
+        row = place + dr.opaque(mi.UInt32, number * count)
+        dr.scatter(table, column, row, mode=dr.ReduceMode.NoConflicts)
     rows = np.array(table).reshape(-1, count)
     return rows[4:7].T, rows[:3].T, rows[7], rows[3] != 0
