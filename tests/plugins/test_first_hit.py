@@ -358,7 +358,8 @@ def test_second_pose_compiles_no_kernel(shapes: dict[str, Any], kernel_history: 
     for x in range(5):
         look(sensor_of(camera_in_numpy((-70.0, 5.0 * x, 60.0), focus_mm=(10.0 + x, 500.0))))
     launched = kernel_history()
-    assert len(launched) >= 100
+    # Seven poses of some nine: one writes all channels, and not one each.
+    assert 40 <= len(launched) <= 80
     assert not [k for k in launched if not k["cache_hit"] or k["cache_disk"]]
 
 
