@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -39,17 +41,41 @@ def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
     return median(ratios[1:])
 
 
-def continuous_over_shells(continuous: LoadedScene, shells: LoadedScene, repeats: int) -> float:
-    """Median of pairs of a pose's time by the continuous engine over its time by shells."""
+def continuous_over_shells(
+    continuous: LoadedScene, shells: LoadedScene, repeats: int
+) -> tuple[float, float]:
+    """Time by the continuous engine over that by shells: of refracted traces, and of poses.
+
+    Medians of pairs.
+    """
     ratios = []
     for _ in range(repeats + 1):
         seconds = []
         for scene in (continuous, shells):
             started = time.perf_counter()
-            render_scene(scene)
-            seconds.append(time.perf_counter() - started)
-        ratios.append(seconds[0] / seconds[1])
+            traced = render_scene(scene).metrics.time_s["refracted"]
+            seconds.append((traced, time.perf_counter() - started))
+        ratios.append([one / other for one, other in zip(*seconds, strict=True)])
     # The first pair compiles the kernels.
+    traces, poses = zip(*ratios[1:], strict=True)
+    return median(traces), median(poses)
+
+
+def process_over_trace(scene: LoadedScene, repeats: int) -> float:
+    """Median of the time of ``iriftrace render`` without figures over a warm refracted trace's.
+
+    Kernels are compiled and on disk.
+    """
+    render_scene(scene)
+    ratios = []
+    with tempfile.TemporaryDirectory() as folder:
+        name = str(Path(folder) / "pose.exr")
+        command = [sys.executable, "-m", "iriftrace", "render", str(scene.path), "-o", name]
+        for _ in range(repeats + 1):
+            started = time.perf_counter()
+            subprocess.run([*command, "--no-figures"], check=True, capture_output=True)
+            seconds = time.perf_counter() - started
+            ratios.append(seconds / render_scene(scene).metrics.time_s["refracted"])
     return median(ratios[1:])
 
 
