@@ -30,6 +30,7 @@ from iriftrace.camera.distortion import (
 from iriftrace.camera.pose_set import fixed
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.triangles import unit_vectors
 
 PROJECTIONS = ("pinhole", "orthographic")
 
@@ -228,7 +229,7 @@ class Camera:
             return origins, np.broadcast_to(self.forward, origins.shape).copy()
         depth = np.full((len(on_sensor), 1), self.focal_length_mm)
         local = np.concatenate((on_sensor, depth), axis=1)
-        directions = (local / np.linalg.norm(local, axis=1, keepdims=True)) @ rotation.T
+        directions = unit_vectors(local) @ rotation.T
         return np.broadcast_to(self.origin, directions.shape).copy(), directions
 
     def _without_distortion(self, position: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from iriftrace.core.arrays import AnyIntArray, BoolArray, Float32Array, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.triangles import area_vectors
+from iriftrace.geometry.triangles import area_vectors, row_lengths
 
 
 @frozen(eq=False)
@@ -214,7 +214,7 @@ def _is_flat(vertices: Float32Array, faces: IntArray) -> BoolArray:
     edge = points[np.roll(faces, -1, axis=1)] - points[faces]
     longest = np.maximum.reduce(np.einsum("ijk,ijk->ji", edge, edge))
     areas = area_vectors(points, faces)
-    flat: BoolArray = np.sqrt(np.einsum("ij,ij->i", areas, areas)) <= 1e-12 * longest
+    flat: BoolArray = row_lengths(areas) <= 1e-12 * longest
     return flat
 
 

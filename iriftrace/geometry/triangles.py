@@ -18,8 +18,13 @@ def area_vectors(vertices: Float32Array | FloatArray, faces: AnyIntArray) -> Flo
     points = np.asarray(vertices, dtype=np.float64)
     first = points[faces[:, 0]]
     u, v = points[faces[:, 1]] - first, points[faces[:, 2]] - first
+    return 0.5 * cross_rows(u, v)
+
+
+def cross_rows(u: FloatArray, v: FloatArray) -> FloatArray:
+    """(n, 3) array: vector products of the rows of two (n, 3) arrays."""
     # Written out, because numpy.cross takes several times as long on arrays of triples.
-    return 0.5 * np.stack(
+    return np.stack(
         (
             u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1],
             u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2],
@@ -29,10 +34,16 @@ def area_vectors(vertices: Float32Array | FloatArray, faces: AnyIntArray) -> Flo
     )
 
 
+def row_lengths(vectors: FloatArray) -> FloatArray:
+    """(n,) array: lengths of (n, 3) vectors."""
+    # As fast again as numpy.linalg.norm for many short vectors.
+    lengths: FloatArray = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return lengths
+
+
 def unit_vectors(vectors: FloatArray) -> FloatArray:
     """(n, 3) vectors scaled to length 1; zero stays zero."""
-    # As fast again as numpy.linalg.norm for many short vectors.
-    length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))[:, None]
+    length = row_lengths(vectors)[:, None]
     units: FloatArray = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
     return units
 
@@ -53,7 +64,7 @@ def smooth_normals(vertices: Float32Array | FloatArray, faces: IntArray) -> Floa
 
 def normals_along(vertices: Float32Array, faces: IntArray, vectors: FloatArray) -> Float32Array:
     """Unit vectors along the given (n, 3) ones; the facets' mean where these vanish."""
-    size = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    size = row_lengths(vectors)
     # A gradient this far below the usual one is rounding and has no direction.
     weak = size <= 1e-6 * np.median(size)
     normals = unit_vectors(vectors)

@@ -10,7 +10,7 @@ from attrs import frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.geometry.triangles import row_lengths, unit_vectors
 from iriftrace.image.aov_image import AovImage, Status
 
 USABLE = (Status.GOOD, Status.INDEX_MISMATCH)
@@ -72,7 +72,7 @@ def split_displacement(vectors: FloatArray, sight: FloatArray) -> tuple[FloatArr
     """
     axial = np.einsum("ij,ij->i", vectors, sight)
     across = vectors - axial[:, None] * sight
-    return np.sqrt(np.einsum("ij,ij->i", across, across)), axial
+    return row_lengths(across), axial
 
 
 def signed_components(

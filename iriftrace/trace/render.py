@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import AovImage, Status, write_exr
 from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
 from iriftrace.runtime import variant as runtime
@@ -350,7 +351,7 @@ def _bundle(origins: ArrayLike, directions: ArrayLike) -> tuple[FloatArray, Floa
             f"A bundle of rays needs origins and directions of one shape (n, 3) with n > 0; given "
             f"are {start.shape} and {heading.shape}."
         )
-    length = np.linalg.norm(heading, axis=1, keepdims=True)
+    length = row_lengths(heading)[:, None]
     if not (np.isfinite(start).all() and np.isfinite(heading).all() and (length > 0).all()):
         raise InputError(
             "A ray has an origin or direction that is not finite, or a direction of length zero; "

@@ -22,7 +22,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.geometry.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene, load_scene
@@ -378,7 +378,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     true, face = hits.refracted[seen], hits.refracted_face[seen]
     normal = scene.part.surface.normals[face]
 
-    distance = np.linalg.norm(true - solved.origin, axis=1)
+    distance = row_lengths(true - solved.origin)
     near, far = solved.focus_mm
     # An open part may be seen from the back of its triangles, by both devices then.
     sides = (np.einsum("ij,ij->i", normal, one.origin - true) for one in (forward, solved))
@@ -495,5 +495,4 @@ def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatA
     place = projector.project(projector.origin + direction)
     along = np.array((0.0, 0.5) if phase == "columns" else (0.5, 0.0))
     (_, before), (_, after) = projector.rays(place - along), projector.rays(place + along)
-    normals: FloatArray = np.cross(before, after)
-    return unit_vectors(normals)
+    return unit_vectors(cross_rows(before, after))

@@ -23,7 +23,7 @@ from attrs import frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.geometry.triangles import row_lengths, unit_vectors
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.render import bent_ends
 from iriftrace.trace.shell_convergence import (
@@ -104,7 +104,7 @@ def lines_of_sight(
         beyond = points[active] - last_point
         along = np.einsum("ij,ij->i", beyond, last_way)
         off = along[:, None] * last_way - beyond
-        miss[active] = np.linalg.norm(off, axis=1)
+        miss[active] = row_lengths(off)
         lacking[active] = np.where(face[active] >= 0, along, np.nan)
         in_air[active] = crossings > 0
         unsettled = ~(miss[active] <= MISS_MM)
