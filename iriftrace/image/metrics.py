@@ -31,7 +31,7 @@ SCHEMA = "iriftrace.pose/1"
 TIMES = (
     *("load", "build", "straight", "refracted", "check", "metrics", "write", "figures", "total"),
 )
-"""Keys of `PoseMetrics.time_s`; ``check`` is the shells' check, with a picture that it replaced."""
+"""Keys of `PoseMetrics.time_s`; ``check`` is that of the shells, in a sample of the rays."""
 
 _RAYS_PER_FACE = 4
 

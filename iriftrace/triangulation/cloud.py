@@ -35,9 +35,9 @@ def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
 
     Text files have a point in each row, its coordinates first; what follows (normals, colours) is
     left out, and so are rows of words at the beginning and the count of points in a .pts file.
-    E57 files are in metres whatever the length unit. Warned of are coordinates rounded to a
-    micrometre or coarser, and an STL, whose points are corners of triangles and no longer what the
-    sensor measured.
+    E57 files are in metres whatever the length unit. Points that are not finite are left out.
+    Warned of are these, coordinates rounded to a micrometre or coarser, and an STL, whose points
+    are corners of triangles and no longer what the sensor measured.
     """
     file = Path(path)
     if not file.is_file():
@@ -45,8 +45,17 @@ def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
     points = _points(file)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise InputError(f"{file} holds no points; export the cloud again.")
-    if not np.isfinite(points).all():
-        raise InputError(f"{file} has points that are not finite; leave them out.")
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.any():
+        raise InputError(f"{file} has no point that is finite; export the cloud again.")
+    if not finite.all():
+        warnings.warn(
+            f"{np.sum(~finite):,} of {len(points):,} points in {file.name} are not finite, as of "
+            "pixels that a sensor did not measure, and are left out.",
+            IriftraceWarning,
+            stacklevel=2,
+        )
+        points = points[finite]
     points *= 1.0 if file.suffix.lower() == ".e57" else length_factor(length_unit)
     # Beside what single precision leaves of a rounded number.
     allowed = 1e-9 + np.minimum(np.finfo(np.float32).eps * np.abs(points), 1e-4)

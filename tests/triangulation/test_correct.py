@@ -238,6 +238,21 @@ def test_rounding_to_a_micrometre_is_noticed(
     assert bool(said) is warned
 
 
+def test_pixels_without_a_point_are_left_out(tmp_path: Path) -> None:
+    """Organised clouds have a row for every pixel, measured or not."""
+    points = np.random.default_rng(1).uniform(-100, 100, (50, 3))
+    rows = points.copy()
+    rows[[3, 17]] = np.nan
+    cloud, empty = tmp_path / "cloud.xyz", tmp_path / "empty.xyz"
+    np.savetxt(cloud, rows, fmt="%.17g")
+    with pytest.warns(IriftraceWarning, match="2 of 50 points .* left out"):
+        read = read_cloud(cloud)
+    np.testing.assert_array_equal(read, np.delete(points, [3, 17], axis=0))
+    np.savetxt(empty, np.full((4, 3), np.nan))
+    with pytest.raises(InputError, match="no point that is finite"):
+        read_cloud(empty)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
