@@ -31,8 +31,8 @@ Features = Annotated[
     Parameter(
         name="--feature",
         negative=(),
-        help='Feature to fit, of a region or of all points: "cylinder:lateral"; repeatable. By '
-        "default all regions that are planes, cylinders, cones or spheres.",
+        help='Feature to fit: "cylinder:lateral", or "cylinder" for all regions that are one; '
+        "repeatable. By default all regions that are planes, cylinders, cones or spheres.",
     ),
 ]
 

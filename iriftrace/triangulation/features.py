@@ -6,7 +6,9 @@ Levenberg and Marquardt's method by SciPy.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import Part
 
 Kind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
@@ -30,6 +32,9 @@ cylinder as a cone, and two rings of corners lie on a sphere whatever they belon
 FOUND_SHARE = 1e-3
 """Of a region's extent: farthest off a surface a region may be that is one. Files in single
 precision are off by 1e-7, free-form regions by some percent."""
+
+NO_FEATURE = 0.1
+"""Form deviation as a share of the extent beyond which a fitted feature means nothing."""
 
 FEWEST_MEASURED = 100
 """Measured points of a region for a feature of its own; metrics ask for as many rays."""
@@ -117,17 +122,29 @@ def feature_table(
 ) -> list[dict[str, Any]]:
     """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
 
-    `face` (n,) is the part's face on which each point lies. A choice is a kind of feature, and the
-    region if not all of the part: ``"cylinder:lateral"``; without any, `found_features`. Gives
-    ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``form_mm``, ``position_mm`` and
-    ``direction``; with the same points by each member of an ensemble also ``size_scatter_mm``, the
-    size's standard deviation over them, None for a feature without a size.
+    `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
+    region, ``"cylinder:lateral"``; or a kind alone, for all regions that are one, and for all
+    points where none is. Without any choice, `found_features`. Warns of points that are no such
+    feature. Gives ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``form_mm``,
+    ``position_mm`` and ``direction``; with the same points by each member of an ensemble also
+    ``size_scatter_mm``, the size's standard deviation over them, None for a feature without a size.
     """
     members = list(by_member)
+    found = found_features(part, face)
     rows = []
-    for choice in choices or found_features(part, face):
+    for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
         kind, region, chosen = chosen_points(choice, face, part)
         fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
+        for name, fit in fits.items():
+            if fit.form_mm > NO_FEATURE * np.ptp(clouds[name][chosen], axis=0).max():
+                warnings.warn(
+                    f"The points of {region or 'the whole part'} are no {kind}, as they lie "
+                    f"{fit.form_mm:.3g} mm apart across the fitted one; choose one of the part's "
+                    f"features: {', '.join(found) or 'it has none'}.",
+                    IriftraceWarning,
+                    stacklevel=4,
+                )
+                break
         row: dict[str, Any] = {
             "kind": kind,
             "region": region or None,
@@ -146,6 +163,12 @@ def feature_table(
             row["size_scatter_mm"] = float(np.std(known, ddof=1)) if known else None
         rows.append(row)
     return rows
+
+
+def _regions_of(choice: str, found: Sequence[str]) -> list[str]:
+    """The features of a choice; all of its kind that were found, if it names no region."""
+    same = [one for one in found if one.partition(":")[0] == choice]
+    return same or [choice]
 
 
 def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, BoolArray]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import Part, read_part
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.scenes import folder_of
@@ -162,6 +162,19 @@ def test_regions_of_a_cylinder_are_found_by_themselves(part: Part) -> None:
     (row,) = feature_table({"cold": points}, lateral, part, ())
     assert (row["kind"], row["region"]) == ("cylinder", "lateral")
     assert row["size_mm"]["cold"] == pytest.approx(27.0, abs=0.01)
+
+
+def test_a_kind_alone_means_the_regions_that_are_one() -> None:
+    """And all points where none is, which is said to mean nothing."""
+    part = cylinder()
+    face = np.repeat(np.arange(len(part.faces)), 100)
+    points = part.vertices[part.faces[face, 0]]
+    rows = feature_table({"cold": points}, face, part, ["plane", "cylinder"])
+    regions = [row["region"] for row in rows]
+    assert (sorted(regions[:2]), regions[2:]) == (["head +x", "head -x"], ["lateral"])
+    with pytest.warns(IriftraceWarning, match="whole part are no sphere.*cylinder:lateral"):
+        (row,) = feature_table({"cold": points}, face, part, ["sphere"])
+    assert row["region"] is None
 
 
 def test_a_published_circle() -> None:
