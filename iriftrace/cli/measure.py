@@ -245,4 +245,4 @@ def _say_features(features: list[dict[str, Any]], true: str) -> None:
 
 
 def _um(millimetres: float) -> str:
-    return f"{1e3 * millimetres:.3g} um"
+    return f"{round(1e3 * millimetres, 4):.3g} um"

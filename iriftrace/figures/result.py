@@ -115,6 +115,7 @@ def read_result(path: str | Path) -> AovImage | xr.Dataset:
         return read_exr(path)
     if suffix != ".nc":
         raise InputError(
-            f"{path} ends in neither .nc nor .exr; give a sweep or the AOV image of a pose."
+            f"{path} ends in neither .nc nor .exr; give a sweep or the AOV image of a "
+            "pose (`iriftrace view` shows clouds, fields and parts)."
         )
     return read_study(path) if is_study(path) else read_sweep(path)
