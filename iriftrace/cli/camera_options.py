@@ -70,7 +70,7 @@ class CameraOptions:
         Unit of the translation in the calibration's pose.
     focus
         Nearest and farthest sharp distance NEAR:FAR; "0:inf" for no limit. By default 50:250, and
-        to the part's far end where the camera stands by default.
+        to the part's far end where the camera stands by default or as its calibration says.
     origin
         Camera position in mm, "150,-100,120"; by default diagonally above, outside the hot air,
         not nearer than the focus interval and so far that the picture holds the whole part.
@@ -110,7 +110,7 @@ class CameraOptions:
                 f"camera at ({place}) mm, from where it sees nothing of the part; give the unit of "
                 "its translation (--calibration-length-unit), or --origin and --target."
             )
-        return camera
+        return camera if self.focus is not None else _with_all_in_focus(camera, camera, part)
 
     def has_pose(self) -> bool:
         """True if the calibration says where its camera stands."""
@@ -268,6 +268,12 @@ class SecondOptions:
             raise InputError(
                 f"{self.second_calibration} knows lengths in pixels only; give the width of a "
                 'pixel too, such as --second-pixel-size "5.4 um".'
+            )
+        stands = first.origin is not None or first.target is not None or first.has_pose()
+        if first.calibration is not None and not stands:
+            raise InputError(
+                f"{first.calibration} has no pose, so nothing says where the camera stands beside "
+                "the second device; give --origin and --target too, or a calibration with the pose."
             )
         options = CameraOptions(
             calibration=self.second_calibration,

@@ -26,6 +26,9 @@ Phase = Annotated[
         "more across the way to the camera."
     ),
 ]
+FEW_FIELDS = 10
+"""Fewer leave a standard deviation uncertain by a quarter and more (GUM, table E.1)."""
+
 Features = Annotated[
     list[str] | None,
     Parameter(
@@ -165,7 +168,7 @@ def correct(
         Standard uncertainty of the field, as a share of the air's contrast in refractive index,
         "5 %"; the corrections' is the same share of them.
     """
-    from iriftrace.geometry.transform import apply, parse_transform
+    from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
     from iriftrace.scene.file import require_scene
     from iriftrace.triangulation.cloud import read_cloud
     from iriftrace.triangulation.correct import correct as take_out
@@ -180,7 +183,8 @@ def correct(
         )
     points = read_cloud(cloud, length_unit=length_unit)
     if cloud_to_part is not None:
-        points = apply(parse_transform(str(cloud_to_part)), points)
+        motion = parse_transform(str(cloud_to_part))
+        points = apply(rigid_motion(motion, str(cloud_to_part)), points)
     loaded = trace.load(scene)
     with working("Correcting"):
         found = take_out(
@@ -196,7 +200,8 @@ def correct(
         f"{counts['far_from_part']:,} far from the part, {counts['hidden']:,} hidden from a "
         f"device, {counts['several_images']:,} with several images, {counts['outside_field']:,} "
         f"outside the field and {counts['uncertain']:,} whose correction is uncertain by more than "
-        "itself."
+        f"itself. The cloud lies {_um(values['to_part_mm']['median'])} beside the part as "
+        f"measured (median; 95th percentile {_um(values['to_part_mm']['p95'])})."
     )
     _say_features(features, "corrected")
     if found.u_normal is None:
@@ -210,6 +215,11 @@ def correct(
             "Standard uncertainty of the correction along the normal: "
             f"{_um(values['u_normal_mm']['median'])} (median). U (k = 2) is that of the air's "
             "share; the sensor's own comes on top."
+        )
+    if found.errors is not None and len(found.errors) < FEW_FIELDS:
+        say(
+            f"It is the scatter of {len(found.errors)} fields, so few that it may be several times "
+            "too small."
         )
     _say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))

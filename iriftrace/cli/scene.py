@@ -276,7 +276,7 @@ def _print_scene(
 
     print_camera(camera, settings["scale"])
     remedy = (
-        "move it back with --origin, give --focus, or leave out both for a camera that sees all"
+        "change its place (--origin) or its --focus, or leave out both for a camera that sees all"
     )
     print_view(part, camera, remedy)
     say(f"Scene{of_what} written; now run:  {command_line('render', path)}")

@@ -57,6 +57,27 @@ def parse_transform(text: str) -> FloatArray:
     return checked_matrix(matrix, repr(text))
 
 
+ROUNDING = 2e-4
+"""What numbers with four decimals may change lengths by, relative."""
+
+
+def rigid_motion(matrix: FloatArray, name: str) -> FloatArray:
+    """The rotation and translation that a (4, 4) matrix of rounded numbers is.
+
+    An InputError for a matrix that scales, shears or mirrors; `name` is what messages call it.
+    """
+    left, lengths, right = np.linalg.svd(matrix[:3, :3])
+    if np.linalg.det(matrix[:3, :3]) < 0 or np.abs(lengths - 1.0).max() > ROUNDING:
+        raise InputError(
+            f"{name} is no rigid motion: it mirrors, shears or scales lengths, by up to "
+            f"{np.abs(lengths - 1.0).max():.2g}, and would change what was measured; align the "
+            "cloud by rotation and translation alone."
+        )
+    motion = matrix.copy()
+    motion[:3, :3] = left @ right
+    return motion
+
+
 def apply(matrix: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 3) moved by a (4, 4) affine matrix; (n, 3) array, float64."""
     return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

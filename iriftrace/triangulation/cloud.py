@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Container, Mapping, Sequence
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
@@ -33,8 +34,9 @@ COARSE_DECIMALS = 3
 def read_cloud(path: str | Path, *, length_unit: str = "mm") -> FloatArray:
     """Read the points of a cloud or of a mesh's vertices, (n, 3) array, mm.
 
-    Text files have a point in each row, its coordinates first; what follows (normals, colours) is
-    left out, and so are rows of words at the beginning and the count of points in a .pts file.
+    Text files have a point in each row, its coordinates first, or in the columns that a line before
+    names x, y and z; other columns (normals, colours) are left out, and so are rows of words at the
+    beginning and the count of points in a .pts file. A cloud that was corrected is refused.
     E57 files are in metres whatever the length unit. Points that are not finite are left out.
     Warned of are these, coordinates rounded to a micrometre or coarser, and an STL, whose points
     are corners of triangles and no longer what the sensor measured.
@@ -132,8 +134,10 @@ def save_cloud(
         raise InputError(
             f"{cloud} is no name of a cloud that can be written; end it in {' or '.join(WRITTEN)}."
         )
+    # A synthetic field is named wherever its numbers go.
+    field = f"field: {values['assumptions']['field_origin']}"
     if cloud.suffix == ".ply":
-        remarks = (f"{values['schema']}; x, y, z, lengths: mm, angles: rad",)
+        remarks = f"{values['schema']}; x, y, z, lengths: mm, angles: rad", field
         write_ply_points(cloud, points, columns, comments=remarks)
     else:
         import pyvista as pv
@@ -141,6 +145,7 @@ def save_cloud(
         data = pv.PolyData(points)
         for name, column in columns.items():
             data.point_data[name] = column
+        data.field_data["field"] = [field]
         with whole_file(cloud) as partial:
             data.save(partial)
     numbers = cloud.with_suffix(".json")
@@ -156,7 +161,9 @@ def _points(file: Path) -> FloatArray:
     if kind == ".vtp":
         from iriftrace.field.readers.vtk_process import read_file
 
-        return np.asarray(read_file(file).points, dtype=np.float64)
+        data = read_file(file)
+        _refuse_corrected(file, data.point_data)
+        return np.asarray(data.points, dtype=np.float64)
     if kind == ".e57":
         from iriftrace.triangulation.e57 import read_e57
 
@@ -167,11 +174,25 @@ def _points(file: Path) -> FloatArray:
     import trimesh
 
     try:
-        mesh: Any = read_ply(file) if kind == ".ply" else trimesh.load(file, process=False)
-        return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+        if kind == ".ply":
+            mesh: Any = read_ply(file)
+            columns = mesh.vertex_columns
+        else:
+            mesh, columns = trimesh.load(file, process=False), {}
+        points = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
     # A damaged file meets trimesh in many ways, which it does not list.
     except Exception as error:
         raise InputError(f"{file} cannot be read ({error}); export the cloud again.") from error
+    _refuse_corrected(file, columns)
+    return points
+
+
+def _refuse_corrected(file: Path, columns: Container[str]) -> None:
+    if "correction_x" in columns:
+        raise InputError(
+            f"{file} is corrected already, as its column correction_x says, and the air's share "
+            "would be taken out twice; give the cloud as it was measured."
+        )
 
 
 def _text_points(file: Path) -> FloatArray:
@@ -182,7 +203,23 @@ def _text_points(file: Path) -> FloatArray:
     rows = [row for row in rows if not row.lstrip().startswith(("#", "/", "%"))]
     if not rows:
         return np.empty((0, 3))
+    names = _column_names(lines[: lines.index(rows[0])])
     table = numbers(rows, separator_of(rows[0]), file, "points")
     if table.shape[1] < 3:
         raise InputError(f"{file} has {table.shape[1]} columns; a point has three coordinates.")
-    return table[:, :3]
+    if max(names) >= table.shape[1]:
+        raise InputError(
+            f"{file} names more columns than its {table.shape[1]} of numbers; export it again."
+        )
+    return table[:, names]
+
+
+def _column_names(before: Sequence[str]) -> list[int]:
+    """Columns of x, y and z by the last of the lines before the numbers; else the first three."""
+    # Without units in brackets.
+    line = re.sub(r"\[.*?\]|\(.*?\)", "", before[-1]).lstrip("#/% ") if before else ""
+    mark = next((mark for mark in ";,\t" if mark in line), None)
+    words = [word.strip(" \"'").lower() for word in line.split(mark)]
+    if all(words.count(axis) == 1 for axis in "xyz"):
+        return [words.index(axis) for axis in "xyz"]
+    return [0, 1, 2]

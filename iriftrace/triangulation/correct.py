@@ -9,6 +9,7 @@ point. A round shrinks what is left as one of `lines_of_sight` does.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import places_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
@@ -48,6 +49,12 @@ SETTLED_MM = 1e-5
 
 ROUNDS = 20
 """Straight down a plume a round leaves a third; from a millimetre twelve leave a nanometre."""
+
+SAMPLE = 10_000
+"""Points whose distance from the part is asked for."""
+
+MANY_HIDDEN = 0.05
+"""Share of hidden points that is no matter of edges and silhouettes any more."""
 
 PIECE = 1_000_000
 """Points that are corrected at a time: 0.6 GB of rays."""
@@ -94,6 +101,8 @@ class Correction:
         not stated.
     errors : (k, n, 3) array or None, mm
         The air's share by each member of an ensemble, whose mean `error` is; None for one field.
+    to_part : (m,) array or None, mm
+        Distance of a sample of the measured points from the part.
     """
 
     measured: FloatArray
@@ -105,6 +114,7 @@ class Correction:
     provenance: dict[str, Any]
     field_uncertainty: float = 0.0
     errors: FloatArray | None = None
+    to_part: FloatArray | None = None
 
     @property
     def u_normal(self) -> FloatArray | None:
@@ -156,6 +166,7 @@ class Correction:
             "points": {"measured": len(self.measured), **CorrectionStatus.counts(self.status)},
             "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
             **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
+            **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
             "field_uncertainty": self.field_uncertainty or None,
         }
 
@@ -232,10 +243,13 @@ def correct(
             "contrast; give one from 0 to 1, such as 0.05 (5 %)."
         )
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
-    distance = np.median(loaded.part.surface.distance(measured[:: max(1, len(measured) // 1000)]))
-    if distance > REACH_MM:
+    # At random: sensors write every so many rows alike.
+    chosen = np.random.default_rng(0).choice(len(measured), min(SAMPLE, len(measured)), False)
+    to_part = loaded.part.surface.distance(measured[chosen])
+    if np.median(to_part) > REACH_MM:
         raise InputError(
-            f"The cloud lies {distance:.3g} mm beside the part (median), so it is another part's, "
+            f"The cloud lies {np.median(to_part):.3g} mm beside the part (median), so it is "
+            "another part's, "
             "in another unit (--length-unit) or another frame (--cloud-to-part); give its points "
             "in mm in the frame of the scene."
         )
@@ -267,6 +281,15 @@ def correct(
             "than itself; check the frame of the cloud (--cloud-to-part) and where the scene has "
             "the devices."
         )
+    hidden = np.mean(status == CorrectionStatus.HIDDEN)
+    if hidden > MANY_HIDDEN:
+        warnings.warn(
+            f"{hidden:.0%} of the points are hidden from one of the scene's devices, which cannot "
+            "have measured them; check where the scene has the devices, and the frame of the cloud "
+            "(--cloud-to-part).",
+            IriftraceWarning,
+            stacklevel=2,
+        )
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, shares, 0.0)
     return Correction(
         measured=measured,
@@ -278,6 +301,7 @@ def correct(
         provenance=provenance_of_two(loaded if loaded.ensemble else scenes[0], camera),
         field_uncertainty=field_uncertainty,
         errors=None if len(shares) == 1 else errors,
+        to_part=to_part,
     )
 
 

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.transform import apply, parse_transform
+from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
 
 AXES = np.eye(3)
 
@@ -80,3 +80,14 @@ def test_files_that_hold_something_else_are_refused(tmp_path):
     path.write_text("rotate x 90")
     with pytest.raises(InputError, match="expected 16 numbers"):
         parse_transform(str(path))
+
+
+def test_a_rounded_motion_is_made_rigid_and_others_are_refused():
+    """To four decimals, as alignments are printed; a scale of a thousandth is no rounding."""
+    exact = parse_transform("rotate x 31, rotate z 77, translate 10 -20 30")
+    motion = rigid_motion(exact.round(4), "motion.txt")
+    assert_allclose(motion[:3, :3] @ motion[:3, :3].T, np.eye(3), atol=1e-15)
+    assert_allclose(motion, exact, atol=1e-4)
+    for text in ("scale 1.001", "scale 1 -1 1"):
+        with pytest.raises(InputError, match="no rigid motion"):
+            rigid_motion(parse_transform(text), "motion.txt")

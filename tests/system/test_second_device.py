@@ -84,6 +84,30 @@ def test_a_calibration_gives_the_projector_its_lens_and_place(
     assert scene.second.focal_length_mm == pytest.approx(20.0)
 
 
+def test_a_camera_without_a_pose_stands_nowhere_beside_the_second_device(
+    words: list[str], tmp_path: Path, capsys: Printed
+) -> None:
+    """Its usual place would be another than that of the projector's calibration."""
+    lens = {
+        "camera_matrix": [[4000.0, 0.0, 60.0], [0.0, 4000.0, 50.0], [0.0, 0.0, 1.0]],
+        "distortion_coefficients": [0, 0, 0, 0],
+        "image_width": 120,
+        "image_height": 100,
+    }
+    pose = {"R": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "T": [0, 0, 90]}
+    camera, projector = tmp_path / "camera.json", tmp_path / "projector.json"
+    camera.write_text(json.dumps(lens))
+    projector.write_text(json.dumps(lens | pose))
+    given = [f"--calibration={camera}", "--pixel-size=5 um", "--scale=0.5"]
+    given += [f"--second-calibration={projector}", "--second-pixel-size=5 um"]
+    assert main([*words[:5], *given]) == 2
+    assert "camera.json has no pose" in " ".join(capsys.readouterr().err.split())
+    camera.write_text(json.dumps(lens | pose | {"T": [0, 0, 400]}))
+    assert main([*words[:5], *given]) == 0
+    # Both are sharp to the part's far end, as no focus was asked for.
+    assert load_scene(words[4]).camera.focus_mm[1] > 400.0
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -254,6 +254,55 @@ def test_pixels_without_a_point_are_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("header", "columns"),
+    [
+        ("x,y,z", [0, 1, 2]),
+        ("id;Z [mm];Y [mm];X [mm]", [9, 2, 1, 0]),
+        ('"Y","X","Z"', [1, 0, 2]),
+        ("//X Y Z", [0, 1, 2]),
+        (",x,y,z", [9, 0, 1, 2]),
+        ("a measured cloud", [0, 1, 2]),
+    ],
+)
+def test_named_columns_are_the_coordinates(header: str, columns: list[int], tmp_path: Path) -> None:
+    """Whatever their order and what stands beside them; without names the first three are."""
+    points = np.random.default_rng(1).uniform(-100, 100, (20, 10))
+    mark = ";" if ";" in header else "," if "," in header else " "
+    cloud = tmp_path / "cloud.csv"
+    np.savetxt(cloud, points[:, columns], fmt="%.17g", delimiter=mark, header=header, comments="")
+    np.testing.assert_array_equal(read_cloud(cloud), points[:, :3])
+
+
+@pytest.mark.parametrize("ending", [".ply", ".vtp"])
+def test_a_corrected_cloud_is_not_corrected_again(
+    scan: Scan, scene: LoadedScene, ending: str, tmp_path: Path
+) -> None:
+    found = correct(scan.points, scene, *DEVICES, system=scan.system)
+    cloud, _ = found.save(tmp_path / f"corrected{ending}")
+    with pytest.raises(InputError, match="corrected already"):
+        read_cloud(cloud)
+
+
+def test_other_devices_than_those_that_measured_are_noticed(scan: Scan, scene: LoadedScene) -> None:
+    """Part of what they would have measured is hidden from them."""
+    turned = [
+        one.at(look_at((x, 190.0, -110.0), (0.0, 0.0, 0.0)))
+        for one, x in zip(DEVICES, (-35.0, 35.0), strict=True)
+    ]
+    both = np.concatenate((scan.points, measure(scene, *turned, system=scan.system).points))
+    with pytest.warns(IriftraceWarning, match="of the points are hidden from one of the scene's"):
+        correct(both, scene, *DEVICES, system=scan.system)
+
+
+def test_rows_that_were_not_measured_do_not_hide_the_others(scan: Scan, scene: LoadedScene) -> None:
+    """Every fifth point is far away; the sample of the distances must not be those alone."""
+    points = np.repeat(scan.points, 5, axis=0)
+    points[::5] = (500.0, 0.0, 0.0)
+    found = correct(points, scene, *DEVICES, system=scan.system)
+    assert np.mean(found.to_part < 0.1) == pytest.approx(0.8, abs=0.02)
+
+
+@pytest.mark.parametrize(
     ("change", "said"),
     [
         (lambda points: points / 1e3, "another unit"),
