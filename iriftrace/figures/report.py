@@ -153,10 +153,7 @@ def report_content(
         rests_on=_rests_on(dataset, summary, confirmation),
         unclear=alternative_text(summary),
         setting=_setting(dataset, summary),
-        assumptions=tuple(
-            (key.replace("_", " "), _text(value))
-            for key, value in attribute(dataset, "assumptions").items()
-        ),
+        assumptions=_assumptions(dataset),
         ranking=ranking,
         front=front_table(summary),
         best=pose_text(summary.matrices[best], summary.distance[best]),
@@ -172,6 +169,14 @@ def report_content(
         views_title=views_title(summary, limits),
         views_text="" if chosen is None else views_text(summary, chosen),
     )
+
+
+def _assumptions(dataset: xr.Dataset) -> Rows:
+    """What all poses share, and of the engine which poses do not."""
+    rows = {key: _text(value) for key, value in attribute(dataset, "assumptions").items()}
+    if other := _engines_text(dataset):
+        rows["engine"] = "; ".join(filter(None, (rows.get("engine"), other)))
+    return tuple((key.replace("_", " "), text) for key, text in rows.items())
 
 
 def _engines_text(dataset: xr.Dataset) -> str:

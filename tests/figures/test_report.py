@@ -210,6 +210,7 @@ def test_what_decides_stands_in_the_first_box(tmp_path: Path) -> None:
     assert content.title == "Where to put the camera: flange.stl"
     field_text, engines, warned, confirmed = content.rests_on
     assert engines.startswith("1 of 4 poses were traced through the field itself")
+    assert dict(content.assumptions)["engine"].endswith(engines)
     assert field_text.startswith("SYNTHETIC FIELD: synthetic: formulas, no simulation.")
     assert "shells too few" in warned
     assert "part reaches beyond the picture" in warned
