@@ -39,6 +39,9 @@ CAMERA = Group("Camera", sort_key=5)
 FOCUS_MM = (50.0, 250.0)
 """Nearest and farthest sharp distance of the camera of Kern et al. (2025)."""
 
+FEWEST_PIXELS = 10
+"""Across the whole part; a picture with fewer measures nothing of it."""
+
 Scale = Annotated[float, Parameter(group=CAMERA, help="Factor on the resolution.")]
 """Not one of the camera's options, because every command has its own default."""
 
@@ -95,6 +98,8 @@ class CameraOptions:
 
     def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
         """The camera these options describe, at its whole resolution."""
+        import numpy as np
+
         from iriftrace.scene.viewpoint import part_view
 
         calibration = self._calibration()
@@ -102,13 +107,17 @@ class CameraOptions:
         placed = self.origin is not None or self.target is not None
         if placed or calibration is None or calibration.matrix is None:
             return self._placed(camera, part, field, stack)
-        if part_view(part, camera).outside >= 1.0:
-            # In another unit it stands in the part, or looks past it.
-            place = ", ".join(f"{value:.4g}" for value in camera.origin)
+        # In another unit it stands in the part, looks past it, or is far away.
+        sees = "" if part_view(part, camera).outside < 1.0 else "it sees nothing of the part"
+        if not sees and np.ptp(camera.project(part.vertices), axis=0).max() < FEWEST_PIXELS:
+            sees = f"the part is less than {FEWEST_PIXELS} pixels large"
+        if sees:
+            place = ", ".join(f"{value:.6g}" for value in camera.origin)
             raise InputError(
                 f"The pose in {self.calibration}, read in {self.calibration_length_unit}, has its "
-                f"camera at ({place}) mm, from where it sees nothing of the part; give the unit of "
-                "its translation (--calibration-length-unit), or --origin and --target."
+                f"camera at ({place}) mm, from where {sees}; give the unit of its translation "
+                "(--calibration-length-unit), or --origin and --target. OpenCV's pose leads from "
+                "the part's frame to the camera's, and not back."
             )
         return camera if self.focus is not None else _with_all_in_focus(camera, camera, part)
 

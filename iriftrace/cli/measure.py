@@ -197,11 +197,12 @@ def correct(
     say(
         f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
         f"{_um(error['median'])} (median; 95th percentile {_um(error['p95'])}). As measured stay "
-        f"{counts['far_from_part']:,} far from the part, {counts['hidden']:,} hidden from a "
-        f"device, {counts['several_images']:,} with several images, {counts['outside_field']:,} "
-        f"outside the field and {counts['uncertain']:,} whose correction is uncertain by more than "
-        f"itself. The cloud lies {_um(values['to_part_mm']['median'])} beside the part as "
-        f"measured (median; 95th percentile {_um(values['to_part_mm']['p95'])})."
+        f"{counts['far_from_part']:,} far from the part or on its outline, {counts['hidden']:,} "
+        f"hidden from a device, {counts['several_images']:,} with several images, "
+        f"{counts['outside_field']:,} outside the field and {counts['uncertain']:,} whose "
+        "correction is uncertain by more than itself. As measured, the cloud lies "
+        f"{_um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
+        f"{_um(values['to_part_mm']['p95'])})."
     )
     _say_features(features, "corrected")
     if found.u_normal is None:

@@ -85,7 +85,7 @@ def sweep(
     if scheduler is not None:
         check_scheduler(scheduler, workers)
     loaded = [trace.load(scene) for scene in scenes]
-    render = None
+    render, complete = None, output.is_file()
     with ExitStack() as stack:
         if scheduler is not None:
             starting = scheduler == "local"
@@ -103,6 +103,8 @@ def sweep(
             progress=report,
             render=render,
         )
+    if complete:
+        say(f"{output} was complete already; nothing was traced.")
     _print_sweep(dataset)
     if export is not None:
         write_table(export, dataset)

@@ -92,13 +92,18 @@ def test_views_of_a_board_are_no_pose(
 
 
 def test_a_pose_in_another_unit_is_refused(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
-    """A camera of some hundred mm, written in metres and read in millimetres, is in the part."""
+    """With a thousandth of its distance the camera is in the part; with a thousand times it, the
+    part is a point.
+    """
     path = calibration(tmp_path, rvec=RVEC, tvec=1e-3 * np.asarray(TVEC))
     words = ["scene", hot.field, hot.part, "-o", "out/scene.xml", "--layers=1"]
     options = [f"--calibration={path}", "--pixel-size=5 um"]
     assert "sees nothing of the part" in (message := fails(*words, *options))
     assert "--calibration-length-unit" in message
     assert main([*map(str, words), *options, "--calibration-length-unit=m"]) == 0
+    far = calibration(tmp_path, rvec=RVEC, tvec=TVEC)
+    options = [f"--calibration={far}", "--pixel-size=5 um", "--calibration-length-unit=m"]
+    assert "less than 10 pixels large" in fails(*words, *options)
 
 
 WRONG = {

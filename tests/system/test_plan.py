@@ -114,6 +114,15 @@ def test_poses_that_cannot_be_saved_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_complete_sweep_says_so(
+    hot: HotBlock, sweep: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = sweep.read_bytes()
+    text = printed(capsys, "sweep", hot.scene, "-o", sweep, *ANGLES)
+    assert text.startswith(f"{sweep} was complete already; nothing was traced.")
+    assert sweep.read_bytes() == before
+
+
 def test_a_pose_is_named_with_its_lens(
     hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
