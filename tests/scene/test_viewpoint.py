@@ -99,7 +99,7 @@ def test_commands_say_what_a_picture_does_not_hold(
     words = ["scene", str(tmp_path / "air.vtu"), str(tmp_path / "block.stl"), "--layers=2"]
     cut, whole = (tmp_path / name / "scene.xml" for name in ("cut", "whole"))
     assert main([*words, "-o", str(cut), "--origin=60,-45,70", "--target=21,28,0"]) == 0
-    assert "outside the picture; move it back" in capsys.readouterr().out
+    assert "outside the picture; change its place (--origin)" in capsys.readouterr().out
     assert main([*words, "-o", str(whole)]) == 0
     assert "outside the picture" not in capsys.readouterr().out
     for scene, said in ((cut, True), (whole, False)):

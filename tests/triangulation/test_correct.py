@@ -218,6 +218,9 @@ def test_ply_and_vtp_hold_the_same_numbers(
         np.testing.assert_array_equal(ply.vertex_columns[name], column)
         assert ply.vertex_columns[name].dtype == column.dtype
     assert ply.vertex_columns["status"].dtype == np.int32
+    field = f"field: {saved.provenance['assumptions']['field_origin']}"
+    assert vtp.field_data["field"].tolist() == [field]
+    assert f"comment {field}\n".encode() in (tmp_path / "cloud.ply").read_bytes()
 
 
 @pytest.mark.parametrize(

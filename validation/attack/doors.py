@@ -285,7 +285,8 @@ def _cloud(name: str) -> Callable[[Path], object]:
         elif name.endswith(".stl"):
             trimesh.Trimesh(points, faces, process=False).export(folder / name)
         else:
-            save_cloud(folder / name, points, {"status": np.zeros(60, np.int32)}, {"schema": ""})
+            values = {"schema": "", "assumptions": {"field_origin": ""}}
+            save_cloud(folder / name, points, {"status": np.zeros(60, np.int32)}, values)
             (folder / name).with_suffix(".json").unlink()
 
     return make
