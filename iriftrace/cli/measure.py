@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -26,9 +27,6 @@ Phase = Annotated[
         "more across the way to the camera."
     ),
 ]
-FEW_FIELDS = 10
-"""Fewer leave a standard deviation uncertain by a quarter and more (GUM, table E.1)."""
-
 Features = Annotated[
     list[str] | None,
     Parameter(
@@ -217,10 +215,12 @@ def correct(
             f"{_um(values['u_normal_mm']['median'])} (median). U (k = 2) is that of the air's "
             "share; the sensor's own comes on top."
         )
-    if found.errors is not None and len(found.errors) < FEW_FIELDS:
+    if found.errors is not None:
+        # Of a standard deviation of n values (GUM, E.4.3).
+        doubt = 1.0 / math.sqrt(2 * (len(found.errors) - 1))
         say(
-            f"It is the scatter of {len(found.errors)} fields, so few that it may be several times "
-            "too small."
+            f"It rests on the scatter of {len(found.errors)} fields; a standard deviation of so "
+            f"many values is itself uncertain by {doubt:.0%}."
         )
     _say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))

@@ -58,7 +58,7 @@ def parse_transform(text: str) -> FloatArray:
 
 
 ROUNDING = 2e-4
-"""What numbers with four decimals may change lengths by, relative."""
+"""Largest relative change of lengths by numbers that have four decimals."""
 
 
 def rigid_motion(matrix: FloatArray, name: str) -> FloatArray:
@@ -69,9 +69,9 @@ def rigid_motion(matrix: FloatArray, name: str) -> FloatArray:
     left, lengths, right = np.linalg.svd(matrix[:3, :3])
     if np.linalg.det(matrix[:3, :3]) < 0 or np.abs(lengths - 1.0).max() > ROUNDING:
         raise InputError(
-            f"{name} is no rigid motion: it mirrors, shears or scales lengths, by up to "
-            f"{np.abs(lengths - 1.0).max():.2g}, and would change what was measured; align the "
-            "cloud by rotation and translation alone."
+            f"{name} is no rigid motion, as it mirrors, shears or scales (lengths by factors from "
+            f"{lengths.min():.6g} to {lengths.max():.6g}), and would change what was measured; "
+            "align the cloud by rotation and translation alone."
         )
     motion = matrix.copy()
     motion[:3, :3] = left @ right

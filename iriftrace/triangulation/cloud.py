@@ -203,7 +203,7 @@ def _text_points(file: Path) -> FloatArray:
     rows = [row for row in rows if not row.lstrip().startswith(("#", "/", "%"))]
     if not rows:
         return np.empty((0, 3))
-    names = _column_names(lines[: lines.index(rows[0])])
+    names = _column_names([line for line in lines[: lines.index(rows[0])] if line.strip()])
     table = numbers(rows, separator_of(rows[0]), file, "points")
     if table.shape[1] < 3:
         raise InputError(f"{file} has {table.shape[1]} columns; a point has three coordinates.")

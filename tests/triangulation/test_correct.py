@@ -265,6 +265,7 @@ def test_pixels_without_a_point_are_left_out(tmp_path: Path) -> None:
         ("//X Y Z", [0, 1, 2]),
         (",x,y,z", [9, 0, 1, 2]),
         ("a measured cloud", [0, 1, 2]),
+        ("z,y,x\n", [2, 1, 0]),
     ],
 )
 def test_named_columns_are_the_coordinates(header: str, columns: list[int], tmp_path: Path) -> None:
