@@ -183,8 +183,8 @@ def integrator_class(variant: str) -> type:
             """The check of the index along the bent rays; see ``trace_bundle``."""
             raise NotImplementedError
 
-        def shell_triangles(self, scene: Any, camera: Any, window: Window) -> int:
-            """Triangles of shells in a window of the picture."""
+        def shell_triangles(self, scene: Any, camera: Any, window: Window) -> int | None:
+            """Triangles of shells in a window of the picture, None where rays pass by them."""
             return self.prepare(scene).tables.triangles_in_view(camera.project64, *window)
 
         def pixel_rays(self, sensor: Any) -> tuple[Any, Callable[[Any], tuple[Any, Any]]]:
@@ -257,8 +257,8 @@ def integrator_class(variant: str) -> type:
                 In the order of ``aov_names()``, the crop window only.
             report : dict
                 ``time_s`` per stage, ``counts`` (``open_boundary`` rays,
-                ``shell_triangles_in_view``) and ``camera`` of the crop window (as of
-                ``iriftrace.camera.Camera.as_dict``), and ``straight`` (StraightHits).
+                ``shell_triangles_in_view`` where shells bend) and ``camera`` of the crop window
+                (as of ``iriftrace.camera.Camera.as_dict``), and ``straight`` (StraightHits).
             """
             pixels_of, rays = self.pixel_rays(sensor)
             film, camera = sensor.film(), camera_of(sensor)
@@ -293,14 +293,15 @@ def integrator_class(variant: str) -> type:
                     dr.scatter(pixels, value, place, mode=dr.ReduceMode.NoConflicts)
                 dr.eval(pixels)
                 counts = self.counts(trace)
+            triangles = self.shell_triangles(
+                scene, camera, ((left, top), (left + width, top + height))
+            )
+            if triangles is not None:
+                counts["shell_triangles_in_view"] = triangles
             dr.sync_thread()
-            window = ((left, top), (left + width, top + height))
             report = {
                 "time_s": {**bundle.time_s, "channels": time.perf_counter() - started},
-                "counts": {
-                    **counts,
-                    "shell_triangles_in_view": self.shell_triangles(scene, camera, window),
-                },
+                "counts": counts,
                 "camera": Camera.from_dict(description).cropped(left, top, width, height).as_dict(),
                 "straight": bundle.straight,
             }

@@ -147,8 +147,7 @@ def plugin_class(variant: str) -> type:
             relocated = int(dr.count(trace.refracted.relocations > 0)[0])
             return {**super().counts(trace), "relocated": relocated}
 
-        def shell_triangles(self, scene: Any, camera: Any, window: Window) -> int:
-            """None: shells are not looked at."""
-            return 0
+        def shell_triangles(self, scene: Any, camera: Any, window: Window) -> None:
+            """Not counted, as no ray looks at shells."""
 
     return GradientPath

@@ -31,6 +31,7 @@ _HEIGHT = ("image_height", "imageHeight", "height")
 _ROTATION = ("rvec", "rotation_vector", "R", "rotation", "rotation_matrix")
 _TRANSLATION = ("tvec", "translation_vector", "T", "t", "translation")
 _VIEWS = ("extrinsic_parameters",)
+_OF_TWO = ("M1", "cameraMatrix1", "camera_matrix_1", "K1", "M2", "K2")
 _FISHEYE = ("fisheye_model", "fisheye")
 _MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv")
 
@@ -111,6 +112,7 @@ def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration
     """
     file = _File(Path(path), _content(Path(path)))
     file.refuse_other_models()
+    file.refuse_two_cameras()
     matrix = file.array(_MATRIX, (9,)).reshape(3, 3)
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
         raise file.wrong(
@@ -257,6 +259,15 @@ class _File:
             raise self.wrong(
                 f"the lens model {model!r} is not the one of Brown and Conrady ({', '.join(known)})"
                 "; calibrate with that"
+            )
+
+    def refuse_two_cameras(self) -> None:
+        two = [name for name in _OF_TWO if name in self.content]
+        if two and self.named(_MATRIX) is None:
+            raise self.wrong(
+                f"it is of two cameras ({', '.join(two)}); write a file for each, with "
+                f"{_MATRIX[0]}, {_DISTORTION[0]}, {_WIDTH[0]} and {_HEIGHT[0]}, and {_ROTATION[0]} "
+                f"and {_TRANSLATION[0]} from the part's frame to that camera's"
             )
 
     def views(self) -> int:

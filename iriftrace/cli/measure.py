@@ -88,8 +88,10 @@ def write_scan(
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and say what it found."""
     from iriftrace.triangulation.acceptance import acceptance as accepted
+    from iriftrace.triangulation.features import check_choices
     from iriftrace.triangulation.scan import measure as simulate
 
+    check_choices(feature or (), loaded.part)
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
     features = scan.features(loaded.part, feature or ())
@@ -170,6 +172,7 @@ def correct(
     from iriftrace.scene.file import require_scene
     from iriftrace.triangulation.cloud import read_cloud
     from iriftrace.triangulation.correct import correct as take_out
+    from iriftrace.triangulation.features import check_choices
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
@@ -184,6 +187,7 @@ def correct(
         motion = parse_transform(str(cloud_to_part))
         points = apply(rigid_motion(motion, str(cloud_to_part)), points)
     loaded = trace.load(scene)
+    check_choices(feature or (), loaded.part)
     with working("Correcting"):
         found = take_out(
             points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty

@@ -130,16 +130,18 @@ def _logarithmic(axes: Axes) -> None:
 
 def rays_figure(summary: SweepSummary) -> Figure:
     """Counts of each pose: rays that hit, by status; faces hit; shell triangles in view."""
-    counts = [(summary.polygons, "Shell triangles in view")]
+    failed, uncounted = summary.rays[Status.GOOD] < 0, summary.polygons < 0
+    counts = []
     if summary.faces is not None:
-        counts.insert(0, (summary.faces, "Faces of the part hit"))
-    what = "shell triangles" if summary.faces is None else "faces hit and shell triangles"
+        counts.append((summary.faces, failed, "Faces of the part hit"))
+    if not uncounted.all():
+        counts.append((summary.polygons, uncounted, "Shell triangles in view"))
     figure, body = new_figure(
-        8.0, 4.2 + 1.8 * len(counts), f"Ray hits, {what} of each pose", summary.subtitle
+        8.0, 4.2 + 1.8 * len(counts), "What the rays of each pose hit", summary.subtitle
     )
     upper, *others = body.subplots(
-        1 + len(counts), 1, sharex=True, height_ratios=(3, *(2 for _ in counts))
-    )
+        1 + len(counts), 1, sharex=True, squeeze=False, height_ratios=(3, *(2 for _ in counts))
+    ).flat
     count = len(summary.polygons)
     edges = np.arange(count + 1) - 0.5
     base = np.zeros(count)
@@ -152,9 +154,12 @@ def rays_figure(summary: SweepSummary) -> Figure:
         most = int(summary.rays[status].max())
         entries.append(Patch(facecolor=colour, label=f"{status.text.capitalize()}: up to {most:,}"))
         base = top
-    for axes, (numbers, label) in zip(others, counts, strict=True):
+    upper.set_ylabel("Rays that hit the part")
+    unknown = [failed]
+    for axes, (numbers, without, label) in zip(others, counts, strict=True):
         axes.stairs(np.maximum(numbers, 0), edges, fill=True, color="0.45")
         axes.set_ylabel(label)
+        unknown.append(without)
     best = summary.plan.best
     for axes in (upper, *others):
         axes.yaxis.set_major_formatter(EngFormatter(sep=""))
@@ -166,14 +171,15 @@ def rays_figure(summary: SweepSummary) -> Figure:
     warned = np.flatnonzero(summary.warned.any(axis=1))
     if len(warned):
         upper.plot(warned, base[warned], clip_on=False, zorder=3, **WARNED)
-    entries += marks(summary, summary.polygons < 0)
-    unknown = np.flatnonzero(summary.polygons < 0)
-    if len(unknown):
-        for axes in (upper, *others):
-            axes.plot(unknown, np.zeros(len(unknown)), clip_on=False, zorder=3, **UNKNOWN)
-    upper.set_ylabel("Rays that hit the part")
-    others[-1].set_xlabel("Pose (number in the sweep)")
-    others[-1].xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
+    entries += marks(summary, np.any(unknown, axis=0))
+    for axes, without in zip((upper, *others), unknown, strict=True):
+        # A line without points, not cut off at the axes, would take part in the layout.
+        if without.any():
+            poses = np.flatnonzero(without)
+            axes.plot(poses, np.zeros(len(poses)), clip_on=False, zorder=3, **UNKNOWN)
+    lowest = (upper, *others)[-1]
+    lowest.set_xlabel("Pose (number in the sweep)")
+    lowest.xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
     legend_below(body, entries, 3)
     return figure
 

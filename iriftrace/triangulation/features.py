@@ -42,6 +42,12 @@ FEWEST_MEASURED = 100
 FEWEST = {"plane": 3, "line": 2, "circle": 3, "sphere": 4, "cylinder": 5, "cone": 6}
 """Points that determine each kind of feature."""
 
+DIMENSIONS = {"plane": 2, "line": 1, "circle": 2, "sphere": 3, "cylinder": 3, "cone": 3}
+"""Dimensions in which those points have an extent: on a plane lies no one sphere."""
+
+FLAT = 1e-6
+"""Extent, as a share of the largest, that is the rounding of single precision."""
+
 
 @frozen(eq=False)
 class Feature:
@@ -92,8 +98,7 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
         If there are too few points, or they do not determine the feature.
     """
     places = np.asarray(points, dtype=np.float64)
-    if kind not in get_args(Kind):
-        raise InputError(f"There is no feature {kind!r}; use one of {', '.join(get_args(Kind))}.")
+    _check_kind(kind)
     if places.ndim != 2 or places.shape[1] != 3 or len(places) < FEWEST[kind]:
         raise InputError(
             f"An array of shape {places.shape} does not determine a {kind}; give at least "
@@ -104,7 +109,15 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
     if not scale > 0.0:
         raise InputError(f"All points are the same, so they are no {kind}; give others.")
     # About their centre and of size 1, so that all parameters weigh alike.
-    found = _FITS[kind]((places - centre) / scale)
+    unit = (places - centre) / scale
+    extents = np.linalg.svd(unit, compute_uv=False)
+    if not extents[DIMENSIONS[kind] - 1] > FLAT * extents[0]:
+        lying = "plane" if DIMENSIONS[kind] == 3 else "line"
+        raise InputError(
+            f"The {len(places):,} points lie on a {lying} and so do not determine a {kind}; give "
+            "others, or another feature."
+        )
+    found = _FITS[kind](unit)
     return evolve(
         found,
         position=centre + scale * found.position,
@@ -125,16 +138,21 @@ def feature_table(
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
     region, ``"cylinder:lateral"``; or a kind alone, for all regions that are one, and for all
     points where none is. Without any choice, `found_features`. Warns of points that are no such
-    feature. Gives ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``form_mm``,
+    feature, and leaves out what they do not determine. Gives ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``form_mm``,
     ``position_mm`` and ``direction``; with the same points by each member of an ensemble also
     ``size_scatter_mm``, the size's standard deviation over them, None for a feature without a size.
     """
+    check_choices(choices, part)
     members = list(by_member)
     found = found_features(part, face)
     rows = []
     for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
         kind, region, chosen = chosen_points(choice, face, part)
-        fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
+        try:
+            fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
+        except InputError as error:
+            warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=4)
+            continue
         for name, fit in fits.items():
             if fit.form_mm > NO_FEATURE * np.ptp(clouds[name][chosen], axis=0).max():
                 warnings.warn(
@@ -145,6 +163,15 @@ def feature_table(
                     stacklevel=4,
                 )
                 break
+        else:
+            if not region and part.region_names[1:]:
+                warnings.warn(
+                    f"No region of the part with {FEWEST_MEASURED} points or more is a {kind}, so "
+                    f"one is fitted to all {len(face):,} points; name a region to fit its points "
+                    f"alone, such as {kind}:{part.region_names[0]}.",
+                    IriftraceWarning,
+                    stacklevel=4,
+                )
         row: dict[str, Any] = {
             "kind": kind,
             "region": region or None,
@@ -163,6 +190,21 @@ def feature_table(
             row["size_scatter_mm"] = float(np.std(known, ddof=1)) if known else None
         rows.append(row)
     return rows
+
+
+def check_choices(choices: Iterable[str], part: Part) -> None:
+    """An InputError for a choice of `feature_table` whose kind or region there is not."""
+    for choice in choices:
+        _check_kind(choice.partition(":")[0])
+        chosen_points(choice, np.empty(0, dtype=np.int64), part)
+
+
+def _check_kind(kind: str) -> None:
+    if kind not in get_args(Kind):
+        raise InputError(
+            f"There is no feature {kind!r}; use one of {', '.join(get_args(Kind))}, of a region "
+            "such as cylinder:lateral."
+        )
 
 
 def _regions_of(choice: str, found: Sequence[str]) -> list[str]:

@@ -175,6 +175,25 @@ def test_a_kind_alone_means_the_regions_that_are_one() -> None:
     with pytest.warns(IriftraceWarning, match="whole part are no sphere.*cylinder:lateral"):
         (row,) = feature_table({"cold": points}, face, part, ["sphere"])
     assert row["region"] is None
+    lateral = np.flatnonzero(part.region_of_face == part.region_names.index("lateral"))
+    face = lateral[:: len(lateral) // 50][:50]
+    points = part.vertices[part.faces[face, 0]]
+    with pytest.warns(IriftraceWarning, match="100 points or more is a cylinder.*all 50 points"):
+        (row,) = feature_table({"cold": points}, face, part, ["cylinder"])
+    assert row["region"] is None
+
+
+def test_what_points_do_not_determine_is_left_out() -> None:
+    """The rest is still fitted; a kind or region that does not exist is refused."""
+    part = cylinder()
+    face = np.repeat(np.flatnonzero(part.region_of_face == part.region_names.index("head +x")), 100)
+    points = part.vertices[part.faces[face, 0]]
+    with pytest.warns(IriftraceWarning, match=r"sphere is left out: .* lie on a plane"):
+        (row,) = feature_table({"cold": points}, face, part, ["sphere", "plane"])
+    assert row["kind"] == "plane"
+    for choice in ("lateral:cylinder", "cylinder:side"):
+        with pytest.raises(InputError, match="no feature 'lateral'|no region 'side'"):
+            feature_table({"cold": points}, face, part, [choice])
 
 
 def test_a_published_circle() -> None:
