@@ -162,7 +162,7 @@ def test_files_that_are_something_else(tmp_path: Path, text: str, message: str) 
 def test_a_file_of_two_cameras_is_refused(tmp_path: Path) -> None:
     """As OpenCV's stereo example writes it."""
     (tmp_path / "intrinsics.json").write_text('{"M1": [1], "D1": [0], "M2": [1], "D2": [0]}')
-    with pytest.raises(InputError, match="two cameras .M1, M2.; write a file for each"):
+    with pytest.raises(InputError, match=r"two cameras .M1, M2.; write a file for each"):
         read_calibration(tmp_path / "intrinsics.json")
 
 

@@ -192,7 +192,7 @@ def test_what_points_do_not_determine_is_left_out() -> None:
         (row,) = feature_table({"cold": points}, face, part, ["sphere", "plane"])
     assert row["kind"] == "plane"
     for choice in ("lateral:cylinder", "cylinder:side"):
-        with pytest.raises(InputError, match="no feature 'lateral'|no region 'side'"):
+        with pytest.raises(InputError, match=r"no feature 'lateral'|no region 'side'"):
             feature_table({"cold": points}, face, part, [choice])
 
 
