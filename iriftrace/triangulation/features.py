@@ -140,8 +140,8 @@ def feature_table(
     points where none is. Without any choice, `found_features`. Warns of points that are no such
     feature, and leaves out what they do not determine. Gives ``kind``, ``region``, ``points``, and
     by cloud ``size_mm``, ``form_mm``, ``position_mm`` and ``direction``; with the same points by
-    each member of an ensemble also ``size_scatter_mm``, the size's standard deviation over them, None
-    for a feature without a size.
+    each member of an ensemble also ``size_scatter_mm``, the size's standard deviation over them,
+    None for a feature without a size.
     """
     check_choices(choices, part)
     members = list(by_member)
