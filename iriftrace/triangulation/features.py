@@ -64,6 +64,9 @@ class Feature:
         Its largest component is positive.
     size_mm : float or None, mm
         Diameter (of a cone at `position`); none of plane and line.
+    u_size_mm : float or None, mm
+        Standard uncertainty of the diameter by the residuals, as if they were independent: s times
+        the root of its element of (J^T J)^-1, s^2 = residuals squared over degrees of freedom.
     half_angle : float or None, rad
         Of a cone.
     residuals : (n,) array, mm
@@ -74,6 +77,7 @@ class Feature:
     position: FloatArray
     direction: FloatArray | None
     size_mm: float | None
+    u_size_mm: float | None
     half_angle: float | None
     residuals: FloatArray
 
@@ -122,6 +126,7 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
         found,
         position=centre + scale * found.position,
         size_mm=None if found.size_mm is None else scale * found.size_mm,
+        u_size_mm=None if found.u_size_mm is None else scale * found.u_size_mm,
         residuals=scale * found.residuals,
     )
 
@@ -138,10 +143,11 @@ def feature_table(
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
     region, ``"cylinder:lateral"``; or a kind alone, for all regions that are one, and for all
     points where none is. Without any choice, `found_features`. Warns of points that are no such
-    feature, and leaves out what they do not determine. Gives ``kind``, ``region``, ``points``, and
-    by cloud ``size_mm``, ``form_mm``, ``position_mm`` and ``direction``; with the same points by
-    each member of an ensemble also ``size_scatter_mm``, the size's standard deviation over them,
-    None for a feature without a size.
+    feature or leave its diameter uncertain, and leaves out what they do not determine. Gives
+    ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``u_size_mm``, ``form_mm``,
+    ``position_mm`` and ``direction`` as in `Feature`; with the same points by each member of an
+    ensemble also ``size_scatter_mm``, the size's standard deviation over them, None for a feature
+    without a size.
     """
     check_choices(choices, part)
     members = list(by_member)
@@ -152,32 +158,27 @@ def feature_table(
         try:
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
         except InputError as error:
-            warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=4)
+            warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=3)
             continue
-        for name, fit in fits.items():
-            if fit.form_mm > NO_FEATURE * np.ptp(clouds[name][chosen], axis=0).max():
-                warnings.warn(
-                    f"The points of {region or 'the whole part'} are no {kind}, as they lie "
-                    f"{fit.form_mm:.3g} mm apart across the fitted one; choose one of the part's "
-                    f"features: {', '.join(found) or 'it has none'}.",
-                    IriftraceWarning,
-                    stacklevel=4,
-                )
-                break
-        else:
-            if not region and part.region_names[1:]:
-                warnings.warn(
-                    f"No region of the part with {FEWEST_MEASURED} points or more is a {kind}, so "
-                    f"one is fitted to all {len(face):,} points; name a region to fit its points "
-                    f"alone, such as {kind}:{part.region_names[0]}.",
-                    IriftraceWarning,
-                    stacklevel=4,
-                )
+        doubts = (
+            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
+            for name, fit in fits.items()
+        )
+        doubt = next(filter(None, doubts), None)
+        if not doubt and not region and part.region_names[1:]:
+            doubt = (
+                f"No region of the part with {FEWEST_MEASURED} points or more is a {kind}, so one "
+                f"is fitted to all {len(face):,} points; name a region to fit its points alone, "
+                f"such as {kind}:{part.region_names[0]}."
+            )
+        if doubt:
+            warnings.warn(doubt, IriftraceWarning, stacklevel=3)
         row: dict[str, Any] = {
             "kind": kind,
             "region": region or None,
             "points": int(chosen.sum()),
             "size_mm": {name: fit.size_mm for name, fit in fits.items()},
+            "u_size_mm": {name: fit.u_size_mm for name, fit in fits.items()},
             "form_mm": {name: fit.form_mm for name, fit in fits.items()},
             "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
             "direction": {
@@ -191,6 +192,23 @@ def feature_table(
             row["size_scatter_mm"] = float(np.std(known, ddof=1)) if known else None
         rows.append(row)
     return rows
+
+
+def _doubt(fit: Feature, extent: float, region: str, found: Sequence[str]) -> str | None:
+    """Why a feature of points of this extent, mm, means nothing or little; None where it does."""
+    where = f"The points of {region or 'the whole part'}"
+    if fit.form_mm > NO_FEATURE * extent:
+        return (
+            f"{where} are no {fit.kind}, as they lie {fit.form_mm:.3g} mm apart across the fitted "
+            f"one; choose one of the part's features: {', '.join(found) or 'it has none'}."
+        )
+    if fit.u_size_mm is not None and fit.u_size_mm > fit.form_mm:
+        return (
+            f"{where} span too little of a {fit.kind}: by their scatter alone its diameter of "
+            f"{fit.size_mm:.5g} mm is uncertain by {fit.u_size_mm:.2g} mm (k = 1), more than their "
+            "form deviation; measure more of its circumference."
+        )
+    return None
 
 
 def check_choices(choices: Iterable[str], part: Part) -> None:
@@ -269,13 +287,13 @@ def _signed(direction: FloatArray) -> FloatArray:
 
 def _plane(points: FloatArray) -> Feature:
     normal = _signed(_axes(points)[2])
-    return Feature("plane", np.zeros(3), normal, None, None, points @ normal)
+    return Feature("plane", np.zeros(3), normal, None, None, None, points @ normal)
 
 
 def _line(points: FloatArray) -> Feature:
     axis = _signed(_axes(points)[0])
     off = np.linalg.norm(np.cross(points, axis), axis=1)
-    return Feature("line", np.zeros(3), axis, None, None, off)
+    return Feature("line", np.zeros(3), axis, None, None, None, off)
 
 
 def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
@@ -287,11 +305,18 @@ def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
     return centre, float(np.sqrt(max(rest + centre @ centre, 0.0)))
 
 
-def _solved(residuals: Callable[[FloatArray], FloatArray], start: ArrayLike) -> FloatArray:
-    """Parameters of least squares, to 1e-12 of the points' extent."""
+def _solved(
+    residuals: Callable[[FloatArray], FloatArray], start: Sequence[float], radius: int
+) -> tuple[FloatArray, float]:
+    """Parameters of least squares, to 1e-12 of the points' extent, and u of twice the radius.
+
+    `radius` is the parameter's number.
+    """
     exact = 1e-13
     found = least_squares(residuals, start, method="lm", xtol=exact, ftol=exact, gtol=exact)
-    return np.asarray(found.x, dtype=np.float64)
+    variance = 2 * found.cost / max(len(found.fun) - len(start), 1)
+    inverse = np.linalg.pinv(found.jac.T @ found.jac)[radius, radius]
+    return np.asarray(found.x, dtype=np.float64), 2 * float(np.sqrt(variance * inverse))
 
 
 def _sphere(points: FloatArray) -> Feature:
@@ -300,8 +325,8 @@ def _sphere(points: FloatArray) -> Feature:
     def residuals(values: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(points - values[:3], axis=1) - values[3])
 
-    best = _solved(residuals, (*centre, radius))
-    return Feature("sphere", best[:3], None, 2 * float(best[3]), None, residuals(best))
+    best, doubt = _solved(residuals, (*centre, radius), radius=3)
+    return Feature("sphere", best[:3], None, 2 * float(best[3]), doubt, None, residuals(best))
 
 
 def _frame(axis: FloatArray) -> FloatArray:
@@ -329,10 +354,10 @@ def _circle(points: FloatArray) -> Feature:
         return np.linalg.norm(arm - np.outer(height, normal), axis=1) - values[5], height
 
     start = (*(centre @ frame[:2]), 0.0, 0.0, radius)
-    best = _solved(lambda values: np.concatenate(parts(values)), start)
+    best, doubt = _solved(lambda values: np.concatenate(parts(values)), start, radius=5)
     off = np.hypot(*parts(best))
     normal = _signed(_tilted(frame, best[3:5]))
-    return Feature("circle", best[:3], normal, 2 * float(best[5]), None, off)
+    return Feature("circle", best[:3], normal, 2 * float(best[5]), doubt, None, off)
 
 
 def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
@@ -353,7 +378,7 @@ def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
         return np.asarray((distance - values[4]) * np.cos(angle) - height * np.sin(angle))
 
     start = [*centre, 0.0, 0.0, radius, *([float(np.arctan(slope))] if opening else [])]
-    best = _solved(residuals, start)
+    best, doubt = _solved(residuals, start, radius=4)
     direction = _tilted(frame, best[2:4])
     foot = best[:2] @ frame[:2]
     # The point of the axis nearest to the points' centre, which is the origin.
@@ -362,7 +387,7 @@ def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
     diameter = 2 * (best[4] + np.tan(angle) * float((position - foot) @ direction))
     kind, half_angle = ("cone", abs(angle)) if opening else ("cylinder", None)
     off = residuals(best)
-    return Feature(kind, position, _signed(direction), float(diameter), half_angle, off)
+    return Feature(kind, position, _signed(direction), float(diameter), doubt, half_angle, off)
 
 
 def _round(points: FloatArray, opening: bool) -> Feature:

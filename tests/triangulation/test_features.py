@@ -202,3 +202,25 @@ def test_a_published_circle() -> None:
     found = fit_feature(np.column_stack((places, np.zeros(6))), "circle")
     np.testing.assert_allclose(found.position, (4.7398, 2.9835, 0.0), atol=5e-5)
     assert found.size_mm == pytest.approx(2 * 4.7142, abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["circle", "sphere", "cylinder"])
+def test_the_sizes_uncertainty_is_the_scatter_of_repeated_fits(kind: str) -> None:
+    # A standard deviation of 40 values is itself uncertain by 11 %.
+    rng = np.random.default_rng(5)
+    points = grid(kind, share=0.25)
+    fits = [fit_feature(points + rng.normal(0, 0.01, points.shape), kind) for _ in range(40)]
+    stated = np.median([fit.u_size_mm for fit in fits if fit.u_size_mm is not None])
+    scatter = np.std([fit.size_mm for fit in fits], ddof=1)
+    assert stated == pytest.approx(scatter, rel=0.35)
+
+
+def test_a_strip_that_is_nearly_flat_leaves_the_diameter_uncertain() -> None:
+    part = read_part(folder_of("cylinder") / "part.ply")
+    number = part.region_names.index("lateral")
+    middle = part.vertices[part.faces].mean(axis=1)
+    on_strip = (part.region_of_face == number) & (np.abs(middle[:, 1]) < 1.0) & (middle[:, 2] > 0)
+    face = np.flatnonzero(on_strip)
+    points = middle[face] + np.random.default_rng(2).normal(0, 0.02, (len(face), 3))
+    with pytest.warns(IriftraceWarning, match="span too little of a cylinder"):
+        feature_table({"measured": points}, face, part, ["cylinder:lateral"])
