@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.field.origin import synthetic_mark
 from iriftrace.figures.scene import (
     COLOUR_MAP,
     SECOND_COLOUR,
@@ -153,6 +155,7 @@ def _scene(path: Path) -> Draw:
             f"{len(shells.shells)} shells, air of {celsius[0]:.0f} to {celsius[-1]:.0f} degC",
             font_size=10,
         )
+        _add_mark(plotter, shells.source.origin if shells.source else None)
 
     return draw
 
@@ -171,6 +174,7 @@ def _pose(path: Path) -> Draw:
     def draw(plotter: pv.Plotter) -> None:
         add_part(plotter, part)
         _add_points(plotter, hits, moved, CLOUD_COLUMNS["displacement"])
+        _add_mark(plotter, (image.header.get("field") or {}).get("origin"))
         add_device(plotter, image.camera, part, SIGHT_COLOUR)
 
     return draw
@@ -180,7 +184,7 @@ def _sweep(path: Path) -> Draw:
     from iriftrace.planning.summary import summarise
     from iriftrace.studies.study import is_study
     from iriftrace.sweep.reload import surroundings_of
-    from iriftrace.sweep.store import read_sweep
+    from iriftrace.sweep.store import attribute, read_sweep
 
     if is_study(path):
         raise InputError(f"{path} is a study, which has nothing in space; draw it: iriftrace plot.")
@@ -212,6 +216,7 @@ def _sweep(path: Path) -> Draw:
         ends = summary.origins[best], summary.targets[best]
         plotter.add_mesh(pv.Line(*ends), color=SIGHT_COLOUR, line_width=4)
         plotter.add_text(f"line of sight of pose {best}, the best by score", font_size=10)
+        _add_mark(plotter, attribute(dataset, "assumptions").get("field_origin"))
 
     return draw
 
@@ -247,12 +252,22 @@ def _coloured(path: Path, places: FloatArray, columns: Mapping[str, NDArray[Any]
         places, um = places[good], um[good]
     if len(um) == 0:
         raise InputError(f"{path} has no point of status 0, so there is nothing to show.")
-    points = pv.PolyData(places)
+    points, origin = pv.PolyData(places), _origin_beside(path)
 
     def draw(plotter: pv.Plotter) -> None:
         _add_points(plotter, points, um, title)
+        _add_mark(plotter, origin)
 
     return draw
+
+
+def _origin_beside(path: Path) -> str | None:
+    """Origin of the field by the numbers beside a cloud; None where they are not there."""
+    try:
+        values = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        return str(values["assumptions"]["field_origin"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def _field(path: Path) -> Draw:
@@ -268,6 +283,7 @@ def _field(path: Path) -> Draw:
             half, scalars=title, cmap=colormaps[COLOUR_MAP], scalar_bar_args=SCALAR_BAR
         )
         plotter.add_mesh(grid.outline(), color="#666666")
+        _add_mark(plotter, field.source.origin)
 
     return draw
 
@@ -305,8 +321,18 @@ def add_device(plotter: pv.Plotter, camera: Camera, part: Part, colour: str) -> 
         plotter.add_mesh(pv.lines_from_points(points), color=colour, line_width=2, lighting=False)
 
 
+def _add_mark(plotter: pv.Plotter, origin: str | None) -> None:
+    """Say that a result rests on no simulation, where it does not."""
+    mark = synthetic_mark(origin)
+    if mark:
+        plotter.add_text(mark, position="lower_edge", font_size=10)
+
+
 def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title: str) -> None:
-    """Add points in colours up to the 99th percentile, about 0 where they have signs."""
+    """Add points in colours up to the 99th percentile, about 0 where they have signs.
+
+    The bar has a field of its own for what is beyond, in the colour of its end.
+    """
     points.point_data[title] = um
     most = float(np.nanpercentile(np.abs(um), 99)) or 1.0
     signed = bool((um < 0).any())
@@ -316,6 +342,8 @@ def _add_points(plotter: pv.Plotter, points: pv.PolyData, um: FloatArray, title:
         scalars=title,
         clim=limits,
         cmap=colormaps[colours],
+        above_color=colormaps[colours](1.0) if (um > most).any() else None,
+        below_color=colormaps[colours](0.0) if (um < limits[0]).any() else None,
         lighting=False,
         render_points_as_spheres=True,
         point_size=5.0,

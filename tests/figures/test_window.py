@@ -6,6 +6,7 @@ The colours looked for are those that the legend of each kind promises.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib.image
 import numpy as np
@@ -15,6 +16,8 @@ from matplotlib.colors import to_rgb
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, SetupError
+from iriftrace.field.origin import state_origin
+from iriftrace.figures import window
 from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.space import PART_COLOUR
 from iriftrace.figures.window import view
@@ -98,6 +101,30 @@ def test_a_field_is_cut_open_at_the_part(tmp_path: Path) -> None:
 def test_a_part_shows_its_regions(tmp_path: Path) -> None:
     picture = drawn(folder_of("wishbone") / "part.ply", tmp_path)
     assert share_like(picture, "#1f77b4") > 0.01
+
+
+def test_what_rests_on_no_simulation_says_so(
+    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(window, "synthetic_mark", lambda origin: said.append(origin))
+    for name in ("pose.exr", "sweep.nc", "scan.vtp", "scan.ply", "corrected.vtp"):
+        drawn(results / name, tmp_path)
+    drawn(folder_of("cylinder") / "scene.xml", tmp_path)
+    assert len(said) == 6
+    assert {origin.partition(",")[0] for origin in said} == {"OpenFOAM"}
+    monkeypatch.undo()
+    made = tmp_path / "made.vtu"
+    grid = pv.read(folder_of("cylinder") / "field.vtu")
+    plain = drawn(made_of(grid, "OpenFOAM", made), tmp_path).read_bytes()
+    assert drawn(made_of(grid, "synthetic, by hand", made), tmp_path).read_bytes() != plain
+
+
+def made_of(grid: Any, origin: str, path: Path) -> Path:
+    """The grid as a file that states this origin."""
+    state_origin(grid, origin)
+    grid.save(path)
+    return path
 
 
 def test_what_cannot_be_shown_says_why(results: Path, tmp_path: Path) -> None:
