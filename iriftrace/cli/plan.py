@@ -32,11 +32,13 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike
 
+    from iriftrace.core.arrays import FloatArray
     from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.cover import ViewLimits, ViewSet
     from iriftrace.planning.pairs import PairPlan
     from iriftrace.planning.refine import Refinement
     from iriftrace.planning.summary import RankingTable, SweepSummary
+    from iriftrace.triangulation.scan import System
 
 
 Ranking = Annotated[Criteria, Parameter(name="*", group=Group("Ranking", sort_key=1))]
@@ -236,10 +238,25 @@ def _plan_pairs(
         what = "the diameter" if feature else error
         through = "the field itself" if found.exact_engine == "continuous" else "the shells"
         say(f"Measured is {what} by the exact solver, through {through}.")
-    matrices = dataset["matrix"].values
-    for what, pose in zip(("Camera", "Second device"), found.pairs[0], strict=True):
-        print_pose(f"{what}, pose {pose}", matrices[pose], float(dataset["distance"].values[pose]))
+    names = [f"{what}, pose {pose}" for what, pose in zip(_DEVICES, found.pairs[0], strict=True)]
+    chosen = dataset.isel(pose=found.pairs[0])
+    _print_pair(names, chosen["matrix"].values, chosen["distance"].values, system)
     return found
+
+
+_DEVICES = ("Camera", "Second device")
+
+
+def _print_pair(
+    names: Iterable[str], matrices: FloatArray, distances_mm: FloatArray, system: System
+) -> None:
+    """Both poses of a pair, and how what they measure is simulated."""
+    from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+
+    sensors = ("the first sensor", f'the second sensor (id="{DEVICE_OF_SYSTEM[system]}")')
+    for name, matrix, distance, sensor in zip(names, matrices, distances_mm, sensors, strict=True):
+        print_pose(name, matrix, float(distance), sensor)
+    say("With both sensors in the scene file, iriftrace measure simulates what they measure.")
 
 
 def _refine_pair(
@@ -269,13 +286,8 @@ def _refine_pair(
             ("angle", *(f"{value.angle_deg:.1f} deg" for value in values)),
         ),
     )
-    for what, matrix, distance in zip(
-        ("Refined camera", "Refined second device"),
-        found.best.matrices,
-        found.best.distances_mm,
-        strict=True,
-    ):
-        print_pose(what, matrix, float(distance))
+    names = [f"Refined {what.lower()}" for what in _DEVICES]
+    _print_pair(names, found.best.matrices, found.best.distances_mm, plan.system)
     if output is not None:
         write_refined_pair(output, found, plan, dataset)
         say(f"Refined pair in {output}")
@@ -360,7 +372,9 @@ def _setting(summary: SweepSummary, pose: int) -> str:
     return f" ({setting})" if setting else ""
 
 
-def print_pose(name: str, matrix: ArrayLike, distance_mm: float) -> None:
+def print_pose(
+    name: str, matrix: ArrayLike, distance_mm: float, sensor: str = "the sensor"
+) -> None:
     """A pose as matrix, as look-at and as XML."""
     from iriftrace.camera.pose import pose_text
 
@@ -369,7 +383,7 @@ def print_pose(name: str, matrix: ArrayLike, distance_mm: float) -> None:
     for row in text.matrix:
         say(f"  {row}")
     say(f"Look-at: {text.look_at}")
-    say("In the scene file, inside the sensor:")
+    say(f"In the scene file, inside {sensor}:")
     for line in text.xml:
         say(f"  {line}")
 

@@ -159,3 +159,4 @@ def test_the_best_pair_is_printed(swept: Path, capsys: pytest.CaptureFixture[str
     said = capsys.readouterr().out
     assert "both see" in said
     assert "Second device, pose" in said
+    assert 'inside the second sensor (id="projector")' in said
