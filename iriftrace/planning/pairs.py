@@ -51,7 +51,8 @@ class PairPlan:
         Weighted sum of the normalised error, of what is not seen and of 1 / sin(angle), by which
         the noise in depth grows; the smallest is the best.
     error_mm : (n,) array, mm
-        The criteria's statistic of the size of the error along the part's normal, weighted by area.
+        The criteria's statistic of the size of the error along the part's normal, over the camera's
+        pixels.
     bias_mm : (n,) array, mm
         Median of that error, with its sign; of a feature the error of its diameter instead.
     coverage : (n,) array
@@ -322,14 +323,15 @@ def _pair(
     offsets = one.seen.offset[first], other.seen.offset[second]
     error = first_order_error(one.camera, other.camera, points, *offsets, system)
     along = np.einsum("ij,ij->i", error, part.face_normals[face])
-    area = areas[face]
-    angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, area))))
+    # As many points are measured on a face as the camera has pixels there.
+    rays = one.seen.rays[first].astype(np.float64)
+    angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, rays))))
     bias = (
-        first_order_size(points, part.face_normals[face], error, area)
+        first_order_size(points, part.face_normals[face], error, rays)
         if of_diameter
-        else _quantile(along, 0.5, area)
+        else _quantile(along, 0.5, rays)
     )
-    return _statistic(along, criteria, area), bias, coverage, angle
+    return _statistic(along, criteria, rays), bias, coverage, angle
 
 
 def _statistic(errors: FloatArray, criteria: Criteria, weights: FloatArray) -> float:

@@ -30,7 +30,7 @@ def swept(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bundled cylinder from seven places 15 degrees apart."""
     file = tmp_path_factory.mktemp("pairs") / "sweep.nc"
     xml = folder_of("cylinder") / "scene.xml"
-    orbit = ["--azimuth=90", "--elevation=-45:45:7", "-D", "scale=0.1"]
+    orbit = ["--azimuth=90", "--elevation=-45:45:7", "-D", "scale=0.2"]
     assert main(["sweep", str(xml), "-o", str(file), *orbit]) == 0
     return file
 
@@ -41,7 +41,7 @@ def dataset(swept: Path) -> xr.Dataset:
 
 
 def test_the_order_is_that_of_what_the_pairs_measure(dataset: xr.Dataset) -> None:
-    """Centres of faces stand for their points, so errors agree to a tenth."""
+    """To a tenth: no ray of a sweep meets every face that a projector grazes, where errors are large."""
     found = plan_pairs(dataset, BY_ERROR)
     assert (np.diff(found.score) >= 0).all()
     assert len(found.exact_mm) == 3
@@ -69,7 +69,7 @@ def test_a_diameter_to_first_order_is_what_is_measured(dataset: xr.Dataset) -> N
     """From the side, where the cylinder is seen over a wide arc; and ranked by it."""
     found = plan_pairs(dataset, BY_ERROR, feature="cylinder:lateral", angles_deg=(15.0, 80.0))
     assert found.exact_engine == "continuous"
-    assert found.exact_mm == pytest.approx(found.bias_mm[:3], abs=2e-3)
+    assert found.exact_mm == pytest.approx(found.bias_mm[:3], abs=2e-4)
     worst = np.maximum(np.abs(found.bias_mm), found.error_mm)
     assert (np.diff(worst) >= 0).sum() >= 0.9 * (len(worst) - 1)
 
