@@ -25,6 +25,12 @@ FIELD_FILE = "field.npz"
 
 SCHEMA = "iriftrace.field/1"
 
+AMBIENT_SHARE = 1e-4
+"""Share of the largest contrast with the ambient air below which air counts as ambient.
+
+That is 0.02 K around a part of 1100 degC: no ambient temperature is known as well.
+"""
+
 ARRAYS = ("points", "refractivity", "celltypes", "cell_connectivity", "wall")
 HEADER = ("air", "ambient", "source")
 
@@ -51,6 +57,22 @@ class FieldCells:
             refractivity=factor * self.refractivity,
             ambient=factor * self.ambient,
             air={**self.air, "wavelength_nm": wavelength_nm},
+        )
+
+    def without_ambient_air(self) -> FieldCells:
+        """Without the cells in which the air is ambient at every corner, where light runs straight.
+
+        In flow solutions that reach far beyond the part these are most of their volume.
+        """
+        contrast = np.abs(self.refractivity - self.ambient)
+        offsets = self.cell_offsets
+        highest = np.maximum.reduceat(contrast[self.cell_connectivity], offsets[:-1])
+        kept = highest >= AMBIENT_SHARE * contrast.max()
+        corners = np.repeat(kept, np.diff(offsets))
+        return evolve(
+            self,
+            celltypes=self.celltypes[kept],
+            cell_connectivity=self.cell_connectivity[corners],
         )
 
     @property

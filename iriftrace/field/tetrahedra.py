@@ -8,7 +8,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray, IntArray, NumberArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, NumberArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE, cell_corners
 from iriftrace.geometry.topology import cells_to_flip
@@ -142,8 +142,7 @@ def _without_flat_twins(corners: IntArray) -> NumberArray:
     ranked = np.sort(corners, axis=1)
     kept = (ranked[:, 1:] != ranked[:, :-1]).all(axis=1)
     corners, ranked = corners[kept], ranked[kept]
-    order = _sorted(ranked)
-    repeated = (ranked[order[1:]] == ranked[order[:-1]]).all(axis=1)
+    order, repeated = _equal_rows(ranked)
     twice = np.zeros(len(corners), dtype=bool)
     twice[order[1:][repeated]] = twice[order[:-1][repeated]] = True
     return corners[~twice].astype(np.uint32)
@@ -164,10 +163,7 @@ def _with_neighbours(corners: NumberArray) -> Tetrahedra:
 
 def _face_pairs(faces: NDArray[Any]) -> tuple[IntArray, IntArray, IntArray]:
     """Rows of (f, 3) faces that have the same points, first and second, and rows without a twin."""
-    faces = np.sort(faces, axis=1).astype(np.int64)
-    order = _sorted(faces)
-    ranked = faces[order]
-    same = (ranked[1:] == ranked[:-1]).all(axis=1)
+    order, same = _equal_rows(np.sort(faces, axis=1))
     if (same[1:] & same[:-1]).any():
         raise InputError(
             "Three or more cells of the field share one face, so it is not clear where light goes "
@@ -179,10 +175,18 @@ def _face_pairs(faces: NDArray[Any]) -> tuple[IntArray, IntArray, IntArray]:
     return first, second, np.flatnonzero(alone)
 
 
-def _sorted(rows: IntArray) -> IntArray:
-    """Order that puts equal rows of point numbers side by side."""
+def _equal_rows(rows: NDArray[Any]) -> tuple[IntArray, BoolArray]:
+    """Order (n,) that puts equal rows of point numbers side by side; mask (n - 1,) of those."""
     count = int(rows.max(initial=0)) + 1
-    if count ** rows.shape[1] < 2**63:
-        # One key sorts several times as fast as several.
-        return np.argsort(np.ravel_multi_index(tuple(rows.T), (count,) * rows.shape[1]))
-    return np.lexsort(rows.T)
+    if count ** rows.shape[1] >= 2**63:
+        order = np.lexsort(rows.T)
+        ranked = rows[order]
+        return order, (ranked[1:] == ranked[:-1]).all(axis=1)
+    # One key sorts several times as fast as several.
+    key = np.zeros(len(rows), dtype=np.int64)
+    for column in rows.T:
+        key *= count
+        key += column
+    order = np.argsort(key)
+    key = key[order]
+    return order, key[1:] == key[:-1]

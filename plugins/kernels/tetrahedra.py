@@ -252,16 +252,18 @@ def _chosen(values: list[Any], number: Any) -> Any:
 
 
 class TetrahedralAir:
-    """A field's tetrahedra in tables for a kernel, and its boundary for ray queries.
+    """A field's tetrahedra in tables for a kernel, and their boundary for ray queries.
 
-    Gradients are the ones recovered at the points, interpolated; or each tetrahedron has its own.
+    Where the air is ambient there are none (`FieldCells.without_ambient_air`). Gradients are the
+    ones recovered at the points, interpolated; or each tetrahedron has its own.
     """
 
     def __init__(self, cells: FieldCells, recovered: bool) -> None:
         import drjit as dr
         import mitsuba as mi
 
-        tetrahedra = tetrahedra_of(cells)
+        hot = cells.without_ambient_air()
+        tetrahedra = tetrahedra_of(hot)
         self.cells = cells
         self.ambient = cells.ambient
         self.ambient_air = dr.opaque(mi.Float64, cells.ambient)
@@ -273,7 +275,7 @@ class TetrahedralAir:
             cells.points,
             tetrahedra.corners,
             cells.refractivity,
-            point_gradient(cells, cells.refractivity),
+            point_gradient(hot, cells.refractivity),
         )
         excess = cells.refractivity - cells.ambient
         places = np.column_stack((cells.points, excess, gradient, np.zeros(len(excess))))

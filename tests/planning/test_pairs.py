@@ -41,7 +41,7 @@ def dataset(swept: Path) -> xr.Dataset:
 
 
 def test_the_order_is_that_of_what_the_pairs_measure(dataset: xr.Dataset) -> None:
-    """To a tenth: a sweep's rays leave out faces that the projector grazes, where errors are large."""
+    """To a tenth: a sweep's rays leave out faces that the projector grazes, with large errors."""
     found = plan_pairs(dataset, BY_ERROR)
     assert (np.diff(found.score) >= 0).all()
     assert len(found.exact_mm) == 3

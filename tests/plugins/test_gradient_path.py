@@ -25,7 +25,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.render import is_inside, render_scene, trace_rays
-from validation.inputs.shell_fields import AMBIENT, field_of, hexahedra, sphere_field
+from validation.inputs.shell_fields import AMBIENT, HOTTEST, field_of, hexahedra, sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")
 
@@ -211,6 +211,38 @@ def test_field_file_holds_the_field_bit_for_bit(tmp_path: Path) -> None:
     np.testing.assert_array_equal(after.cell_offsets, field.grid.cell_offsets)
     assert (after.air, after.ambient, after.source) == (before.air, before.ambient, before.source)
     assert after.ambient == AMBIENT
+
+
+def test_cells_of_ambient_air_are_left_out(
+    tmp_path: Path, part: Part, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Light runs straight there, also where the mesh is folded: only the cells passed are fewer.
+
+    Gradients at the last points that are not ambient are then those of one side.
+    """
+    grid = hexahedra(16, 12.0)
+    depth = np.maximum(1 - np.linalg.norm(grid.points, axis=1) / 10, 0)
+    field = field_of(grid, AMBIENT + (HOTTEST - AMBIENT) * depth**2)
+    points = np.asarray(field.grid.points).copy()
+    ambient = np.abs(points).max(axis=1) == 12.0
+    assert (field.refractivity[ambient] == AMBIENT).all()
+    shells = contour_shells(field, 8)
+
+    def displacements(name: str) -> tuple[np.ndarray, np.ndarray]:
+        xml = write_scene(tmp_path / name, part, shells, CAMERA, paraview=False, field=field)
+        image = render_scene(load_scene(xml, engine="continuous")).image
+        good = image.status == Status.GOOD
+        return image.vector("displacement", good), image.channels["path.crossings"][good]
+
+    fewer, few = displacements("fewer")
+    field.grid.points[ambient] *= np.random.default_rng(3).uniform(0.7, 1.3, (ambient.sum(), 1))
+    np.testing.assert_array_equal(displacements("folded")[0], fewer)
+    field.grid.points[:] = points
+    monkeypatch.setattr("iriftrace.field.path_data.AMBIENT_SHARE", 0.0)
+    whole, all_of_them = displacements("whole")
+    change, moved = (np.linalg.norm(vectors, axis=1) for vectors in (fewer - whole, whole))
+    assert np.percentile(change, 95) < 2e-3 * np.median(moved)
+    assert few.mean() < 0.9 * all_of_them.mean()
 
 
 @pytest.mark.parametrize("kept", [0, 10, 500, 0.5, 0.999])
