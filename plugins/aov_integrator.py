@@ -137,6 +137,10 @@ def integrator_class(variant: str) -> type:
                     self._prepared = PreparedScene(scene)
             return self._prepared
 
+        def prepare_as(self, other: Any) -> None:
+            """Take over what another integrator has prepared, for the same scene."""
+            self._prepared = other._prepared
+
         def forget(self) -> None:
             """Let go of the scene, which holds this integrator and would never be freed else."""
             self._prepared = None

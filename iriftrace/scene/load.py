@@ -135,23 +135,37 @@ class LoadedScene:
 
     @cached_property
     def through_field(self) -> LoadedScene | None:
-        """The same scene traced through its field itself; loaded when it is first asked for.
+        """The same scene traced through its field itself, which is read at the first need.
 
-        None where an engine or `bending` at the shells was asked for, or where the field that the
-        shells were cut from does not lie beside the scene.
+        None where an engine or `bending` at the shells was asked for, of an ensemble, and where the
+        field that the shells were cut from does not lie beside the scene.
         """
-        if self.wanted_engine is not None or self.bending != IN_LAYERS:
+        if self.wanted_engine is not None or self.bending != IN_LAYERS or self.ensemble is not None:
             return None
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", IriftraceWarning)
-                other = load_scene(
-                    self.path, self.variables, variant=self.variant, engine="continuous"
-                )
-        except InputError:
+        started = time.perf_counter()
+        with runtime.using(self.variant), warnings.catch_warnings():
+            warnings.simplefilter("ignore", IriftraceWarning)
+            field_file = _field_file(self.path, self.variables)
+            integrator = _integrator(self.integrator, "continuous", self.path, field_file)
+            _set_wavelength(integrator, self.variables)
+            try:
+                integrator.prepare_as(self.integrator)
+                stated = _stated_of_field(integrator, self.shells_table, self.path)
+            except InputError:
+                return None
+        own, its = (
+            table.get("source") or {} for table in (self.shells_table, stated["shells_table"])
+        )
+        if own.get("sha256") != its.get("sha256"):
             return None
-        own, its = (one.shells_table.get("source") or {} for one in (self, other))
-        return other if own.get("sha256") == its.get("sha256") else None
+        return evolve(
+            self,
+            wanted_engine="continuous",
+            integrator=integrator,
+            build_s=self.build_s + time.perf_counter() - started,
+            lease=_Lease(integrator),
+            **stated,
+        )
 
     @property
     def wavelength_nm(self) -> float | None:
@@ -263,27 +277,34 @@ def _load_one(
         runtime.refuse_gpu_without_optix(error)
         raise InputError(readable(error)) from error
     loaded = time.perf_counter()
-    air = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
-    integrator = _integrator(scene.integrator(), engine, path, air / FIELD_FILE)
+    integrator = _integrator(scene.integrator(), engine, path, _field_file(path, values))
     sensors = scene.sensors()
     if not sensors:
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
     table = shells_table_of(file)
-    if WAVELENGTH in values:
+    if integrator.engine == "continuous":
+        _set_wavelength(integrator, values)
+    elif WAVELENGTH in values:
         wavelength = parse_quantity(values[WAVELENGTH], "nm")
-        if integrator.engine == "continuous":
-            integrator.wavelength_nm = wavelength
-        else:
-            set_shells(scene, dispersion(table.get("air") or {}, wavelength))
-            table = table_at(table, wavelength)
+        set_shells(scene, dispersion(table.get("air") or {}, wavelength))
+        table = table_at(table, wavelength)
     prepared = integrator.prepare(scene)
     part = read_part(file.part_path).transformed(file.part_to_world)
     warn_of_another_part(file, part, table)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
-    continuous = integrator.engine == "continuous"
-    if continuous:
-        table = field_table(integrator.air.cells, table, path)
+    if integrator.engine == "continuous":
+        stated = _stated_of_field(integrator, table, path)
+    else:
+        stated = {
+            "engine": integrator.engine,
+            "normals": stated_normals(integrator.normals, prepared.tables),
+            "bending": stated_bending(integrator, prepared.tables),
+            "index_rule": stated_index_rule(
+                path, table, prepared.tables, other_shells(file, table)
+            ),
+            "shells_table": table,
+        }
     return LoadedScene(
         path=path,
         part=part,
@@ -291,16 +312,7 @@ def _load_one(
         camera=_camera(sensors[0]),
         full_resolution=camera_of(sensors[0]).full_resolution(),
         variables=values,
-        engine=integrator.engine,
         wanted_engine=engine,
-        normals=f"none, {integrator.gradient} gradient"
-        if continuous
-        else stated_normals(integrator.normals, prepared.tables),
-        bending="continuously" if continuous else stated_bending(integrator, prepared.tables),
-        index_rule="none, linear in each tetrahedron"
-        if continuous
-        else stated_index_rule(path, table, prepared.tables, other_shells(file, table)),
-        shells_table=table,
         load_s=loaded - started,
         build_s=built - loaded,
         variant=chosen,
@@ -308,7 +320,31 @@ def _load_one(
         integrator=integrator,
         second=_camera(sensors[1]) if len(sensors) > 1 else None,
         second_id=str(sensors[1].id()) if len(sensors) > 1 else "",
+        **stated,
     )
+
+
+def _stated_of_field(integrator: Any, shells_table: dict[str, Any], path: Path) -> dict[str, Any]:
+    """What a `LoadedScene` states of the continuous engine's air."""
+    return {
+        "engine": "continuous",
+        "normals": f"none, {integrator.gradient} gradient",
+        "bending": "continuously",
+        "index_rule": "none, linear in each tetrahedron",
+        "shells_table": field_table(integrator.air.cells, shells_table, path),
+    }
+
+
+def _field_file(path: Path, values: Mapping[str, str]) -> Path:
+    """The continuous engine's field beside a scene, or of its member."""
+    folder = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
+    return folder / FIELD_FILE
+
+
+def _set_wavelength(integrator: Any, values: Mapping[str, str]) -> None:
+    """Let the continuous engine take other light than its field's, if that was asked for."""
+    if WAVELENGTH in values:
+        integrator.wavelength_nm = parse_quantity(values[WAVELENGTH], "nm")
 
 
 def _check_meshes(files: Iterable[Path]) -> None:

@@ -21,24 +21,30 @@ from iriftrace.plugins.kernels.snell import Triangle, facet_normal
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 
 
-def shell_derivatives(shape: Any, normals: FloatArray, step: float) -> FloatArray | None:
-    """Derivatives of the index at a shell's vertices, (n, 7); None if its file does not have them.
+def has_derivatives(shape: Any) -> bool:
+    """True if a shell's file has the derivatives of the index at its vertices."""
+    import mitsuba as mi
+
+    values, count = mi.traverse(shape), shape.vertex_count()
+    known = {name: values.get(f"vertex_{name}", ()) for name in PLY_COLUMNS}
+    return all(len(known[name]) == size * count for name, size in PLY_COLUMNS.items())
+
+
+def shell_derivatives(shape: Any, normals: NDArray[np.floating], step: float) -> FloatArray:
+    """Derivatives of the index at the vertices of a shell that has them, (n, 7).
 
     Magnitude of the gradient, 1/mm, and the Hessian xx, yy, zz, yz, xz, xy, 1/mm^2. The mesh's
-    vertex normals (n, 3) are along the gradient. The step is the index outside less that inside;
-    the file counts in these steps, so a shell without one bends nothing.
+    vertex normals (n, 3) are along the gradient, 0 where there is none. The step is the index
+    outside less that inside; the file counts in these steps, so a shell without one bends nothing.
     """
     import mitsuba as mi
 
     values = mi.traverse(shape)
-    known = []
-    for name, size in PLY_COLUMNS.items():
-        attribute = values.get(f"vertex_{name}", None)
-        if attribute is None or len(attribute) != size * shape.vertex_count():
-            return None
-        known.append(np.nan_to_num(np.array(attribute, dtype=np.float64).reshape(-1, size)))
-    gradient, hessian = known[0], np.hstack(known[1:])
-    normals = np.nan_to_num(normals)
+    gradient, *others = (
+        np.nan_to_num(np.array(values[f"vertex_{name}"], dtype=np.float64).reshape(-1, size))
+        for name, size in PLY_COLUMNS.items()
+    )
+    hessian = np.hstack(others)
     length = np.linalg.norm(gradient, axis=1, keepdims=True)
     if np.abs(gradient - length * normals).sum() > 1e-5 * length.sum():
         hessian = _rotated(hessian, _rotation(gradient, normals))
@@ -75,24 +81,21 @@ def aligned(values: NDArray[Any]) -> NDArray[Any]:
     Dr.Jit reads NumPy's own memory where it can, and writes into the kernel whether an address is
     aligned. NumPy's addresses are so by chance, and each other combination compiles a kernel anew.
     """
-    memory = np.empty(values.nbytes + BYTES, dtype=np.uint8)
-    start = -memory.ctypes.data % BYTES
-    copy = memory[start : start + values.nbytes].view(values.dtype)
+    copy = aligned_zeros(len(values), values.dtype)
     copy[:] = values
     return copy
 
 
+def aligned_zeros(count: int, dtype: Any) -> NDArray[Any]:
+    """Array (count,) of zeros in such memory, to be filled in."""
+    size = count * np.dtype(dtype).itemsize
+    memory = np.zeros(size + BYTES, dtype=np.uint8)
+    start = -memory.ctypes.data % BYTES
+    return memory[start : start + size].view(dtype)
+
+
 _PLAIN, _WITH_DERIVATIVES = 2, 4
 """Rows per vertex without and with the derivatives of the index."""
-
-
-class MeshArrays(NamedTuple):
-    """One mesh, in NumPy arrays."""
-
-    places: NDArray[np.floating]  # (n, 3), mm, world
-    faces: NDArray[np.uint32]  # (m, 3)
-    normals: NDArray[np.floating] | None  # (n, 3), unit
-    derivatives: NDArray[np.floating] | None  # (n, 7), from shell_derivatives
 
 
 class VertexTable:
@@ -102,28 +105,35 @@ class VertexTable:
     xy, 0, 0 of the Hessian. Without ``derivatives`` there are the first two.
     """
 
-    def __init__(self, meshes: list[MeshArrays], derivatives: bool) -> None:
+    def __init__(self, meshes: list[_Described], derivatives: bool) -> None:
         import mitsuba as mi
 
         per_vertex = _WITH_DERIVATIVES if derivatives else _PLAIN
-        rows = np.zeros((sum(len(mesh.places) for mesh in meshes), 4 * per_vertex), np.float32)
-        self.face_count = sum(len(mesh.faces) for mesh in meshes)
-        corners = np.zeros((self.face_count, 4), dtype=np.uint32)
-        first_vertex = first_face = 0
+        vertices = sum(mesh.shape.vertex_count() for mesh in meshes)
+        self.face_count = sum(mesh.face_count for mesh in meshes)
+        # Filled in mesh by mesh: copies of all of them would take as much again.
+        rows = aligned_zeros(4 * per_vertex * vertices, np.float32)
+        corners = aligned_zeros(4 * self.face_count, np.uint32)
+        rest, faces_left = rows.reshape(-1, 4 * per_vertex), corners.reshape(-1, 4)
+        first_vertex = 0
         for mesh in meshes:
-            own = rows[first_vertex : first_vertex + len(mesh.places)]
-            own[:, 0:3] = mesh.places
-            if mesh.normals is not None:
+            shape, count = mesh.shape, mesh.shape.vertex_count()
+            own, rest = rest[:count], rest[count:]
+            own[:, 0:3] = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
+            if mesh.smooth:
                 # Mitsuba turns a (0, 0, 0) normal into NaN; zero makes the tracer take the facet's.
-                own[:, 4:7] = np.nan_to_num(mesh.normals)
-            if derivatives and mesh.derivatives is not None:
-                own[:, 7:14] = mesh.derivatives
+                normals = np.nan_to_num(np.array(shape.vertex_normals_buffer()).reshape(-1, 3))
+                own[:, 4:7] = normals
+                if derivatives and mesh.kind == SHELL:
+                    outside, inside = mesh.sides
+                    own[:, 7:14] = shell_derivatives(shape, normals, outside - inside)
+            faces = np.array(shape.faces_buffer()).reshape(-1, 3)
             # The first of a corner's rows.
-            first_row = per_vertex * (mesh.faces + first_vertex)
-            corners[first_face : first_face + len(mesh.faces), :3] = first_row
-            first_vertex, first_face = first_vertex + len(own), first_face + len(mesh.faces)
-        self._rows = mi.Float(aligned(rows.ravel()))
-        self._corners = mi.UInt32(aligned(corners.ravel()))
+            faces_left[: mesh.face_count, :3] = per_vertex * (faces + first_vertex)
+            faces_left = faces_left[mesh.face_count :]
+            first_vertex += count
+        self._rows = mi.Float(rows)
+        self._corners = mi.UInt32(corners)
 
     def triangle(self, face: Any, active: Any) -> Triangle:
         """Corners of triangles (Point3d, mm)."""
@@ -232,7 +242,8 @@ class _Described(NamedTuple):
     sides: tuple[float, float]  # index outside and inside
     level: float  # index of the air on it
     smooth: bool  # it has normals at its vertices
-    mesh: MeshArrays | None  # of part and shells
+    derived: bool  # and the derivatives of the index, as a shell's file has them
+    face_count: int  # 0 for what only blocks the view
 
 
 def _part_of(shapes: list[Any]) -> tuple[Any, int]:
@@ -259,7 +270,7 @@ def _described(shape: Any, is_part: bool) -> _Described:
     """A shape's row of the tables; InputError for a shell that cannot be traced."""
     sides = shell_indices(shape.bsdf())
     if sides is None and not is_part:
-        return _Described(shape, BLOCKER, (1.0, 1.0), 1.0, False, None)
+        return _Described(shape, BLOCKER, (1.0, 1.0), 1.0, False, False, 0)
     if sides is not None and not shape.is_mesh():
         raise InputError(
             f"Shell '{shape.id()}' is no triangle mesh, so its index steps cannot be traced in "
@@ -277,16 +288,11 @@ def _described(shape: Any, is_part: bool) -> _Described:
             "mirroring to_world, so outside and inside would be swapped; mirror the mesh itself "
             "instead."
         )
-    places = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
-    faces = np.array(shape.faces_buffer()).reshape(-1, 3)
-    normals = derivatives = None
-    if smooth:
-        normals = np.array(shape.vertex_normals_buffer()).reshape(-1, 3)
-        derivatives = shell_derivatives(shape, normals, sides[0] - sides[1]) if sides else None
-    mesh = MeshArrays(places, faces, normals, derivatives)
+    count = shape.face_count()
     if sides is None:
-        return _Described(shape, PART, (1.0, 1.0), 1.0, smooth, mesh)
-    return _Described(shape, SHELL, sides, surface_index(shape.bsdf()), smooth, mesh)
+        return _Described(shape, PART, (1.0, 1.0), 1.0, smooth, False, count)
+    derived = smooth and has_derivatives(shape)
+    return _Described(shape, SHELL, sides, surface_index(shape.bsdf()), smooth, derived, count)
 
 
 class SceneTables:
@@ -303,8 +309,7 @@ class SceneTables:
         self.part, place = _part_of(shapes)
         rows = [_described(shape, number == place) for number, shape in enumerate(shapes)]
         shells = [row for row in rows if row.kind == SHELL]
-        faces = [0 if row.mesh is None else len(row.mesh.faces) for row in rows]
-        first_face = np.cumsum([0, *faces])
+        first_face = np.cumsum([0, *(row.face_count for row in rows)])
         self.part_first_face = int(first_face[place])
         self.shell_shapes = [row.shape for row in shells]
         self.stock_shells = sum(not hasattr(row.shape.bsdf(), "ext_ior") for row in shells)
@@ -316,10 +321,10 @@ class SceneTables:
         # a usual step from the ambient's comes through an open end.
         self.half_step = min((step for step in steps if step > 0), default=1e-9) / 2
         self.open_step = max(steps, default=1e-9) / 2
-        known = [row.mesh is not None and row.mesh.derivatives is not None for row in shells]
+        known = bool(shells) and all(row.derived for row in shells)
         # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
-        self.knows_derivatives = bool(shells) and all(known) and not self.stock_shells
-        meshes = [row.mesh for row in rows if row.mesh is not None]
+        self.knows_derivatives = known and not self.stock_shells
+        meshes = [row for row in rows if row.kind != BLOCKER]
         self._table = VertexTable(meshes, self.knows_derivatives)
         self._first_face = mi.UInt32(first_face[:-1])
         self._kind = mi.UInt32([row.kind for row in rows])
