@@ -49,7 +49,7 @@ def main() -> None:
         "1.5",
     )
     if find_spec("embreex") is None:
-        table.add_row("a loop with trimesh and Embree: pip install -e '.[peers]'", "", "")
+        table.add_row("a loop with trimesh and Embree: pip install -e '.\\[peers]'", "", "")
     else:
         from bench.peers import peer_over_trace
 
