@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from iriftrace.cli.console import say, working
-from iriftrace.cli.options import Share, check_input, check_output
+from iriftrace.cli.options import Share, check_input, check_kept, check_numbers, check_output
 from iriftrace.cli.trace_options import TraceOptions
-from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.scene.load import LoadedScene
@@ -73,7 +72,9 @@ def measure(
     check_input(scene)
     require_scene(scene)
     check_output(output, "scan.vtp", ".ply")
+    check_numbers(output, "iriftrace.scan")
     loaded = trace.load(scene)
+    check_kept(output, loaded.part.path)
     write_scan(loaded, output, system, phase, feature, acceptance, figures)
 
 
@@ -177,16 +178,14 @@ def correct(
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
     check_output(output, "corrected.vtp", ".ply")
-    if output.resolve() == cloud.resolve():
-        raise InputError(
-            f"The corrected cloud would replace the measured one in {cloud}, which could not be "
-            "corrected anew; give it another name (-o)."
-        )
+    check_kept(output, cloud)
+    check_numbers(output, "iriftrace.correction")
     points = read_cloud(cloud, length_unit=length_unit)
     if cloud_to_part is not None:
         motion = parse_transform(str(cloud_to_part))
         points = apply(rigid_motion(motion, str(cloud_to_part)), points)
     loaded = trace.load(scene)
+    check_kept(output, loaded.part.path)
     check_choices(feature or (), loaded.part)
     with working("Correcting"):
         found = take_out(

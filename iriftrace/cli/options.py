@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -246,6 +247,34 @@ def check_folder(folder: Path) -> None:
             pass
     except OSError as error:
         raise InputError(f"The folder {there} may not be written; name another one.") from error
+
+
+def check_numbers(output: Path, schema: str) -> None:
+    """Refuse before the work an output beside which the numbers (.json) would replace another file.
+
+    One of the same schema, an earlier result, is replaced.
+    """
+    report = output.with_suffix(".json")
+    if not report.exists():
+        return
+    try:
+        found = str(json.loads(report.read_text(encoding="utf-8"))["schema"])
+    except (OSError, ValueError, LookupError, TypeError):
+        found = ""
+    if not found.startswith(f"{schema}/"):
+        raise InputError(
+            f"The numbers of {output} go to {report}, which is something else and would be lost; "
+            "give the output another name (-o)."
+        )
+
+
+def check_kept(output: Path | None, *kept: Path | str) -> None:
+    """Refuse before the work an output that would replace one of the files it is made of."""
+    for one in kept:
+        if output is not None and output.resolve() == Path(one).resolve():
+            raise InputError(
+                f"The output would replace {output}, which it is made of; give it another name."
+            )
 
 
 def check_output(path: Path | None, example: str, *others: str, make: bool = False) -> None:

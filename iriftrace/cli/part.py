@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 part = App(
     name="part",
     help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone, "
-    "sphere, ball bar, plate; or one with fewer triangles.",
+    "sphere, ball bar, plate; or one with fewer or more triangles.",
     help_format="rst",
 )
 
@@ -75,7 +75,7 @@ SHAPES = {
 """Function, summary and example by the command's name."""
 
 # By name, and made by `__getattr__`, so that a shape is imported when its command is called.
-for _name in (*SHAPES, "decimate"):
+for _name in (*SHAPES, "decimate", "subdivide"):
     part.command(f"iriftrace.cli.part:{_name}", name=_name)
 
 
@@ -100,7 +100,7 @@ def decimate(
     faces
         Triangles to keep, about.
     """
-    from iriftrace.part.decimate import decimate_part
+    from iriftrace.part.tessellation import decimate_part
 
     check_input(mesh)
     _check_name(output)
@@ -114,6 +114,38 @@ def decimate(
         f"apart, at 95 % of the places up to {np.percentile(apart_um, 95):.3g} um "
         f"({len(apart_um):,} corners and centres of triangles)."
     )
+
+
+def subdivide(
+    mesh: Path,
+    *,
+    output: Output,
+    edge: Length,
+    part_options: PartOptions = PartOptions(),
+) -> None:
+    """Write a part with more triangles, on the same surface.
+
+    Sweeps and plans count by triangles what poses see, and CAD programs write planes in a few
+    large ones.
+
+    Example: ``iriftrace part subdivide cad.stl -o part.ply --edge "3 mm"``
+
+    Parameters
+    ----------
+    mesh
+        The part's mesh (.ply .stl .obj .glb ...).
+    edge
+        Longest edge that a triangle may have.
+    """
+    from iriftrace.part.tessellation import subdivide_part
+
+    check_input(mesh)
+    _check_name(output)
+    before = part_options.read(mesh)
+    with working("Splitting the triangles"):
+        split = subdivide_part(before, edge)
+    _save(split, output)
+    say(f"{len(before.faces):,} triangles before.")
 
 
 def __getattr__(name: str) -> Callable[..., None]:

@@ -16,6 +16,8 @@ from iriftrace.cli.options import (
     Statuses,
     check_folder,
     check_input,
+    check_kept,
+    check_numbers,
     check_output,
     statuses,
 )
@@ -73,10 +75,12 @@ def render(
     require_scene(scene)
     exr = scene.with_suffix(".exr") if output is None else output
     check_output(exr, "out.exr")
+    check_numbers(exr, "iriftrace.pose")
     check_output(surface, "out.vtp", ".ply")
     used = statuses(include)
     rendering, loaded, files = _render(scene, exr, trace, used, figures, check_shells, rgb)
     if surface is not None:
+        check_kept(surface, loaded.part.path)
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
     _print_rendering(rendering, loaded, files)
@@ -114,6 +118,7 @@ def metrics(
     check_input(image, part)
     target = image.with_suffix(".json") if output is None else output
     check_output(target, "out.json")
+    check_numbers(target, "iriftrace.pose")
     pixels = read_exr(image)
     check_light(wavelength, pixels.header, image)
     shown = pixels.part_from(part)

@@ -26,6 +26,9 @@ LARGEST_GAP_MM = 0.2
 LARGEST_DIFFERENCE_K = 5.0
 """A larger difference between expected and found wall temperature is worth a warning."""
 
+SAMPLE = 20_000
+"""Places on the part, as many on every area, whose distance from the field's wall is asked."""
+
 LARGEST_BARE_SHARE = 0.05
 """A larger share of the part's area without the field's wall near it is worth a warning."""
 
@@ -119,8 +122,9 @@ def fit_part_to_field(
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     refractivity = np.asarray(wall.point_data["refractivity"], dtype=np.float64)
     temperature = float(np.median(field.air.temperature(refractivity)))
-    near_wall = Surface(wall.points, wall.regular_faces).distance(part.face_centres)
-    bare = float(part.face_areas[near_wall > LARGEST_GAP_MM].sum() / part.area)
+    places, _ = part.surface.even_places(SAMPLE)
+    off_wall = Surface(wall.points, wall.regular_faces).distance(places)
+    bare = float(np.mean(off_wall > LARGEST_GAP_MM))
     messages = []
     if p95 > LARGEST_GAP_MM:
         # A part beside its cavity is bare too, but that need not be said.

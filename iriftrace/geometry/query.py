@@ -60,6 +60,21 @@ class Surface:
         """(c, 3) vertices that the triangles use, mm."""
         return self.vertices[used_vertices(len(self.vertices), self.faces)[0]]
 
+    def even_places(self, count: int) -> tuple[FloatArray, IntArray]:
+        """Points on the surface, as many on every area, (count, 3), mm, and their faces (count,).
+
+        Within the triangles by Roberts' R2 sequence (2018); always the same.
+        """
+        number = np.arange(count)
+        area = np.cumsum(self.areas)
+        face = np.searchsorted(area, (number + 0.5) / count * area[-1])
+        u, v = np.modf((number[:, None] + 0.5) * (0.7548776662466927, 0.5698402909980532))[0].T
+        over = u + v > 1.0
+        weights = np.stack((np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)), axis=1)
+        corners = self.vertices[self.faces[face]]
+        edges = corners[:, 1:] - corners[:, :1]
+        return corners[:, 0] + np.einsum("ij,ijk->ik", weights, edges), face
+
     @cached_property
     def _locator(self) -> vtkStaticCellLocator:
         from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator

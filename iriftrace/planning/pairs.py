@@ -49,7 +49,8 @@ class PairPlan:
         Numbers of the poses of the camera and of the second device.
     score : (n,) array
         Weighted sum of the normalised error, of what is not seen and of 1 / sin(angle), by which
-        the noise in depth grows; the smallest is the best.
+        the noise in depth grows; the smallest is the best. Of the measured ones with the error that
+        they measured.
     error_mm : (n,) array, mm
         The criteria's statistic of the size of the error along the part's normal, over the camera's
         pixels.
@@ -131,7 +132,7 @@ def plan_pairs(
         elsewhere large errors cancel in one state of the air and not in the next.
     confirm : bool
         Measure the best three pairs by the exact solver, through the field itself where it lies
-        beside the scene; needs the scene's files.
+        beside the scene, and order them by what they measured; needs the scene's files.
 
     Raises
     ------
@@ -195,8 +196,17 @@ def plan_pairs(
             raise InputError(
                 f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
             ) from reason
+    if exact:
+        # The measured ones change places by what they measured.
+        best = order[: len(exact)]
+        values = table[best, 2:].T
+        values[1 if feature else 0] = exact
+        known = score_of_pairs(quantities(values, bool(feature)), limits, criteria, clipped=True)
+        again = np.argsort(known, kind="stable")
+        order[: len(exact)], exact = best[again], [exact[k] for k in again]
+        score[best] = known
     return PairPlan(
-        pairs=pairs,
+        pairs=table[order, :2].astype(np.int64),
         score=score[order],
         error_mm=size[order],
         bias_mm=bias[order],

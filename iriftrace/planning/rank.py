@@ -29,6 +29,9 @@ _ROUNDING, _LITTLE = 1e-9, 0.01
 # Faces hit over area that pixels cover: below this, faces are missed and not cut by silhouettes.
 _MISSED = 0.5
 
+# Faces hit less area that pixels cover: above this share of the part it is not silhouettes.
+_BEYOND = 0.05
+
 _DIMENSIONS = {"pose", "region"}
 
 
@@ -151,7 +154,7 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
         if _ROUNDING < spreads[name] < _LITTLE
     ]
     if "coverage" in needed:
-        messages += _of_fine_faces(dataset, criteria.region, metrics["coverage"], ranked)
+        messages += _of_face_sizes(dataset, criteria.region, metrics["coverage"], ranked)
     for message in messages:
         warnings.warn(message, IriftraceWarning, stacklevel=2)
     return Plan(
@@ -175,14 +178,21 @@ def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:
         return rank_poses(dataset, criteria)
 
 
-def _of_fine_faces(
+def _of_face_sizes(
     dataset: xr.Dataset, region: str, coverage: FloatArray, ranked: BoolArray
 ) -> list[str]:
-    """A sentence where rays are too few to hit every face that a pose sees."""
+    """A sentence where rays miss faces that a pose sees, or faces reach far beyond what it sees."""
     if "coverage_area" not in dataset:
         return []
     area = np.asarray(dataset["coverage_area"].sel(region=region).values, dtype=np.float64)
     hit, seen = (float(np.median(values[ranked])) for values in (coverage, area))
+    if hit > seen + _BEYOND:
+        return [
+            f"The part's faces are large: a face counts as seen where one ray hits it, and such of "
+            f"{100 * hit:.3g} % of the area are hit where pixels cover {100 * seen:.3g} % "
+            "(medians), so coverage, what several views see and pairs are wrong by as much; make "
+            "scene and sweep anew with smaller ones (iriftrace part subdivide)."
+        ]
     if not hit < _MISSED * seen:
         return []
     return [

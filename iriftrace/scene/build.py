@@ -269,6 +269,11 @@ def _place(path: str | Path, part: Part) -> Path:
             f"The scene's own {PART_FILE} would replace the part's file {part.path}; give the "
             f"scene a folder of its own, such as {xml.with_suffix('') / xml.name}."
         )
+    if copy.is_file() and not any(xml.parent.glob("*.xml")):
+        raise InputError(
+            f"The scene's own copy of the part would replace {copy}, where there is no scene yet; "
+            f"give the scene a folder of its own, such as {xml.with_suffix('') / xml.name}."
+        )
     refuse_edited(xml)
     return xml
 

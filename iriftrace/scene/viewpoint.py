@@ -130,16 +130,7 @@ def part_view(part: Part, camera: Camera) -> PartView:
 
     Of an open part both sides count, as its mesh does not tell which is outside.
     """
-    # Evenly spaced over the area, and within their triangles by Roberts' R2 sequence (2018).
-    number = np.arange(_SAMPLES)
-    area = np.cumsum(part.face_areas)
-    face = np.searchsorted(area, (number + 0.5) / _SAMPLES * area[-1])
-    u, v = np.modf((number[:, None] + 0.5) * (0.7548776662466927, 0.5698402909980532))[0].T
-    over = u + v > 1.0
-    weights = np.stack((np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)), axis=1)
-    corners = part.vertices[part.faces[face]]
-    points = corners[:, 0] + np.einsum("ij,ijk->ik", weights, corners[:, 1:] - corners[:, :1])
-
+    points, face = part.surface.even_places(_SAMPLES)
     offset = points - camera.origin
     distance = np.linalg.norm(offset, axis=1)
     parallel = camera.projection == "orthographic"

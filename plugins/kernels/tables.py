@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.part.tessellation import MOST_FACES
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
 from iriftrace.plugins.kernels.snell import Triangle, facet_normal
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
@@ -177,8 +178,6 @@ SHELL, PART, BLOCKER = 0, 1, 2
 
 PART_ID = "part"
 
-MAX_PART_FACES = 2**24 - 2
-
 
 def shell_indices(bsdf: Any) -> tuple[float, float] | None:
     """Index outside and inside, if the bsdf is a shell's; None for an opaque one."""
@@ -258,10 +257,15 @@ def _part_of(shapes: list[Any]) -> tuple[Any, int]:
     part = shapes[parts[0]]
     if shell_indices(part.bsdf()) is not None or not part.is_mesh():
         raise InputError("The shape with id 'part' must be an opaque triangle mesh.")
-    if part.face_count() > MAX_PART_FACES:
+    if part.face_count() == 0:
+        raise InputError(
+            "The part's file has no triangles, so there is nothing to see; give the part's surface "
+            "as triangles, or write the scene again."
+        )
+    if part.face_count() > MOST_FACES:
         raise InputError(
             f"The part has {part.face_count()} faces, but channel part.face holds at most "
-            f"{MAX_PART_FACES} exactly; simplify the mesh."
+            f"{MOST_FACES} exactly; simplify the mesh."
         )
     return part, parts[0]
 

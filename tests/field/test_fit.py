@@ -183,3 +183,11 @@ def test_a_lost_vertex_does_not_keep_the_search_busy(tmp_path: Path) -> None:
         part = read_part(tmp_path / "block.stl")
     with pytest.raises(InputError, match="times as large as the field"):
         fit_part_to_field(read_field(tmp_path / "air.vtu"), part)
+
+
+def test_bare_surface_counts_by_area_not_by_triangle(hot_box: IndexField) -> None:
+    """A block 4 mm too long at both ends: its ends, and what its sides have beyond the wall."""
+    long_box = box_part(half=(5.0, 10.0, 24.0))
+    ends, sides = 2 * 10.0 * 20.0, 60.0 * 2 * (24.0 - 20.2)
+    bare = fit_part_to_field(hot_box, long_box).bare_share
+    assert bare == pytest.approx((ends + sides) / long_box.area, abs=0.005)

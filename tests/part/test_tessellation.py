@@ -1,4 +1,4 @@
-"""Parts with fewer triangles: how far they moved is known of spheres, and regions stay."""
+"""Parts with fewer or more triangles: how far they moved is known of spheres, regions stay."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import trimesh
 
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
-from iriftrace.part.decimate import decimate_part
 from iriftrace.part.part import part_of_mesh, read_part
 from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.part.tessellation import decimate_part, subdivide_part
 
 
 def test_the_stated_deviation_is_that_of_the_surfaces() -> None:
@@ -37,6 +37,25 @@ def test_regions_keep_their_names_and_areas() -> None:
 def test_more_triangles_than_there_are_is_refused() -> None:
     with pytest.raises(InputError, match="give a number from 4 to one below"):
         decimate_part(cylinder(), 10**6)
+
+
+def test_subdivided_parts_are_the_same_surface() -> None:
+    """Closed, without a corner in the middle of an edge, and with the regions' areas."""
+    part = cylinder()
+    found = subdivide_part(part, 5.0)
+    corners = found.vertices[found.faces]
+    assert np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max() <= 5.0
+    assert len(found.faces) > 2 * len(part.faces)
+    assert found.closed
+    assert found.region_names == part.region_names
+    np.testing.assert_allclose(found.region_areas, part.region_areas, rtol=1e-9)
+    np.testing.assert_allclose(part.surface.distance(found.vertices), 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("edge", "why"), [(0.0, "positive length"), (1e-3, "give a longer one")])
+def test_impossible_edges_are_refused(edge: float, why: str) -> None:
+    with pytest.raises(InputError, match=why):
+        subdivide_part(cylinder(), edge)
 
 
 def test_the_command_says_how_far_the_surface_moved(

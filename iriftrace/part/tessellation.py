@@ -1,0 +1,87 @@
+"""Fewer or more triangles for a part: thinned out, with what that moves, or with shorter edges."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.geometry.topology import weld
+from iriftrace.geometry.triangles import polydata
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.part.regions import Regions
+
+if TYPE_CHECKING:
+    import pyvista as pv
+
+SAMPLE = 20_000
+"""Places of each surface at which its distance from the other is taken."""
+
+FEWEST = 4
+"""Triangles of the smallest closed surface."""
+
+MOST_FACES = 2**24 - 2
+"""Faces that the channel of a picture, in single precision, can number."""
+
+
+def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:
+    """Thin out a part to about so many faces, and tell by how much that moves its surface.
+
+    By VTK's quadric decimation (Garland and Heckbert, 1997). The part has the regions of the one
+    before, each face that of the nearest face there. Besides, (n,), mm, the distances between the
+    two surfaces at corners and face centres of both; at every so many where there are more than
+    `SAMPLE`. An InputError if the part has no more triangles than that, or none would be left.
+    """
+    if not FEWEST <= faces < len(part.faces):
+        raise InputError(
+            f"{part.path} has {len(part.faces):,} triangles; give a number from {FEWEST} to one "
+            "below that."
+        )
+    small = _with_regions_of(part, _welded(part).decimate(1.0 - faces / len(part.faces)))
+    places = (
+        (part.surface, np.concatenate((small.surface.corners, small.face_centres))),
+        (small.surface, np.concatenate((part.surface.corners, part.face_centres))),
+    )
+    deviation = [one.distance(other[:: len(other) // SAMPLE + 1]) for one, other in places]
+    return small, np.concatenate(deviation)
+
+
+def subdivide_part(part: Part, edge_mm: float) -> Part:
+    """Split a part's triangles until no edge is longer, mm; its surface stays as it is.
+
+    By VTK's adaptive subdivision, which splits an edge alike in both triangles. InputError if the
+    length is not positive, or asks for more triangles than a part may have.
+    """
+    if not edge_mm > 0:
+        raise InputError(f"The longest edge is {edge_mm:g} mm; give a positive length.")
+    # A triangle of two such edges at right angles is the largest that may stay.
+    least = 2 * part.area / edge_mm**2
+    if least > MOST_FACES:
+        raise InputError(
+            f"Edges of {edge_mm:g} mm ask for {least:,.0f} triangles, more than the "
+            f"{MOST_FACES:,} that a part may have; give a longer one."
+        )
+    # The filter's other criterion, the area, would leave cracks.
+    split = _welded(part).subdivide_adaptive(max_edge_len=edge_mm, max_tri_area=math.inf)
+    return _with_regions_of(part, split)
+
+
+def _welded(part: Part) -> pv.PolyData:
+    """The part's mesh; corners of an STL are the triangles' own, those at one place become one."""
+    mesh: pv.PolyData = polydata(part.vertices, weld(part.vertices)[part.faces]).clean()
+    return mesh
+
+
+def _with_regions_of(part: Part, mesh: pv.PolyData) -> Part:
+    """A mesh of a part's surface as a part, each face of the region of the nearest one."""
+    faces = mesh.triangulate().regular_faces
+    vertices = np.asarray(mesh.points, dtype=np.float64)
+    region = part.region_of_face[part.surface.nearest(vertices[faces].mean(axis=1))[1]]
+    kept, number = np.unique(region, return_inverse=True)
+    regions = Regions(number, tuple(part.region_names[index] for index in kept))
+    return part_of_mesh(
+        vertices, faces, name=part.path, length_unit=part.length_unit, regions=regions
+    )
