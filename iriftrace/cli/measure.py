@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -215,15 +214,14 @@ def correct(
     else:
         say(
             "Standard uncertainty of the correction along the normal: "
-            f"{_um(values['u_normal_mm']['median'])} (median). U (k = 2) is that of the air's "
-            "share; the sensor's own comes on top."
+            f"{_um(values['u_normal_mm']['median'])} (median). U is that of the air's share, "
+            "by what is known of the field; the sensor's own, and what shells and mesh leave, come "
+            "on top."
         )
     if found.errors is not None:
-        # Of a standard deviation of n values (GUM, E.4.3).
-        doubt = 1.0 / math.sqrt(2 * (len(found.errors) - 1))
         say(
-            f"It rests on the scatter of {len(found.errors)} fields; a standard deviation of so "
-            f"many values is itself uncertain by {doubt:.0%}."
+            f"It rests on the scatter of {len(found.errors)} fields, and k is Student's t for so "
+            "many."
         )
     _say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))
@@ -248,7 +246,7 @@ def _say_features(features: list[dict[str, Any]], true: str) -> None:
             say(f"{row['kind'].capitalize()}{where}: {form}.")
             continue
         expanded, scatter = row.get("size_uncertainty_mm"), row.get("size_scatter_mm")
-        more = f", U = {_um(expanded)} (k = 2)" if expanded is not None else ""
+        more = f", U = {_um(expanded)} (k = {row['coverage_factor']:.3g})" if expanded else ""
         if scatter is not None:
             more = f", with a standard deviation of {_um(scatter)} from field to field"
         say(

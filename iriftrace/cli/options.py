@@ -273,7 +273,8 @@ def check_kept(output: Path | None, *kept: Path | str) -> None:
     for one in kept:
         if output is not None and output.resolve() == Path(one).resolve():
             raise InputError(
-                f"The output would replace {output}, which it is made of; give it another name."
+                f"The output would replace {output}, which it is made from and which would be "
+                "lost; give it another name."
             )
 
 

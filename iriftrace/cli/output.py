@@ -95,9 +95,11 @@ def print_view(part: Part, camera: Camera, remedy: str) -> None:
 
     view = part_view(part, camera)
     shares = {"outside the picture": view.outside, "out of focus": view.out_of_focus}
-    missing = [f"{_percent(share)} {place}" for place, share in shares.items() if share >= 0.0005]
+    missing = [
+        f"{_percent(share)} is {place}" for place, share in shares.items() if share >= 0.0005
+    ]
     if missing:
-        say(f"Of what the part turns to the camera lie {' and '.join(missing)}; {remedy}.")
+        say(f"Of what the part turns to the camera {' and '.join(missing)}; {remedy}.")
 
 
 def print_summary(metrics: PoseMetrics) -> None:

@@ -168,9 +168,10 @@ def plan_pairs(
             rows.append((i, j, *found))
     if not rows:
         raise InputError(
-            f"No two poses of the sweep see {criteria.min_hits} rays' worth and "
-            f"{criteria.min_coverage:.3g} of {region} in common at {low:g} to {high:g} "
-            "degrees; sweep closer poses, or give another --angle."
+            f"No two poses of the sweep have {criteria.min_hits} rays each on faces of {region} "
+            f"that both see at {low:g} to {high:g} degrees"
+            + (f", and {criteria.min_coverage:.1%} of its area" if criteria.min_coverage else "")
+            + "; sweep closer poses, or give another --angle."
         )
     table = np.array(rows)
     size, bias, coverage, angle = table[:, 2:].T

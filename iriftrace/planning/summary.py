@@ -379,7 +379,7 @@ def other_statistics_text(summary: SweepSummary) -> str | None:
     if not others:
         return None
     return (
-        f"By the {STATISTICS[summary.plan.criteria.statistic]} of the displacement pose "
+        f"Scored with the {STATISTICS[summary.plan.criteria.statistic]} of the displacement pose "
         f"{summary.plan.best} is the best, {' and '.join(others)} (--statistic)."
     )
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtrit
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import places_in_tiles
@@ -53,14 +54,17 @@ ROUNDS = 20
 SAMPLE = 10_000
 """Points whose distance from the part is asked for."""
 
-MANY_HIDDEN = 0.05
-"""Share of hidden points that is no matter of edges and silhouettes any more."""
+MANY = 0.05
+"""Share of points, hidden or far from the part, that is no matter of edges and silhouettes."""
 
 PIECE = 1_000_000
 """Points that are corrected at a time: 0.6 GB of rays."""
 
 COVERAGE_FACTOR = 2
-"""Of expanded uncertainties (GUM: some 95 % of a normal distribution)."""
+"""Of expanded uncertainties of what is known well: 95.45 % of a normal distribution."""
+
+COVERED = 0.9772498680518208
+"""Of that distribution below twice its standard deviation."""
 
 
 class CorrectionStatus(PointStatus):
@@ -139,8 +143,9 @@ class Correction:
     def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
         """Features of the corrected points, measured and corrected; see `feature_table`.
 
-        With ``size_uncertainty_mm``: the expanded uncertainty U = 2 u (k = 2) of the share of the
-        size that was air; None where it is not known.
+        With ``size_uncertainty_mm``: the expanded uncertainty U = k u of the share of the size that
+        was air, and ``coverage_factor``: k by Student's t for as many fields as it was estimated
+        from (GUM, annex G), 2 for many or one; None where it is not known.
         """
         good = self.status == CorrectionStatus.CORRECTED
         measured, face = self.measured[good], self.face[good]
@@ -148,13 +153,24 @@ class Correction:
         by_member = () if self.errors is None else measured - self.errors[:, good]
         rows = feature_table(clouds, face, part, choices, by_member)
         for row in rows:
-            size, expanded = row["size_mm"], None
+            size, expanded, factor = row["size_mm"], None, None
             scatter = row.pop("size_scatter_mm", None) or 0.0
             if size["measured"] is not None and self.u_normal is not None:
                 by_field = self.field_uncertainty * (size["measured"] - size["corrected"])
-                expanded = COVERAGE_FACTOR * math.hypot(by_field, scatter)
-            row["size_uncertainty_mm"] = expanded
+                factor = self._coverage_factor(abs(by_field), scatter)
+                expanded = factor * math.hypot(by_field, scatter)
+            row |= {"size_uncertainty_mm": expanded, "coverage_factor": factor}
         return rows
+
+    def _coverage_factor(self, by_field: float, scatter: float) -> float:
+        """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
+
+        The field's uncertainty is taken for known; the scatter over n fields has n - 1.
+        """
+        if self.errors is None or not scatter:
+            return COVERAGE_FACTOR
+        degrees = (len(self.errors) - 1) * (math.hypot(by_field, scatter) / scatter) ** 4
+        return float(stdtrit(degrees, COVERED))
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.correction/1``."""
@@ -278,11 +294,22 @@ def correct(
             f"far from the part, {counts['hidden']:,} hidden from a device, "
             f"{counts['several_images']:,} have several images, {counts['outside_field']:,} lie "
             f"outside the field and of {counts['uncertain']:,} the correction is uncertain by more "
-            "than itself; check the frame of the cloud (--cloud-to-part) and where the scene has "
+            "than itself; the cloud is "
+            f"{_across(measured):.3g} mm across and the part {_across(loaded.part.bounds):.3g} mm: "
+            "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
             "the devices."
         )
+    far = np.mean(status == CorrectionStatus.FAR_FROM_PART)
+    if far > MANY:
+        warnings.warn(
+            f"{far:.0%} of the points are far from the part or on its outline and stay as they "
+            "were measured, beside corrected ones; align the cloud with the part "
+            "(--cloud-to-part), and take out what is not the part.",
+            IriftraceWarning,
+            stacklevel=2,
+        )
     hidden = np.mean(status == CorrectionStatus.HIDDEN)
-    if hidden > MANY_HIDDEN:
+    if hidden > MANY:
         warnings.warn(
             f"{hidden:.0%} of the points are hidden from one of the scene's devices, which cannot "
             "have measured them; check where the scene has the devices, and the frame of the cloud "
@@ -303,6 +330,11 @@ def correct(
         errors=None if len(shares) == 1 else errors,
         to_part=to_part,
     )
+
+
+def _across(points: FloatArray) -> float:
+    """Diagonal of the box around points (n, 3)."""
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def _air_share(

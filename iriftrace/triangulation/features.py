@@ -103,10 +103,11 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
     """
     places = np.asarray(points, dtype=np.float64)
     _check_kind(kind)
-    if places.ndim != 2 or places.shape[1] != 3 or len(places) < FEWEST[kind]:
+    if places.ndim != 2 or places.shape[1] != 3:
+        raise InputError(f"The points are an array of shape {places.shape}; give (n, 3), mm.")
+    if len(places) < FEWEST[kind]:
         raise InputError(
-            f"An array of shape {places.shape} does not determine a {kind}; give at least "
-            f"{FEWEST[kind]} points, (n, 3)."
+            f"{len(places)} points do not determine a {kind}; at least {FEWEST[kind]} points do."
         )
     centre = places.mean(axis=0)
     scale = float(np.abs(places - centre).max())
@@ -141,9 +142,9 @@ def feature_table(
     """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
-    region, ``"cylinder:lateral"``; or a kind alone, for all regions that are one, and for all
-    points where none is. Without any choice, `found_features`. Warns of points that are no such
-    feature or leave its diameter uncertain, and leaves out what they do not determine. Gives
+    region, ``"cylinder:lateral"``; or a kind alone, for all regions that are one, and of a part of
+    one region for all points. Without any choice, `found_features`. Warns of points that are no
+    such feature or leave its diameter uncertain, and leaves out what they do not determine. Gives
     ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``u_size_mm``, ``form_mm``,
     ``position_mm`` and ``direction`` as in `Feature`; with the same points by each member of an
     ensemble also ``size_scatter_mm``, the size's standard deviation over them, None for a feature
@@ -153,24 +154,25 @@ def feature_table(
     members = list(by_member)
     found = found_features(part, face)
     rows = []
+    several = len(part.region_names) > 1
     for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
         kind, region, chosen = chosen_points(choice, face, part)
         try:
+            if several and not region:
+                raise InputError(
+                    f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
+                    f"are {', '.join(found) or 'none'}."
+                )
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
         except InputError as error:
             warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=3)
             continue
+        is_a = _kind_of_region(part, region) if region else None
         doubts = (
-            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
+            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, is_a, found)
             for name, fit in fits.items()
         )
         doubt = next(filter(None, doubts), None)
-        if not doubt and not region and part.region_names[1:]:
-            doubt = (
-                f"No region of the part with {FEWEST_MEASURED} points or more is a {kind}, so one "
-                f"is fitted to all {len(face):,} points; name a region to fit its points alone, "
-                f"such as {kind}:{part.region_names[0]}."
-            )
         if doubt:
             warnings.warn(doubt, IriftraceWarning, stacklevel=3)
         row: dict[str, Any] = {
@@ -194,9 +196,16 @@ def feature_table(
     return rows
 
 
-def _doubt(fit: Feature, extent: float, region: str, found: Sequence[str]) -> str | None:
-    """Why a feature of points of this extent, mm, means nothing or little; None where it does."""
+def _doubt(
+    fit: Feature, extent: float, region: str, is_a: str | None, found: Sequence[str]
+) -> str | None:
+    """Why a feature of points of this extent, mm, means nothing or little; None where it does.
+
+    `is_a` is the kind of surface that the region is, where it is one.
+    """
     where = f"The points of {region or 'the whole part'}"
+    if is_a is not None and fit.kind in FOUND_KINDS and fit.kind != is_a:
+        return f"{where} are no {fit.kind}, as that is a {is_a}; choose {is_a}:{region}."
     if fit.form_mm > NO_FEATURE * extent:
         return (
             f"{where} are no {fit.kind}, as they lie {fit.form_mm:.3g} mm apart across the fitted "
@@ -214,8 +223,21 @@ def _doubt(fit: Feature, extent: float, region: str, found: Sequence[str]) -> st
 def check_choices(choices: Iterable[str], part: Part) -> None:
     """An InputError for a choice of `feature_table` whose kind or region there is not."""
     for choice in choices:
-        _check_kind(choice.partition(":")[0])
+        kind, _, region = choice.partition(":")
+        if choice in part.region_names and kind not in get_args(Kind):
+            raise InputError(
+                f"A feature is a kind of surface and a region; give such as cylinder:{choice}."
+            )
+        _check_kind(kind)
         chosen_points(choice, np.empty(0, dtype=np.int64), part)
+        if not region and len(part.region_names) > 1:
+            kinds = {name: _kind_of_region(part, name) for name in part.region_names}
+            if kind not in kinds.values():
+                known = [f"{found}:{name}" for name, found in kinds.items() if found]
+                raise InputError(
+                    f"No region of the part is a {kind}; choose one of {', '.join(known)}, or name "
+                    f"the region whose points it shall be fitted to ({kind}:REGION)."
+                )
 
 
 def _check_kind(kind: str) -> None:
@@ -256,10 +278,16 @@ def found_features(part: Part, face: IntArray) -> list[str]:
     measured = np.bincount(region[face], minlength=len(part.region_names))
     found = []
     for number in np.flatnonzero(measured >= FEWEST_MEASURED):
-        kind = surface_kind(part.vertices[np.unique(part.faces[region == number])])
+        kind = _kind_of_region(part, part.region_names[number])
         if kind is not None:
             found.append(f"{kind}:{part.region_names[number]}")
     return found
+
+
+def _kind_of_region(part: Part, name: str) -> str | None:
+    """Kind of surface that a region is, None where it is none of `FOUND_KINDS`."""
+    faces = part.faces[part.region_of_face == part.region_names.index(name)]
+    return surface_kind(part.vertices[np.unique(faces)])
 
 
 def surface_kind(corners: FloatArray) -> str | None:

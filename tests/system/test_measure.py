@@ -115,8 +115,29 @@ def test_a_measured_cloud_is_not_replaced_by_its_correction(
 ) -> None:
     before = scan.read_bytes()
     assert main(["correct", str(scan), str(scene), "-o", str(scan)]) == 2
-    assert "would replace the measured one" in capsys.readouterr().err
+    assert "which it is made from and which would be lost" in capsys.readouterr().err
     assert scan.read_bytes() == before
+
+
+@pytest.mark.parametrize("command", ["measure", "correct", "render"])
+def test_numbers_replace_no_file_of_the_users(
+    command: str, scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As those of camera.ply would its calibration, camera.json; an earlier result they replace."""
+    calibration, part = tmp_path / "camera.json", scene.parent / "part.ply"
+    calibration.write_text('{"K": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}')
+    before = calibration.read_bytes(), part.read_bytes()
+    words = [command, *([str(scan)] if command == "correct" else []), str(scene)]
+    small = ["-D", "scale=0.1", *([] if command == "correct" else ["--no-figures"])]
+    ending = "exr" if command == "render" else "ply"
+    assert main([*words, "-o", str(tmp_path / f"camera.{ending}"), *small]) == 2
+    assert f"go to {calibration}, which is something else" in capsys.readouterr().err
+    if command != "render":
+        assert main([*words, "-o", str(part), *small]) == 2
+        assert "would be lost" in capsys.readouterr().err
+    assert (calibration.read_bytes(), part.read_bytes()) == before
+    for _ in range(2):
+        assert main([*words, "-o", str(tmp_path / f"new.{ending}"), *small]) == 0
 
 
 def test_corners_of_an_stl_count_once(tmp_path: Path) -> None:

@@ -9,12 +9,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import Failing
 
 from iriftrace.cli import main
 from iriftrace.field.path_data import FIELD_FILE
-from validation.inputs.hot_block import HotBlock
+from iriftrace.geometry.ply import write_ply_points
+from validation.inputs.hot_block import CAMERA, HotBlock
 
 
 @pytest.fixture
@@ -123,3 +125,23 @@ def test_corners_that_a_scenes_mesh_lacks(
     mesh.write_bytes(head + end + body[:corner] + b"\xff\xff" + body[corner + 2 :])
     said = fails("render", "scene/scene.xml", "-o", "out.exr", "--engine", "shells")
     assert f"{name} is damaged (a triangle names vertex" in said
+
+
+def test_points_alone_are_no_part(hot: HotBlock, tmp_path: Path, fails: Failing) -> None:
+    """As a cloud that was written over the scene's part."""
+    shutil.copytree(hot.scene.parent, tmp_path / "scene")
+    write_ply_points(tmp_path / "scene" / "part.ply", np.zeros((3, 3)), {})
+    for words in (["render"], ["render", "--engine=continuous"], ["sweep", "-o", "s.nc"]):
+        assert "no triangles" in fails(words[0], "scene/scene.xml", *words[1:])
+
+
+def test_a_scene_replaces_no_part_of_another(hot: HotBlock, tmp_path: Path, fails: Failing) -> None:
+    """The user's own part.ply in the folder; beside a scene it is that scene's copy."""
+    mine = tmp_path / "part.ply"
+    mine.write_bytes(b"mine")
+    words = ["scene", str(hot.field), str(hot.part), "-o"]
+    assert "a folder of its own" in fails(*words, "scene.xml")
+    assert mine.read_bytes() == b"mine"
+    mine.unlink()
+    for name in ("scene.xml", "scene.xml", "other.xml"):
+        assert main([*words, str(tmp_path / name), "--layers=3", *CAMERA]) == 0

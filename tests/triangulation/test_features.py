@@ -165,22 +165,24 @@ def test_regions_of_a_cylinder_are_found_by_themselves(part: Part) -> None:
 
 
 def test_a_kind_alone_means_the_regions_that_are_one() -> None:
-    """And all points where none is, which is said to mean nothing."""
+    """A kind that none is, is refused; one of which too little was measured, left out."""
     part = cylinder()
     face = np.repeat(np.arange(len(part.faces)), 100)
     points = part.vertices[part.faces[face, 0]]
     rows = feature_table({"cold": points}, face, part, ["plane", "cylinder"])
     regions = [row["region"] for row in rows]
     assert (sorted(regions[:2]), regions[2:]) == (["head +x", "head -x"], ["lateral"])
-    with pytest.warns(IriftraceWarning, match="whole part are no sphere.*cylinder:lateral"):
-        (row,) = feature_table({"cold": points}, face, part, ["sphere"])
-    assert row["region"] is None
+    with pytest.raises(InputError, match=r"No region of the part is a sphere; .*cylinder:lateral"):
+        feature_table({"cold": points}, face, part, ["sphere"])
+    with pytest.raises(InputError, match="give such as cylinder:lateral"):
+        feature_table({"cold": points}, face, part, ["lateral"])
+    with pytest.warns(IriftraceWarning, match="are no sphere, as that is a cylinder; choose"):
+        feature_table({"cold": points}, face, part, ["sphere:lateral"])
     lateral = np.flatnonzero(part.region_of_face == part.region_names.index("lateral"))
     face = lateral[:: len(lateral) // 50][:50]
     points = part.vertices[part.faces[face, 0]]
-    with pytest.warns(IriftraceWarning, match="100 points or more is a cylinder.*all 50 points"):
-        (row,) = feature_table({"cold": points}, face, part, ["cylinder"])
-    assert row["region"] is None
+    with pytest.warns(IriftraceWarning, match="cylinder is left out: No region .* 100 measured"):
+        assert feature_table({"cold": points}, face, part, ["cylinder"]) == []
 
 
 def test_what_points_do_not_determine_is_left_out() -> None:
@@ -188,8 +190,8 @@ def test_what_points_do_not_determine_is_left_out() -> None:
     part = cylinder()
     face = np.repeat(np.flatnonzero(part.region_of_face == part.region_names.index("head +x")), 100)
     points = part.vertices[part.faces[face, 0]]
-    with pytest.warns(IriftraceWarning, match=r"sphere is left out: .* lie on a plane"):
-        (row,) = feature_table({"cold": points}, face, part, ["sphere", "plane"])
+    with pytest.warns(IriftraceWarning, match=r"sphere:head \+x is left out: .* lie on a plane"):
+        (row,) = feature_table({"cold": points}, face, part, ["sphere:head +x", "plane"])
     assert row["kind"] == "plane"
     for choice in ("lateral:cylinder", "cylinder:side"):
         with pytest.raises(InputError, match=r"no feature 'lateral'|no region 'side'"):

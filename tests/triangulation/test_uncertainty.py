@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from attrs import evolve
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
@@ -88,6 +89,17 @@ def test_a_correction_is_the_mean_of_the_members(three: LoadedScene) -> None:
     np.testing.assert_allclose(found.u_normal[good], expected[good], rtol=1e-9)
     assert np.isnan(found.u_normal[~good]).all()
     assert "3 fields" in found.provenance["assumptions"]["ensemble"]
+
+
+def test_few_fields_take_a_larger_coverage_factor(three: LoadedScene) -> None:
+    """GUM, table G.2, 95.45 %: 13.97 for one degree of freedom, 4.53 for two; 2 without scatter."""
+    found = correct(measure(member(three, 2)).points, three)
+    assert found.errors is not None
+    two = evolve(found, errors=found.errors[:2])
+    assert two._coverage_factor(0.0, 1e-3) == pytest.approx(13.97, abs=0.005)
+    assert found._coverage_factor(0.0, 1e-3) == pytest.approx(4.53, abs=0.005)
+    assert found._coverage_factor(1.0, 1e-3) == pytest.approx(2.0, abs=1e-9)
+    assert found._coverage_factor(1.0, 0.0) == 2
 
 
 def test_what_scatters_by_more_than_itself_is_not_taken_out(
