@@ -35,17 +35,12 @@ LARGEST_BARE_SHARE = 0.05
 # Boxes match when none of their faces is off by more than this share of their diagonal.
 _MATCH = 0.03
 
-_SCALES = {
-    1.0: "",
-    1000.0: "--length-unit m",
-    0.001: "--field-length-unit m",
-    10.0: "--length-unit cm",
-    0.1: "--field-length-unit cm",
-    25.4: "--length-unit inch",
-    1 / 25.4: "--field-length-unit inch",
-}
+_UNITS = {"m": 1000.0, "cm": 10.0, "inch": 25.4}
+_SCALES = (1.0, *_UNITS.values(), *(1.0 / length for length in _UNITS.values()))
+
 MOST_LARGER = 100.0
-"""Part over field: air around a part is larger than it, and one lost vertex slows what follows."""
+"""Part over field, or the field's inner wall over the part: metres for millimetres are more, and
+one lost vertex of a part slows what follows."""
 
 _TURNS = (
     "",
@@ -104,13 +99,18 @@ def fit_part_to_field(
             raise InputError(f"{unreached}they lie side by side; check units and axes.")
         return _fit_without_wall(field, part, wall_temperature_k)
     cavity = _box(np.asarray(wall.points))
-    advice = _advice(part.bounds, cavity)
+    advice = _advice(part, field, cavity)
     if apart:
         raise InputError(f"{unreached}they lie side by side; {advice}")
     larger = _diagonal(part.bounds) / _diagonal(data)
     if larger > MOST_LARGER:
         raise InputError(
             f"{unreached}the part is {larger:.3g} times as large as the field; {advice}"
+        )
+    wider = _diagonal(cavity) / _diagonal(part.bounds)
+    if wider > MOST_LARGER:
+        raise InputError(
+            f"{unreached}the field's inner wall is {wider:.3g} times as large as the part; {advice}"
         )
     gaps = part.surface.distance(wall.points)
     # A wall that is nowhere closer than half its own size surrounds something else.
@@ -178,9 +178,21 @@ def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
     ]
 
 
-def _advice(part: FloatArray, target: FloatArray) -> str:
+def _unit_advice(scale: float, part: Part, field: IndexField) -> str:
+    """The option that makes a part so much larger against the field; one that was given, undone."""
+    for unit, length in _UNITS.items():
+        if scale == length:
+            undone = field.source.length_unit == unit
+            return "--field-length-unit mm" if undone else f"--length-unit {unit}"
+        if scale == 1.0 / length:
+            undone = part.length_unit == unit
+            return "--length-unit mm" if undone else f"--field-length-unit {unit}"
+    return ""
+
+
+def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
     """The change of the part's box that makes it the target's, in words of the command line."""
-    corners = np.array(list(product(*part.T)))
+    corners = np.array(list(product(*part.bounds.T)))
     limit = _MATCH * _diagonal(target)
     candidates = []
     for scale, turn in product(_SCALES, _TURNS):
@@ -194,13 +206,13 @@ def _advice(part: FloatArray, target: FloatArray) -> str:
         shift = np.where(np.abs(shift) < 1e-6 * _diagonal(target), 0.0, shift)
         translate = "translate " + " ".join(f"{component:.4g}" for component in shift)
         steps = ", ".join(filter(None, (turn, translate if off > limit else "")))
-        options = [_SCALES[scale], f'--part-transform "{steps}"' if steps else ""]
+        options = [_unit_advice(scale, part, field), f'--part-transform "{steps}"' if steps else ""]
         # The fewer things were mistaken, the likelier.
         mistakes = (scale != 1.0) + bool(turn) + (off > limit)
         candidates.append((mistakes, off, " and ".join(filter(None, options))))
     if not candidates:
         return (
-            f"the part's box measures {_size(part)} and the cavity's {_size(target)}; "
+            f"the part's box measures {_size(part.bounds)} and the cavity's {_size(target)}; "
             "check units, axes and thermal expansion."
         )
     remedy = min(candidates)[2]

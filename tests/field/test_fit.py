@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 import trimesh
+from attrs import evolve
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -88,6 +89,14 @@ def test_wrong_unit_is_named(hot_box: IndexField, scale: float, advice: str) -> 
     """The part's wall is then nowhere near the field's, so nothing could be computed."""
     with pytest.raises(InputError, match=advice):
         fit_part_to_field(hot_box, box_part(half=HALF * scale))
+
+
+def test_a_unit_that_was_given_by_mistake_is_taken_back(hot_box: IndexField) -> None:
+    """The field was read in metres, so that everything but one corner is far from the part."""
+    source = evolve(hot_box.source, length_unit="m")
+    part = box_part(centre=tuple(HALF - 1e-3 * HALF), half=1e-3 * HALF)
+    with pytest.raises(InputError, match=r"1e.03 times as large .* --field-length-unit mm"):
+        fit_part_to_field(evolve(hot_box, source=source), part)
 
 
 def test_swapped_axes_are_named_and_the_advice_works(hot_box: IndexField) -> None:
