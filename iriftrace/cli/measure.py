@@ -199,7 +199,7 @@ def correct(
         f"{_um(error['median'])} (median; 95th percentile {_um(error['p95'])}). As measured stay "
         f"{counts['far_from_part']:,} far from the part or on its outline, {counts['hidden']:,} "
         f"hidden from a device, {counts['several_images']:,} with several images, "
-        f"{counts['outside_field']:,} outside the field and {counts['uncertain']:,} whose "
+        f"{counts['outside_field']:,} seen through no hot air and {counts['uncertain']:,} whose "
         "correction is uncertain by more than itself. As measured, the cloud lies "
         f"{_um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
         f"{_um(values['to_part_mm']['p95'])})."
@@ -220,8 +220,8 @@ def correct(
         )
     if found.errors is not None:
         say(
-            f"It rests on the scatter of {len(found.errors)} fields, and k is Student's t for so "
-            "many."
+            f"It rests on the scatter of {len(found.errors)} fields; k allows for so few by "
+            "Student's t."
         )
     _say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))

@@ -255,7 +255,7 @@ def check_numbers(output: Path, schema: str) -> None:
     One of the same schema, an earlier result, is replaced.
     """
     report = output.with_suffix(".json")
-    if not report.exists():
+    if not report.exists() or report.stat().st_size == 0:
         return
     try:
         found = str(json.loads(report.read_text(encoding="utf-8"))["schema"])

@@ -78,9 +78,8 @@ def render(
     check_numbers(exr, "iriftrace.pose")
     check_output(surface, "out.vtp", ".ply")
     used = statuses(include)
-    rendering, loaded, files = _render(scene, exr, trace, used, figures, check_shells, rgb)
+    rendering, loaded, files = _render(scene, exr, trace, used, figures, check_shells, rgb, surface)
     if surface is not None:
-        check_kept(surface, loaded.part.path)
         write_surface(surface, rendering.image, loaded.part)
         files.append(surface)
     _print_rendering(rendering, loaded, files)
@@ -178,12 +177,14 @@ def _render(
     figures: bool,
     check_field: bool = False,
     rgb: str | None = None,
+    surface: Path | None = None,
 ) -> tuple[Rendering, LoadedScene, list[Path]]:
-    """Render a scene and write all its files."""
+    """Render a scene and write all its files but that of the surface."""
     from iriftrace.trace.render import render_scene
     from iriftrace.trace.shell_convergence import SAMPLE
 
     loaded = trace.load(scene)
+    check_kept(surface, loaded.part.path)
     with working("Tracing"):
         rendering = render_scene(
             loaded, include=include, check_shells=SAMPLE, check_field=check_field

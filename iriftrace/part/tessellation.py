@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.topology import weld
 from iriftrace.geometry.triangles import polydata
@@ -40,7 +40,9 @@ def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:
             f"{part.path} has {len(part.faces):,} triangles; give a number from {FEWEST} to one "
             "below that."
         )
-    small = _with_regions_of(part, _welded(part).decimate(1.0 - faces / len(part.faces)))
+    mesh = _welded(part).decimate(1.0 - faces / len(part.faces)).triangulate()
+    middles = mesh.points[mesh.regular_faces].mean(axis=1)
+    small = _of_mesh(part, mesh, part.region_of_face[part.surface.nearest(middles)[1]])
     places = (
         (part.surface, np.concatenate((small.surface.corners, small.face_centres))),
         (small.surface, np.concatenate((part.surface.corners, part.face_centres))),
@@ -57,16 +59,18 @@ def subdivide_part(part: Part, edge_mm: float) -> Part:
     """
     if not edge_mm > 0:
         raise InputError(f"The longest edge is {edge_mm:g} mm; give a positive length.")
-    # A triangle of two such edges at right angles is the largest that may stay.
-    least = 2 * part.area / edge_mm**2
-    if least > MOST_FACES:
+    # Three such edges make the largest triangle that may stay; halving takes some times as many.
+    usual = 3 * part.area / (math.sqrt(3) / 4 * edge_mm**2)
+    if usual > MOST_FACES:
         raise InputError(
-            f"Edges of {edge_mm:g} mm ask for {least:,.0f} triangles, more than the "
+            f"Edges of {edge_mm:g} mm ask for some {usual:,.0f} triangles, more than the "
             f"{MOST_FACES:,} that a part may have; give a longer one."
         )
+    mesh = _welded(part)
+    mesh.cell_data["region"] = part.region_of_face
     # The filter's other criterion, the area, would leave cracks.
-    split = _welded(part).subdivide_adaptive(max_edge_len=edge_mm, max_tri_area=math.inf)
-    return _with_regions_of(part, split)
+    split = mesh.subdivide_adaptive(max_edge_len=edge_mm, max_tri_area=math.inf)
+    return _of_mesh(part, split, np.asarray(split.cell_data["region"]))
 
 
 def _welded(part: Part) -> pv.PolyData:
@@ -75,11 +79,9 @@ def _welded(part: Part) -> pv.PolyData:
     return mesh
 
 
-def _with_regions_of(part: Part, mesh: pv.PolyData) -> Part:
-    """A mesh of a part's surface as a part, each face of the region of the nearest one."""
-    faces = mesh.triangulate().regular_faces
-    vertices = np.asarray(mesh.points, dtype=np.float64)
-    region = part.region_of_face[part.surface.nearest(vertices[faces].mean(axis=1))[1]]
+def _of_mesh(part: Part, mesh: pv.PolyData, region: IntArray) -> Part:
+    """A mesh of triangles on a part's surface as a part, with the region of each face."""
+    faces, vertices = mesh.regular_faces, np.asarray(mesh.points, dtype=np.float64)
     kept, number = np.unique(region, return_inverse=True)
     regions = Regions(number, tuple(part.region_names[index] for index in kept))
     return part_of_mesh(

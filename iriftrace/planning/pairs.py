@@ -199,7 +199,7 @@ def plan_pairs(
             ) from reason
     if exact:
         # The measured ones change places by what they measured.
-        best = order[: len(exact)]
+        best = order[: len(exact)].copy()
         values = table[best, 2:].T
         values[1 if feature else 0] = exact
         known = score_of_pairs(quantities(values, bool(feature)), limits, criteria, clipped=True)

@@ -13,8 +13,9 @@ from attrs import evolve, field, frozen
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.part_fit import Fit, fit_part_to_field
+from iriftrace.scene.ensemble import FOLDER
 from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
-from iriftrace.scene.write import PART_FILE, refuse_edited, write_scene
+from iriftrace.scene.write import PART_FILE, SHELLS_FOLDER, refuse_edited, write_scene
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import trim_to_frustum
@@ -269,7 +270,8 @@ def _place(path: str | Path, part: Part) -> Path:
             f"The scene's own {PART_FILE} would replace the part's file {part.path}; give the "
             f"scene a folder of its own, such as {xml.with_suffix('') / xml.name}."
         )
-    if copy.is_file() and not any(xml.parent.glob("*.xml")):
+    of_a_scene = any((xml.parent / name).exists() for name in (SHELLS_FOLDER, FOLDER))
+    if copy.is_file() and not of_a_scene:
         raise InputError(
             f"The scene's own copy of the part would replace {copy}, where there is no scene yet; "
             f"give the scene a folder of its own, such as {xml.with_suffix('') / xml.name}."

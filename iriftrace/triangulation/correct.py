@@ -82,6 +82,16 @@ class CorrectionStatus(PointStatus):
     UNCERTAIN = 5
 
 
+_DOUBTFUL = {
+    CorrectionStatus.FAR_FROM_PART: "are far from the part or on its outline and stay as they were "
+    "measured, beside corrected ones; align the cloud with the part (--cloud-to-part), and take "
+    "out what is not the part.",
+    CorrectionStatus.HIDDEN: "are hidden from one of the scene's devices, which cannot have "
+    "measured them; check where the scene has the devices, and the frame of the cloud "
+    "(--cloud-to-part).",
+}
+
+
 @frozen(eq=False)
 class Correction:
     """Corrected points.
@@ -292,31 +302,17 @@ def correct(
         raise InputError(
             f"None of the {len(status):,} points can be corrected: {counts['far_from_part']:,} are "
             f"far from the part, {counts['hidden']:,} hidden from a device, "
-            f"{counts['several_images']:,} have several images, {counts['outside_field']:,} lie "
-            f"outside the field and of {counts['uncertain']:,} the correction is uncertain by more "
-            "than itself; the cloud is "
+            f"{counts['several_images']:,} have several images, {counts['outside_field']:,} are "
+            f"seen through no hot air that is known and of {counts['uncertain']:,} the correction "
+            "is uncertain by more than itself; the cloud is "
             f"{_across(measured):.3g} mm across and the part {_across(loaded.part.bounds):.3g} mm: "
             "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
             "the devices."
         )
-    far = np.mean(status == CorrectionStatus.FAR_FROM_PART)
-    if far > MANY:
-        warnings.warn(
-            f"{far:.0%} of the points are far from the part or on its outline and stay as they "
-            "were measured, beside corrected ones; align the cloud with the part "
-            "(--cloud-to-part), and take out what is not the part.",
-            IriftraceWarning,
-            stacklevel=2,
-        )
-    hidden = np.mean(status == CorrectionStatus.HIDDEN)
-    if hidden > MANY:
-        warnings.warn(
-            f"{hidden:.0%} of the points are hidden from one of the scene's devices, which cannot "
-            "have measured them; check where the scene has the devices, and the frame of the cloud "
-            "(--cloud-to-part).",
-            IriftraceWarning,
-            stacklevel=2,
-        )
+    for code, sentence in _DOUBTFUL.items():
+        share = np.mean(status == code)
+        if share > MANY:
+            warnings.warn(f"{share:.0%} of the points {sentence}", IriftraceWarning, stacklevel=2)
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, shares, 0.0)
     return Correction(
         measured=measured,

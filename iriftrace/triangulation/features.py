@@ -142,11 +142,11 @@ def feature_table(
     """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
-    region, ``"cylinder:lateral"``; or a kind alone, for all regions that are one, and of a part of
-    one region for all points. Without any choice, `found_features`. Warns of points that are no
-    such feature or leave its diameter uncertain, and leaves out what they do not determine. Gives
-    ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``u_size_mm``, ``form_mm``,
-    ``position_mm`` and ``direction`` as in `Feature`; with the same points by each member of an
+    region, ``"cylinder:lateral"``; ``"sphere:"`` is for all points; a kind alone for all regions
+    that are one, and of a part of one region for all points. Without any choice, `found_features`.
+    Warns of points that are no such feature or leave its diameter uncertain, and leaves out what
+    they do not determine. Gives ``kind``, ``region``, ``points``, and by cloud ``size_mm``,
+    ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`; with the same points by each member of an
     ensemble also ``size_scatter_mm``, the size's standard deviation over them, None for a feature
     without a size.
     """
@@ -158,7 +158,7 @@ def feature_table(
     for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
         kind, region, chosen = chosen_points(choice, face, part)
         try:
-            if several and not region:
+            if several and ":" not in choice:
                 raise InputError(
                     f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
                     f"are {', '.join(found) or 'none'}."
@@ -167,12 +167,11 @@ def feature_table(
         except InputError as error:
             warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=3)
             continue
-        is_a = _kind_of_region(part, region) if region else None
         doubts = (
-            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, is_a, found)
+            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
             for name, fit in fits.items()
         )
-        doubt = next(filter(None, doubts), None)
+        doubt = _other_surface(part, kind, region) or next(filter(None, doubts), None)
         if doubt:
             warnings.warn(doubt, IriftraceWarning, stacklevel=3)
         row: dict[str, Any] = {
@@ -196,16 +195,17 @@ def feature_table(
     return rows
 
 
-def _doubt(
-    fit: Feature, extent: float, region: str, is_a: str | None, found: Sequence[str]
-) -> str | None:
-    """Why a feature of points of this extent, mm, means nothing or little; None where it does.
+def _other_surface(part: Part, kind: str, region: str) -> str | None:
+    """Why a region's points are no surface of a kind, where it is one of another."""
+    is_a = _kind_of_region(part, region) if region and kind in FOUND_KINDS else None
+    if is_a is None or _lies_on(_corners(part, region), kind):
+        return None
+    return f"The points of {region} are no {kind}, as that is a {is_a}; choose {is_a}:{region}."
 
-    `is_a` is the kind of surface that the region is, where it is one.
-    """
+
+def _doubt(fit: Feature, extent: float, region: str, found: Sequence[str]) -> str | None:
+    """Why a feature of points of this extent, mm, means nothing or little; None where it does."""
     where = f"The points of {region or 'the whole part'}"
-    if is_a is not None and fit.kind in FOUND_KINDS and fit.kind != is_a:
-        return f"{where} are no {fit.kind}, as that is a {is_a}; choose {is_a}:{region}."
     if fit.form_mm > NO_FEATURE * extent:
         return (
             f"{where} are no {fit.kind}, as they lie {fit.form_mm:.3g} mm apart across the fitted "
@@ -223,20 +223,22 @@ def _doubt(
 def check_choices(choices: Iterable[str], part: Part) -> None:
     """An InputError for a choice of `feature_table` whose kind or region there is not."""
     for choice in choices:
-        kind, _, region = choice.partition(":")
+        kind = choice.partition(":")[0]
         if choice in part.region_names and kind not in get_args(Kind):
+            is_a = _kind_of_region(part, choice) or "cylinder"
             raise InputError(
-                f"A feature is a kind of surface and a region; give such as cylinder:{choice}."
+                f"A feature is a kind of surface and a region; give such as {is_a}:{choice}."
             )
         _check_kind(kind)
         chosen_points(choice, np.empty(0, dtype=np.int64), part)
-        if not region and len(part.region_names) > 1:
+        if ":" not in choice and len(part.region_names) > 1:
             kinds = {name: _kind_of_region(part, name) for name in part.region_names}
             if kind not in kinds.values():
                 known = [f"{found}:{name}" for name, found in kinds.items() if found]
                 raise InputError(
-                    f"No region of the part is a {kind}; choose one of {', '.join(known)}, or name "
-                    f"the region whose points it shall be fitted to ({kind}:REGION)."
+                    f"No region of the part is a {kind}; name the region whose points it shall be "
+                    f"fitted to ({kind}:REGION, or {kind}: for all points), or choose one of what "
+                    f"there is: {', '.join(known) or 'no simple surface'}."
                 )
 
 
@@ -286,20 +288,28 @@ def found_features(part: Part, face: IntArray) -> list[str]:
 
 def _kind_of_region(part: Part, name: str) -> str | None:
     """Kind of surface that a region is, None where it is none of `FOUND_KINDS`."""
-    faces = part.faces[part.region_of_face == part.region_names.index(name)]
-    return surface_kind(part.vertices[np.unique(faces)])
+    return surface_kind(_corners(part, name))
+
+
+def _corners(part: Part, region: str) -> FloatArray:
+    """Vertices of a region, (n, 3), mm."""
+    faces = part.faces[part.region_of_face == part.region_names.index(region)]
+    corners: FloatArray = part.vertices[np.unique(faces)]
+    return corners
 
 
 def surface_kind(corners: FloatArray) -> str | None:
     """Kind of surface that corners (n, 3) of a region lie on: one of `FOUND_KINDS`, or None."""
+    return next((kind for kind in FOUND_KINDS if _lies_on(corners, kind)), None)
+
+
+def _lies_on(corners: FloatArray, kind: str) -> bool:
+    """True if corners (n, 3) lie on a surface of a kind, and are enough to tell."""
     sample = corners[:: max(1, len(corners) // SAMPLE)]
     allowed = FOUND_SHARE * float(np.ptp(sample, axis=0).max())
-    for kind in FOUND_KINDS:
-        # A surface through any points tells nothing.
-        enough = kind == "plane" or len(sample) > 2 * FEWEST[kind]
-        if enough and fit_feature(sample, kind).form_mm <= allowed:
-            return kind
-    return None
+    # A surface through any points tells nothing.
+    enough = kind == "plane" or len(sample) > 2 * FEWEST[kind]
+    return enough and fit_feature(sample, kind).form_mm <= allowed
 
 
 def _axes(points: FloatArray) -> FloatArray:

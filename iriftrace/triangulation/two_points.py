@@ -73,7 +73,7 @@ class LinesOfSight:
     found: BoolArray  # the bent ray passes the point by `MISS_MM` at most
     lacking: FloatArray  # mm
     face: IntArray  # of the part, under the ray's end; -1 where it meets none
-    in_air: BoolArray  # the ray met hot air: shells, or cells of the field
+    in_air: BoolArray  # the ray met hot air: shells, or cells of the field that are not ambient
 
 
 def lines_of_sight(

@@ -51,6 +51,23 @@ def test_the_order_is_that_of_what_the_pairs_measure(dataset: xr.Dataset) -> Non
     assert (found.bias_mm < 0).all(), "a hot cylinder measures too small"
 
 
+def test_measured_pairs_change_places(dataset: xr.Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second of the first order measures best: everything of it goes with it."""
+    before = plan_pairs(dataset, BY_ERROR, confirm=False)
+    low, high = before.limits["error"]
+    measured = [low + share * (high - low) for share in (0.9, 0.1, 0.5)]
+    errors = iter(measured)
+    monkeypatch.setattr("iriftrace.planning.pairs.statistic_along", lambda *_: next(errors))
+    after = plan_pairs(dataset, BY_ERROR)
+    places = [1, 2, 0]
+    assert after.exact_mm.tolist() == sorted(measured)
+    for name in ("pairs", "error_mm", "bias_mm", "coverage", "angle_deg"):
+        np.testing.assert_array_equal(getattr(after, name)[:3], getattr(before, name)[places])
+        np.testing.assert_array_equal(getattr(after, name)[3:], getattr(before, name)[3:])
+    assert (np.diff(after.score[:3]) > 0).all()
+    np.testing.assert_array_equal(after.score[3:], before.score[3:])
+
+
 @pytest.mark.usefixtures("variant")
 def test_angles_are_those_of_the_lines(dataset: xr.Dataset) -> None:
     found = plan_pairs(dataset, BY_ERROR, confirm=False, angles_deg=(15.0, 45.0))

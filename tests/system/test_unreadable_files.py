@@ -143,5 +143,6 @@ def test_a_scene_replaces_no_part_of_another(hot: HotBlock, tmp_path: Path, fail
     assert "a folder of its own" in fails(*words, "scene.xml")
     assert mine.read_bytes() == b"mine"
     mine.unlink()
+    (tmp_path / "unrelated.xml").write_text("<map/>")
     for name in ("scene.xml", "scene.xml", "other.xml"):
         assert main([*words, str(tmp_path / name), "--layers=3", *CAMERA]) == 0

@@ -95,8 +95,8 @@ PART_OPTIONS = {
     "negative kelvin": ("--hot-temperature=-5 --expansion=14e-6", "-5"),
     "angle of nothing": ("--region-angle=0", "angle"),
     "part in another place": ("--part-transform='translate 500 0 0'", "translate -500"),
-    "part in metres": ("--length-unit=m", "--field-length-unit m"),
-    "field in metres": ("--field-length-unit=m", "--length-unit m"),
+    "part in metres": ("--length-unit=m", "with --length-unit mm"),
+    "field in metres": ("--field-length-unit=m", "with --field-length-unit mm"),
     "field elsewhere": ("--field-transform='translate 0 0 90'", "does not reach"),
 }
 
