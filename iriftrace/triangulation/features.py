@@ -145,8 +145,10 @@ def feature_table(
     region, ``"cylinder:lateral"``; ``"sphere:"`` is for all points; a kind alone for all regions
     that are one, and of a part of one region for all points. Without any choice, `found_features`.
     Warns of points that are no such feature or leave its diameter uncertain, and leaves out what
-    they do not determine. Gives ``kind``, ``region``, ``points``, and by cloud ``size_mm``,
-    ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`; with the same points by each member of an
+    they do not determine.
+
+    Gives ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``u_size_mm``, ``form_mm``,
+    ``position_mm`` and ``direction`` as in `Feature`; with the same points by each member of an
     ensemble also ``size_scatter_mm``, the size's standard deviation over them, None for a feature
     without a size.
     """
