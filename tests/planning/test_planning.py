@@ -84,6 +84,14 @@ def test_faces_finer_than_the_rays_are_said() -> None:
     rank_poses(changed(five(), "coverage_area", np.array(FIVE["coverage"]) * 1.9))
 
 
+def test_faces_that_reach_beyond_what_is_seen_are_said() -> None:
+    """Planes of a CAD part that count whole where a ray hits them; 4 % of the part are edges."""
+    coverage = np.array(FIVE["coverage"])
+    with pytest.warns(IriftraceWarning, match="faces are large: .* 30 % .* cover 24 %.*subdivide"):
+        rank_poses(changed(five(), "coverage_area", coverage - 0.06))
+    rank_poses(changed(five(), "coverage_area", coverage - 0.04))
+
+
 def test_discarding_drops_what_lies_above_the_percentile() -> None:
     """B's axial resolution and D's three metrics lie above it; the others' scores stay."""
     plan = rank_poses(five(), Criteria(outside="discard"))
