@@ -246,7 +246,9 @@ def _say_features(features: list[dict[str, Any]], true: str) -> None:
             say(f"{row['kind'].capitalize()}{where}: {form}.")
             continue
         expanded, scatter = row.get("size_uncertainty_mm"), row.get("size_scatter_mm")
-        more = f", U = {_um(expanded)} (k = {row['coverage_factor']:.3g})" if expanded else ""
+        more = ""
+        if expanded is not None:
+            more = f", U = {_um(expanded)} (k = {row['coverage_factor']:.3g})"
         if scatter is not None:
             more = f", with a standard deviation of {_um(scatter)} from field to field"
         say(

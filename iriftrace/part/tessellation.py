@@ -66,17 +66,22 @@ def subdivide_part(part: Part, edge_mm: float) -> Part:
             f"Edges of {edge_mm:g} mm ask for some {usual:,.0f} triangles, more than the "
             f"{MOST_FACES:,} that a part may have; give a longer one."
         )
-    mesh = _welded(part)
-    mesh.cell_data["region"] = part.region_of_face
     # The filter's other criterion, the area, would leave cracks.
-    split = mesh.subdivide_adaptive(max_edge_len=edge_mm, max_tri_area=math.inf)
+    split = _welded(part).subdivide_adaptive(max_edge_len=edge_mm, max_tri_area=math.inf)
     return _of_mesh(part, split, np.asarray(split.cell_data["region"]))
 
 
 def _welded(part: Part) -> pv.PolyData:
-    """The part's mesh; corners of an STL are the triangles' own, those at one place become one."""
-    mesh: pv.PolyData = polydata(part.vertices, weld(part.vertices)[part.faces]).clean()
-    return mesh
+    """The part's mesh with the region of each face, without those of which two corners are one.
+
+    Corners of an STL are the triangles' own; those at one place become one.
+    """
+    corners = weld(part.vertices)[part.faces]
+    kept = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    mesh = polydata(part.vertices, corners[kept])
+    mesh.cell_data["region"] = part.region_of_face[kept]
+    cleaned: pv.PolyData = mesh.clean()
+    return cleaned
 
 
 def _of_mesh(part: Part, mesh: pv.PolyData, region: IntArray) -> Part:

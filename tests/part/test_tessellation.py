@@ -52,6 +52,18 @@ def test_subdivided_parts_are_the_same_surface() -> None:
     np.testing.assert_allclose(part.surface.distance(found.vertices), 0.0, atol=1e-6)
 
 
+def test_triangles_without_area_are_left_out() -> None:
+    """Two of them: corners at one place, and one corner twice."""
+    box = trimesh.creation.box((20.0, 20.0, 20.0))
+    vertices = np.vstack((box.vertices, box.vertices[:1]))
+    faces = np.vstack((box.faces, [[0, 8, 1], [2, 2, 3]]))
+    part = part_of_mesh(vertices, faces, name="box")
+    found = subdivide_part(part, 5.0)
+    assert found.closed
+    assert found.area == pytest.approx(part.area)
+    assert len(found.region_names) == 6
+
+
 @pytest.mark.parametrize(("edge", "why"), [(0.0, "positive length"), (1e-3, "give a longer one")])
 def test_impossible_edges_are_refused(edge: float, why: str) -> None:
     with pytest.raises(InputError, match=why):
