@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, NumberArray
 from iriftrace.core.errors import InputError
-from iriftrace.field.gradient import HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE, cell_corners
+from iriftrace.field.gradient import (
+    HEXAHEDRON,
+    MIRRORED_CORNERS,
+    PYRAMID,
+    TETRAHEDRON,
+    WEDGE,
+    cell_corners,
+)
 from iriftrace.geometry.topology import cells_to_flip
 
 BOUNDARY = 0x80000000
@@ -20,7 +27,7 @@ MOST_TETRAHEDRA = 2**28
 """More would not leave room for a face's number beside the tetrahedron's in 32 bits."""
 
 MIXED_SHARE = 1e-3
-"""A larger share of negative volume comes from cells of both orientations, and not from cells that
+"""A larger share of negative volume comes from pieces of both orientations, and not from cells that
 are turned inside out; flow solutions on snapped meshes have 4e-5 at most."""
 
 # Faces of each cell type by VTK's corner numbers; quadrilaterals in cyclic order.
@@ -36,6 +43,8 @@ _FACES: dict[int, tuple[tuple[int, ...], ...]] = {
 
 OPPOSITE = np.array(_FACES[TETRAHEDRON])
 """Corners of the face opposite to each corner of a tetrahedron."""
+
+_MIRRORED = np.array(MIRRORED_CORNERS[TETRAHEDRON])
 
 
 @frozen(eq=False)
@@ -70,7 +79,7 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
             f"The field splits into {len(corners)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
             "be numbered; crop it to the part's surroundings."
         )
-    return _with_neighbours(_of_one_orientation(_without_flat_twins(corners), points))
+    return _of_one_orientation(_without_flat_twins(corners), points)
 
 
 def _turned_by_majority(corners: IntArray, points: FloatArray) -> IntArray:
@@ -79,27 +88,36 @@ def _turned_by_majority(corners: IntArray, points: FloatArray) -> IntArray:
     Solvers do not agree on the order of a wedge's corners, and a mirrored field is left-handed
     throughout. What is negative besides is really turned inside out.
     """
-    return corners[:, (0, 2, 1, 3)] if _volumes(corners, points).sum() < 0 else corners
+    return corners[:, _MIRRORED] if _volumes(corners, points).sum() < 0 else corners
 
 
-def _of_one_orientation(corners: NumberArray, points: FloatArray) -> NumberArray:
-    """Tetrahedra turned where their orientation is not that of their neighbours.
+def _of_one_orientation(corners: NumberArray, points: FloatArray) -> Tetrahedra:
+    """Tetrahedra turned where their orientation is not that of their neighbours, and those.
 
-    Where a field is half a mirror image, or tetrahedra are numbered at random, the sign of a volume
-    does not tell left-handed cells from cells that are turned inside out; the order of the points
-    of the faces that neighbours share does.
+    The sign of a volume does not tell: half a field may be a mirror image, tetrahedra may be
+    numbered at random, and whoever splits polyhedra makes every piece right-handed, also the
+    slivers that are turned inside out. A ray that follows faces through such a piece is lost. The
+    order of the points of the faces that neighbours share does tell.
     """
-    volume = _volumes(corners, points)
-    if -volume[volume < 0].sum() <= MIXED_SHARE * np.abs(volume).sum():
-        return corners
-    faces = corners[:, OPPOSITE].reshape(-1, 3).astype(np.int64)
-    first, second = _face_pairs(faces)[:2]
+    faces = corners[:, OPPOSITE].reshape(-1, 3)
+    first, second, alone = _face_pairs(faces)
     # Of a face's points in ascending order, or turned from it, two of three pairs ascend.
     ascends = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
-    pairs = np.stack((first, second), axis=1) // 4
-    turned, one_sided = cells_to_flip(pairs, ascends[first] != ascends[second], volume)
-    turned &= ~one_sided
-    return np.where(turned[:, None], corners[:, (0, 2, 1, 3)], corners)
+    opposed = ascends[first] != ascends[second]
+    volume = _volumes(corners, points)
+    mixed = -volume[volume < 0].sum() > MIXED_SHARE * np.abs(volume).sum()
+    if mixed or not opposed.all():
+        pairs = np.stack((first, second), axis=1) // 4
+        turned, one_sided = cells_to_flip(pairs, opposed, volume)
+        turned &= ~one_sided
+        corners = np.where(turned[:, None], corners[:, _MIRRORED], corners)
+        first, second, alone = (_renumbered(rows, turned) for rows in (first, second, alone))
+    return _with_neighbours(corners, first, second, alone)
+
+
+def _renumbered(faces: IntArray, turned: BoolArray) -> IntArray:
+    """Numbers of faces, four times the tetrahedron's plus their own, once some are turned."""
+    return np.where(turned[faces // 4], faces - faces % 4 + _MIRRORED[faces % 4], faces)
 
 
 def _volumes(corners: NDArray[Any], points: FloatArray) -> FloatArray:
@@ -148,16 +166,17 @@ def _without_flat_twins(corners: IntArray) -> NumberArray:
     return corners[~twice].astype(np.uint32)
 
 
-def _with_neighbours(corners: NumberArray) -> Tetrahedra:
-    first, second, boundary_place = _face_pairs(corners[:, OPPOSITE].reshape(-1, 3))
+def _with_neighbours(
+    corners: NumberArray, first: IntArray, second: IntArray, alone: IntArray
+) -> Tetrahedra:
     neighbours = np.empty(corners.size, dtype=np.uint32)
     neighbours[first], neighbours[second] = second, first
-    neighbours[boundary_place] = BOUNDARY + np.arange(len(boundary_place))
+    neighbours[alone] = BOUNDARY + np.arange(len(alone))
     return Tetrahedra(
         corners=corners,
         neighbours=neighbours.reshape(-1, 4),
-        boundary=corners[:, OPPOSITE].reshape(-1, 3)[boundary_place],
-        boundary_place=boundary_place.astype(np.uint32),
+        boundary=corners[:, OPPOSITE].reshape(-1, 3)[alone],
+        boundary_place=alone.astype(np.uint32),
     )
 
 

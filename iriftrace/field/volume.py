@@ -14,6 +14,7 @@ import pyvista as pv
 from iriftrace.core.arrays import IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import CORNERS, HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE, cell_corners
+from iriftrace.field.polyhedra import SPLIT, split_polyhedra
 
 FLAT = 1e-4
 """Thickness of a cell over its length, below which it encloses nothing."""
@@ -21,7 +22,7 @@ FLAT = 1e-4
 # Volume cells that are not used as they are, by VTK's numbers.
 _VOXEL = 11
 _VOXEL_CORNERS = np.array((0, 1, 3, 2, 4, 5, 7, 6))  # in the order of a hexahedron
-_TO_SPLIT = (15, 16, 41, 42)  # prisms on five and six corners, convex sets, polyhedra
+_CONVEX_SET = 41
 _HIGHER_ORDER = {
     **dict.fromkeys((24, 71), TETRAHEDRON),
     **dict.fromkeys((25, 29, 33, 72), HEXAHEDRON),
@@ -39,7 +40,7 @@ def linear_volume(grid: Any) -> pv.UnstructuredGrid:
     """
     grid = volume_cells(grid)
     types = np.asarray(grid.celltypes)
-    if np.isin(types, _TO_SPLIT).any():
+    if (types == _CONVEX_SET).any():
         # All cells, not only these: else neighbours could split their common face differently.
         grid = grid.triangulate()
         types = np.asarray(grid.celltypes)
@@ -59,7 +60,7 @@ def volume_cells(block: Any) -> pv.UnstructuredGrid:
     if not isinstance(block, pv.UnstructuredGrid):
         grid = block.cast_to_unstructured_grid()
     types = np.asarray(grid.celltypes)
-    known = (*CORNERS, _VOXEL, *_TO_SPLIT, *_HIGHER_ORDER)
+    known = (*CORNERS, _VOXEL, _CONVEX_SET, *SPLIT, *_HIGHER_ORDER)
     keep = np.isin(types, known)
     if "vtkGhostType" in grid.cell_data:
         keep &= np.asarray(grid.cell_data["vtkGhostType"]) == 0
@@ -78,24 +79,29 @@ def _linear(grid: Any, types: IntArray) -> pv.UnstructuredGrid:
     """The grid with its cells sorted by type and made linear, and with the points they use."""
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)[:-1]
     flat = np.asarray(grid.cell_connectivity, dtype=np.int64)
+    split = split_polyhedra(grid, at_corner_means=True)
     cells: dict[int, list[IntArray]] = {}
     corners: dict[int, list[IntArray]] = {}
-    used = np.zeros(grid.n_points, dtype=bool)
-    for kind in np.unique(types).tolist():
+    for kind in np.setdiff1d(types, SPLIT).tolist():
         target = _HIGHER_ORDER.get(kind, HEXAHEDRON if kind == _VOXEL else kind)
         columns = _VOXEL_CORNERS if kind == _VOXEL else np.arange(CORNERS[target])
         of_kind = np.flatnonzero(types == kind)
         cells.setdefault(target, []).append(of_kind)
         corners.setdefault(target, []).append(flat[starts[of_kind, None] + columns])
-        used[corners[target][-1]] = True
+    for kind, pieces in split.pieces.items():
+        cells.setdefault(kind, []).append(split.cells[split.owners[kind]])
+        corners.setdefault(kind, []).append(pieces)
+    points = split.extended(grid, np.asarray(grid.points))
+    used = np.zeros(len(points), dtype=bool)
+    for parts in corners.values():
+        used[np.concatenate(parts)] = True
     number = np.cumsum(used) - 1
     result = pv.UnstructuredGrid(
-        {kind: number[np.concatenate(parts)] for kind, parts in corners.items()},
-        np.asarray(grid.points)[used],
+        {kind: number[np.concatenate(parts)] for kind, parts in corners.items()}, points[used]
     )
     order = np.concatenate([part for parts in cells.values() for part in parts])
     for name in grid.point_data:
-        result.point_data[name] = np.asarray(grid.point_data[name])[used]
+        result.point_data[name] = split.extended(grid, np.asarray(grid.point_data[name]))[used]
     for name in grid.cell_data:
         result.cell_data[name] = np.asarray(grid.cell_data[name])[order]
     return result

@@ -1,0 +1,231 @@
+"""Polyhedra as pyramids and tetrahedra around their centres.
+
+A face of three corners becomes the base of a tetrahedron, one of four the base of a pyramid, with
+the cell's centre as apex. A face with more corners is a fan about its own centre: a corner that
+hangs in the middle of an edge, as refined meshes have them, would make flat triangles of any other
+cut, and slivers with the cell's centre, in which the gradient is meaningless and a ray is lost.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.field.gradient import PYRAMID, TETRAHEDRON
+from iriftrace.geometry.query import runs
+
+PENTAGONAL_PRISM, HEXAGONAL_PRISM, POLYHEDRON = 15, 16, 42
+"""VTK's numbers of the cell types that are split."""
+
+SPLIT = (PENTAGONAL_PRISM, HEXAGONAL_PRISM, POLYHEDRON)
+
+_TRIANGLES_OF_QUAD = ((0, 1, 2), (0, 2, 3))
+
+CLOSED = 1e-6
+"""Sum of the areas of a polyhedron's faces, as vectors, over that of their sizes, above which the
+faces do not all wind the same way; single precision leaves some roundings."""
+
+
+@frozen(eq=False)
+class SplitPolyhedra:
+    """Pieces of a grid's polyhedra, and the points that were added to the grid's own n.
+
+    The f face centres follow the grid's points, then come the p cell centres.
+    """
+
+    cells: IntArray  # (p,) numbers of the polyhedra in the grid
+    face_centres: FloatArray  # (f, 3), the means of the faces' corners
+    face_corners: list[tuple[IntArray, IntArray]]  # (k,) faces and their (k, s) corners, per size
+    centres: FloatArray  # (p, 3), their centroids
+    pieces: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
+    owners: dict[int, IntArray]  # VTK cell type to (k,) numbers from 0 to p - 1
+    face_sides: tuple[IntArray, IntArray]  # (s,) faces with a centre, and the grid's cells there
+
+    def extended(self, grid: Any, values: NDArray[Any]) -> NDArray[Any]:
+        """Point values, (n,) or (n, k), with the means of the corners at the points added.
+
+        Values that are linear in space stay so if the centres are at the corners' means.
+        """
+        at_faces = np.zeros((len(self.face_centres), *values.shape[1:]))
+        for faces, corners in self.face_corners:
+            at_faces[faces] = values[corners].mean(axis=1)
+        at_cells = corner_means(grid, values, self.cells)
+        return np.concatenate((values, at_faces, at_cells), dtype=values.dtype, casting="unsafe")
+
+
+def split_polyhedra(grid: Any, *, at_corner_means: bool = False) -> SplitPolyhedra:
+    """Split the polyhedra of a pyvista.UnstructuredGrid, and its prisms with five or six sides.
+
+    Both sides of a face get the same triangles: quadrilaterals are cut at their lowest point
+    number, as those of other cells are (`iriftrace.field.tetrahedra`). With `at_corner_means` the
+    cells' centres are the means of their corners and not their centroids.
+    """
+    points = np.asarray(grid.points, dtype=np.float64)
+    polyhedra = np.flatnonzero(np.isin(np.asarray(grid.celltypes), SPLIT))
+    faces = _faces_of(grid, polyhedra)
+    face_centres, face_corners, fans, fan_owners = _fanned(points, faces)
+    triangles, triangle_owners = _with_corners(faces, 3)
+    quads, quad_owners = _with_corners(faces, 4)
+    triangles = np.concatenate((triangles, fans))
+    triangle_owners = np.concatenate((triangle_owners, fan_owners))
+    halves = [quads[:, corners] for corners in _TRIANGLES_OF_QUAD]
+    surface = np.concatenate((triangles, *halves))
+    surface_owners = np.concatenate((triangle_owners, quad_owners, quad_owners))
+    known = np.concatenate((points, face_centres))
+    if at_corner_means:
+        centres = corner_means(grid, points, polyhedra)
+    else:
+        centres = _centroids(known, surface, surface_owners, len(polyhedra))
+    apex = len(known) + np.arange(len(polyhedra))
+    turned = _inward(known, centres, surface, surface_owners)
+    owners = {TETRAHEDRON: triangle_owners, PYRAMID: quad_owners}
+    pieces = {
+        kind: _joined_with(apex, base, owners[kind], turned)
+        for kind, base in ((TETRAHEDRON, triangles), (PYRAMID, quads))
+        if len(base)
+    }
+    sides = np.unique(np.column_stack((fans[:, 2] - len(points), polyhedra[fan_owners])), axis=0)
+    return SplitPolyhedra(
+        *(polyhedra, face_centres, face_corners, centres, pieces, owners),
+        face_sides=(sides[:, 0], sides[:, 1]),
+    )
+
+
+@frozen(eq=False)
+class _Faces:
+    """Faces of polyhedra, each once for every cell that has it."""
+
+    owner: IntArray  # (m,) number of the polyhedron, from 0
+    start: IntArray  # (m,) where the corners start in `flat`
+    size: IntArray  # (m,) how many there are
+    flat: IntArray
+
+
+def _faces_of(grid: Any, polyhedra: IntArray) -> _Faces:
+    """Faces of cells of the types in `SPLIT`."""
+    types = np.asarray(grid.celltypes)[polyhedra]
+    starts = np.asarray(grid.cell_offsets, dtype=np.int64)[polyhedra]
+    corners = np.asarray(grid.cell_connectivity, dtype=np.int64)
+    owner: list[IntArray] = []
+    flat: list[IntArray] = []
+    size: list[IntArray] = []
+    for kind, sides in ((PENTAGONAL_PRISM, 5), (HEXAGONAL_PRISM, 6)):
+        prisms = np.flatnonzero(types == kind)
+        for face in _prism_faces(sides):
+            owner.append(prisms)
+            flat.append(corners[starts[prisms, None] + face].ravel())
+            size.append(np.full(len(prisms), len(face)))
+    general = np.flatnonzero(types == POLYHEDRON)
+    if len(general):
+        offsets = np.asarray(grid.polyhedron_face_location_offsets, dtype=np.int64)
+        numbers = np.asarray(grid.polyhedron_face_location_connectivity, dtype=np.int64)
+        of_face = np.asarray(grid.polyhedron_face_offsets, dtype=np.int64)
+        cell, place = runs(np.diff(offsets)[polyhedra[general]])
+        number = numbers[offsets[:-1][polyhedra[general]][cell] + place]
+        side, place = runs(np.diff(of_face)[number])
+        owner.append(general[cell])
+        all_corners = np.asarray(grid.polyhedron_face_connectivity, dtype=np.int64)
+        flat.append(all_corners[of_face[number][side] + place])
+        size.append(np.diff(of_face)[number])
+    sizes = np.concatenate(size)
+    return _Faces(np.concatenate(owner), np.cumsum(sizes) - sizes, sizes, np.concatenate(flat))
+
+
+def _prism_faces(sides: int) -> list[list[int]]:
+    """Corners of the faces of a prism as VTK numbers them, counter-clockwise from outside."""
+    bottom = list(range(sides))
+    walls = [[k, (k + 1) % sides, (k + 1) % sides + sides, k + sides] for k in bottom]
+    return [bottom[::-1], [k + sides for k in bottom], *walls]
+
+
+def corner_means(grid: Any, values: NDArray[Any], cells: IntArray) -> FloatArray:
+    """Means of point values, (n,) or (n, k), at the corners of some of a grid's cells."""
+    starts = np.asarray(grid.cell_offsets, dtype=np.int64)
+    corners = np.asarray(grid.cell_connectivity, dtype=np.int64)
+    count = np.diff(starts)[cells]
+    cell, place = runs(count)
+    sums = added(cell, values[corners[starts[cells][cell] + place]], len(cells))
+    means: FloatArray = (sums.T / count).T
+    return means
+
+
+def _with_corners(faces: _Faces, size: int) -> tuple[IntArray, IntArray]:
+    """Point numbers (k, size) of the faces of one size, in order, and their polyhedra (k,)."""
+    chosen = np.flatnonzero(faces.size == size)
+    return faces.flat[faces.start[chosen, None] + np.arange(size)], faces.owner[chosen]
+
+
+def _fanned(
+    points: FloatArray, faces: _Faces
+) -> tuple[FloatArray, list[tuple[IntArray, IntArray]], IntArray, IntArray]:
+    """Centres of the faces with more than four corners, those corners, triangles and owners."""
+    centres, corners_of = [np.zeros((0, 3))], []
+    triangles, owners = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    count = 0
+    for size in np.unique(faces.size[faces.size > 4]).tolist():
+        corners, owner = _with_corners(faces, size)
+        # Both sides of a face have the same corners, in another order.
+        same, number = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
+        number = count + number.ravel()
+        # Summed in ascending order, so that the pieces of a decomposed mesh agree to the last bit.
+        centres.append(np.sort(points[same], axis=1).mean(axis=1))
+        corners_of.append((count + np.arange(len(same)), same))
+        count += len(same)
+        for k in range(size):
+            edge = corners[:, [k, (k + 1) % size]]
+            triangles.append(np.column_stack((edge, len(points) + number)))
+            owners.append(owner)
+    return np.concatenate(centres), corners_of, np.concatenate(triangles), np.concatenate(owners)
+
+
+def _centroids(points: FloatArray, triangles: IntArray, owner: IntArray, count: int) -> FloatArray:
+    """Centres of volume of closed polyhedra from the triangles of their faces, (count, 3)."""
+    corners = points[triangles]
+    weight = np.bincount(owner, minlength=count)[:, None]
+    inside = added(owner, corners.mean(axis=1), count) / weight
+    arms = corners - inside[owner][:, None]
+    volume = np.abs(np.einsum("ij,ij->i", arms[:, 0], np.cross(arms[:, 1], arms[:, 2])))
+    total = np.maximum(added(owner, volume, count), np.finfo(float).tiny)[:, None]
+    moment = volume[:, None] * (arms.sum(axis=1) / 4.0)
+    return inside + added(owner, moment, count) / total
+
+
+def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner: IntArray) -> Any:
+    """Rule for which faces, (k, corners) of polyhedra (k,), wind clockwise as seen from outside.
+
+    That is told by the volume of the whole polyhedron: a face that is seen from its wrong side by
+    the centre belongs to a piece that is turned inside out and has to stay so.
+    """
+    count = len(centres)
+    corners = points[triangles]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    volumes = np.einsum("ij,ij->i", areas, corners[:, 0] - centres[owner])
+    inward = np.bincount(owner, volumes, minlength=count) < 0.0
+    size = np.bincount(owner, np.linalg.norm(areas, axis=1), minlength=count)
+    mixed = np.linalg.norm(added(owner, areas, count), axis=1) > CLOSED * size
+
+    def rule(faces: IntArray, of: IntArray) -> Any:
+        base = points[faces]
+        normal = np.cross(base[:, 1] - base[:, 0], base[:, 2] - base[:, 0])
+        seen = np.einsum("ij,ij->i", normal, base[:, 0] - centres[of]) < 0.0
+        return np.where(mixed[of], seen, inward[of])
+
+    return rule
+
+
+def _joined_with(apex: IntArray, base: IntArray, owner: IntArray, inward: Any) -> IntArray:
+    """Cells from bases (k, corners) to their apices, right-handed as VTK has them."""
+    outward = np.where(inward(base, owner)[:, None], base[:, ::-1], base)
+    # The base winds counter-clockwise as seen from the apex.
+    return np.column_stack((outward[:, ::-1], apex[owner]))
+
+
+def added(numbers: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Sums (count,) or (count, 3) of the scalars or vectors that have the same number."""
+    columns = [np.bincount(numbers, column, minlength=count) for column in np.atleast_2d(values.T)]
+    total: FloatArray = np.stack(columns, axis=-1)
+    return total if values.ndim > 1 else total[:, 0]
