@@ -15,6 +15,7 @@ from iriftrace.field.gradient import (
     MIRRORED_CORNERS,
     PYRAMID,
     TETRAHEDRON,
+    TETRAHEDRON_EDGES,
     WEDGE,
     cell_corners,
 )
@@ -25,6 +26,9 @@ BOUNDARY = 0x80000000
 
 MOST_TETRAHEDRA = 2**28
 """More would not leave room for a face's number beside the tetrahedron's in 32 bits."""
+
+SLIVER = 6e-3
+"""Six times a tetrahedron's volume over the cube of its longest edge below which it is thin."""
 
 MIXED_SHARE = 1e-3
 """A larger share of negative volume comes from pieces of both orientations, and not from cells that
@@ -79,7 +83,13 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
             f"The field splits into {len(corners)} tetrahedra, but at most {MOST_TETRAHEDRA} can "
             "be numbered; crop it to the part's surroundings."
         )
-    return _of_one_orientation(_without_flat_twins(corners), points)
+    corners = _without_flat_twins(corners)
+    equal = _equal_faces(corners)
+    crowded = _crowded(equal)
+    if len(crowded):
+        corners = _without_caps(corners, crowded, points)
+        equal = _equal_faces(corners)
+    return _of_one_orientation(corners, points, _face_pairs(equal))
 
 
 def _turned_by_majority(corners: IntArray, points: FloatArray) -> IntArray:
@@ -91,7 +101,23 @@ def _turned_by_majority(corners: IntArray, points: FloatArray) -> IntArray:
     return corners[:, _MIRRORED] if _volumes(corners, points).sum() < 0 else corners
 
 
-def _of_one_orientation(corners: NumberArray, points: FloatArray) -> Tetrahedra:
+def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -> NumberArray:
+    """The tetrahedra without slivers that lie on a face which two others share already.
+
+    Filters that split each polyhedron by itself cover a warped face with them. `crowded` are the
+    numbers of the faces that three or more tetrahedra have.
+    """
+    suspects = np.unique(crowded // 4)
+    at = points[corners[suspects]]
+    edges = np.stack([at[:, a] - at[:, b] for a, b in TETRAHEDRON_EDGES])
+    longest = np.linalg.norm(edges, axis=2).max(axis=0)
+    thin = np.abs(_volumes(corners[suspects], points)) < SLIVER * longest**3
+    return np.delete(corners, suspects[thin], axis=0)
+
+
+def _of_one_orientation(
+    corners: NumberArray, points: FloatArray, pairs: tuple[IntArray, IntArray, IntArray]
+) -> Tetrahedra:
     """Tetrahedra turned where their orientation is not that of their neighbours, and those.
 
     The sign of a volume does not tell: half a field may be a mirror image, tetrahedra may be
@@ -100,18 +126,17 @@ def _of_one_orientation(corners: NumberArray, points: FloatArray) -> Tetrahedra:
     order of the points of the faces that neighbours share does tell.
     """
     faces = corners[:, OPPOSITE].reshape(-1, 3)
-    first, second, alone = _face_pairs(faces)
+    first, second, alone = pairs
     # Of a face's points in ascending order, or turned from it, two of three pairs ascend.
     ascends = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
     opposed = ascends[first] != ascends[second]
     volume = _volumes(corners, points)
     mixed = -volume[volume < 0].sum() > MIXED_SHARE * np.abs(volume).sum()
     if mixed or not opposed.all():
-        pairs = np.stack((first, second), axis=1) // 4
-        turned, one_sided = cells_to_flip(pairs, opposed, volume)
+        turned, one_sided = cells_to_flip(np.stack((first, second), axis=1) // 4, opposed, volume)
         turned &= ~one_sided
         corners = np.where(turned[:, None], corners[:, _MIRRORED], corners)
-        first, second, alone = (_renumbered(rows, turned) for rows in (first, second, alone))
+        first, second, alone = (_renumbered(rows, turned) for rows in pairs)
     return _with_neighbours(corners, first, second, alone)
 
 
@@ -180,16 +205,28 @@ def _with_neighbours(
     )
 
 
-def _face_pairs(faces: NDArray[Any]) -> tuple[IntArray, IntArray, IntArray]:
-    """Rows of (f, 3) faces that have the same points, first and second, and rows without a twin."""
-    order, same = _equal_rows(np.sort(faces, axis=1))
-    if (same[1:] & same[:-1]).any():
+def _equal_faces(corners: NDArray[Any]) -> tuple[IntArray, BoolArray]:
+    """Faces with the same points, of tetrahedra (m, 4); as `_equal_rows`."""
+    return _equal_rows(np.sort(corners[:, OPPOSITE].reshape(-1, 3), axis=1))
+
+
+def _crowded(equal: tuple[IntArray, BoolArray]) -> IntArray:
+    """Numbers of the faces that three or more tetrahedra have."""
+    order, same = equal
+    middle = np.flatnonzero(same[1:] & same[:-1])
+    return np.unique(order[middle[:, None] + np.arange(3)])
+
+
+def _face_pairs(equal: tuple[IntArray, BoolArray]) -> tuple[IntArray, IntArray, IntArray]:
+    """Numbers of faces that have the same points, first and second, and of those without a twin."""
+    order, same = equal
+    if len(_crowded(equal)):
         raise InputError(
             "Three or more cells of the field share one face, so it is not clear where light goes "
             "on; export the mesh without duplicate cells."
         )
     first, second = order[:-1][same], order[1:][same]
-    alone = np.ones(len(faces), dtype=bool)
+    alone = np.ones(len(order), dtype=bool)
     alone[first] = alone[second] = False
     return first, second, np.flatnonzero(alone)
 

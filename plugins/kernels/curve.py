@@ -68,6 +68,11 @@ OVERLAP_STEPS = 8
 by which a ray may leave the line of the last one."""
 
 
+MOST_RELOCATIONS = 20
+"""A ray whose piece had to be sought more often gives up. Through meshes with folds and slits those
+that arrive need 5 at most; others go round in circles."""
+
+
 class CurvedHits(NamedTuple):
     """Ends of rays along curved paths, and what they met on the way."""
 
@@ -99,7 +104,7 @@ def curved_hits(
 
     A medium is TetrahedralAir, or anything else with its methods; the scene has opaque shapes
     alone. Rays have origins (Point3d, mm) and unit directions (Vector3d), world; those with more
-    than `max_steps` give up. `coherent` is a hint to the ray query; `step` is `query_step`.
+    than `max_steps`, or that lose their way more than `MOST_RELOCATIONS` times, give up. `coherent` is a hint to the ray query; `step` is `query_step`.
     """
     import drjit as dr
     import mitsuba as mi
@@ -239,7 +244,9 @@ def curved_hits(
         opened &= dr.abs(refractivity - ambient) > open_step
 
         count = s.count + 1
-        gave_up = s.active & ~ended & (count >= limit)
+        relocations = s.relocations + dr.select(sought, mi.UInt32(1), 0)
+        gave_up = (count >= limit) | (relocations > MOST_RELOCATIONS)
+        gave_up &= s.active & ~ended
         escaped = outside & ~entrance.found & ~ended
         # Whether it is the part, `_ended` looks up.
         outcome = dr.select(ended, mi.UInt32(HIT_PART), s.outcome)
@@ -260,7 +267,7 @@ def curved_hits(
             s.step_position_error + dr.abs(time_passed) * (s.step_velocity_error + of_step / 2),
             s.step_velocity_error + of_step,
             s.opened | opened,
-            s.relocations + dr.select(sought, mi.UInt32(1), 0),
+            relocations,
             place,
             mode,
             ahead,
