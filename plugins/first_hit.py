@@ -115,8 +115,9 @@ def plugin_class(variant: str) -> type:
         def moved_by_fewer_shells(self, scene: Any, origin: Any, direction: Any) -> Any:
             """Displacements of rays, and ways of their hits without every second shell.
 
-            Both are in mm (Float64), NaN where one of the three hits is not on the part. None where
-            the shells cannot be thinned out; see
+            Both are in mm (Float64), NaN where one of the three hits is not on the part. Third
+            comes a mask of the rays (Bool) that meet no shell and run through hot air all the same.
+            None where the shells cannot be thinned out; see
             :func:`iriftrace.plugins.kernels.prepared.with_every_second_shell`.
             """
             prepared = self.prepare(scene)
@@ -134,7 +135,7 @@ def plugin_class(variant: str) -> type:
             for each in (prepared, fewer):
                 hits = self.bender(each, False)(origin, direction)
                 # Apart, both are the same kernel, compiled once.
-                dr.eval(hits.point, hits.outcome)
+                dr.eval(hits.point, hits.outcome, hits.crossings)
                 ends.append(hits)
             one, other = ends
             on_part = straight.outcome == HIT_PART
@@ -143,8 +144,9 @@ def plugin_class(variant: str) -> type:
             ways = tuple(
                 dr.select(on_part, dr.norm(end - one.point), dr.nan) for end in (twin, other.point)
             )
-            dr.eval(ways)
-            return ways
+            unmet = one.crossings == 0
+            dr.eval(ways, unmet)
+            return *ways, prepared.between_shells(origin, direction, straight.distance, unmet)
 
         def checking(self, prepared: PreparedScene) -> Callable[[Any], tuple[Any, Any]]:
             """The index steps add up to the layer at the hit."""

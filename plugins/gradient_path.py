@@ -39,7 +39,8 @@ def plugin_class(variant: str) -> type:
         ``gradient``       string   gradient of the index: its direction ``recovered``  recovered
                                     at the cells' corners and interpolated, or
                                     ``constant`` in each tetrahedron
-        ``max_steps``      integer  a ray with more steps gives up (status 6)           100000
+        ``max_steps``      integer  a ray with more steps, or that loses its way 20     100000
+                                    times, gives up (status 6)
         ``trace_all``      boolean  bend also the rays whose straight twin misses the   false
                                     part (then status 4 exists)
         =================  =======  ==================================================  =========

@@ -147,13 +147,6 @@ def print_summary(metrics: PoseMetrics) -> None:
             of_hits = rays.hit and status is not Status.MISSED
             share = f" ({count / rays.hit:.2%} of the hits)" if of_hits else ""
             table.add_row("", f"{count:,} {status.text}{share}")
-    # In more than this share of the hits, steps that do not add up are no single rays at edges.
-    if rays.index_mismatch > 0.01 * max(rays.hit, 1):
-        table.add_row(
-            "",
-            "so many do not add up that shells have holes or are another field's; make the scene "
-            "anew, without --triangles if it was thinned out",
-        )
     if rays.open_boundary:
         table.add_row(
             "",

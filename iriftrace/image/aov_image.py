@@ -77,7 +77,8 @@ FloatImage = NDArray[np.float32]
 class Status(IntEnum):
     """Outcome of one ray.
 
-    A ray that deserves several codes gets the first of 1, 2, 7, 6, 3, 4, 5, 0.
+    A ray that deserves several codes gets the first of 1, 2, 7, 6, 3, 4, 5, 0. A ray whose
+    deflection is impossible gets 5, even where it misses the part, and before 3 and 4.
     """
 
     GOOD = 0
@@ -91,9 +92,11 @@ class Status(IntEnum):
     ONLY_REFRACTED = 4
     """The refracted ray hit the part and the straight one missed it."""
     INDEX_MISMATCH = 5
-    """Both hit, but the sum of the index steps is not that of the layers at its ends."""
+    """Both hit, but the index steps do not add up to the layer at the hit; or the refracted ray is
+    deflected by more than the index range along it can give."""
     GAVE_UP = 6
-    """The refracted ray reached the crossing limit."""
+    """The refracted ray could not be followed to its end: it lost its way, or met the limit of
+    crossings or steps."""
     BLOCKED = 7
     """Another opaque object is in the way of either ray."""
 
@@ -101,6 +104,11 @@ class Status(IntEnum):
     def key(self) -> str:
         """Name of the code in the metrics JSON, such as ``out_of_focus``."""
         return self.name.lower()
+
+    @property
+    def lost(self) -> bool:
+        """True where the ray's end is not known, through no fault of the view."""
+        return self in (Status.INDEX_MISMATCH, Status.GAVE_UP)
 
     @property
     def text(self) -> str:
@@ -114,8 +122,8 @@ _OUTCOMES = {
     Status.OUT_OF_FOCUS: "out of focus",
     Status.REFRACTED_MISSED: "only the straight ray hit",
     Status.ONLY_REFRACTED: "only the refracted ray hit",
-    Status.INDEX_MISMATCH: "index steps do not add up",
-    Status.GAVE_UP: "gave up (crossing limit)",
+    Status.INDEX_MISMATCH: "inconsistent index steps or deflection",
+    Status.GAVE_UP: "gave up (lost on the way)",
     Status.BLOCKED: "another object in the way",
 }
 

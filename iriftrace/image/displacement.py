@@ -55,6 +55,9 @@ def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Boo
     good = np.zeros(status.shape, dtype=np.bool_)
     for code in include:
         good |= status == int(code)
+    if Status.INDEX_MISMATCH in include:
+        # Such rays may also miss the part.
+        good &= (image.channels["part.face"] > 0) & (image.channels["path.length"] > 0)
     return good
 
 

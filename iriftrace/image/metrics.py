@@ -91,6 +91,16 @@ class RayCounts:
         """Rays of one status."""
         return int(getattr(self, status.key))
 
+    @property
+    def lost(self) -> int:
+        """Rays whose refracted end is not known (`Status.lost`)."""
+        return sum(self.of(status) for status in Status if status.lost)
+
+    @property
+    def lost_fraction(self) -> float:
+        """Those per straight hit."""
+        return self.lost / max(self.hit, 1)
+
 
 @frozen
 class EnsembleMetrics:

@@ -8,7 +8,9 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, IntArray
+from iriftrace.image.aov_image import Status
 from iriftrace.sweep.store import WHOLE_PART
+from iriftrace.trace.lost import LIMIT as LOST_LIMIT
 from iriftrace.trace.shell_convergence import LIMIT
 
 if TYPE_CHECKING:
@@ -37,6 +39,7 @@ FLAGS = (
     Flag("open_boundary", "o", f"over {SHARE:.0%} of the rays pass an open end of the data"),
     Flag("out_of_focus", "f", f"over {SHARE:.0%} of the hits out of focus"),
     Flag("part_beyond_picture", "b", "part reaches beyond the picture"),
+    Flag("rays_lost", "l", f"over {LOST_LIMIT:.1%} of the hits lost (status 5 or 6)"),
 )
 """In the order of their bits, the lowest first."""
 
@@ -46,8 +49,12 @@ def warned_variable(dataset: xr.Dataset) -> tuple[tuple[str], IntArray, dict[str
     whole = dataset.sel(region=WHOLE_PART)
     counts = ("rays_good", "rays_hit", "hits_at_border", "rays_out_of_focus", "rays_open_boundary")
     good, hit, beyond, blurred, passed = (whole[name].values.astype(np.float64) for name in counts)
+    lost = sum(whole[f"rays_{status.key}"].values for status in Status if status.lost)
     coarse = (whole["every_second_shell_p95"].values > LIMIT) & (whole["through_field"].values != 1)
-    found = (coarse, passed > SHARE * good, blurred > SHARE * hit, (beyond > 0) | (hit == 0))
+    found = (
+        *(coarse, passed > SHARE * good, blurred > SHARE * hit, (beyond > 0) | (hit == 0)),
+        lost > LOST_LIMIT * hit,
+    )
     flags = sum((one & (good >= 0)).astype(np.int8) << bit for bit, one in enumerate(found))
     attributes = {
         "long_name": "what the sweep warns of in this pose",

@@ -13,16 +13,18 @@ from attrs import evolve, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import AovImage, Status, write_exr
 from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.trace.engine import choose
 from iriftrace.trace.field_reference import shell_error
+from iriftrace.trace.lost import warn_of_lost_rays
 from iriftrace.trace.pose_image import pose_image
-from iriftrace.trace.shell_convergence import NOT_TESTED, shell_resolution, warn_of_coarse_shells
+from iriftrace.trace.shell_convergence import NOT_TESTED, SAMPLE
 
 
 @frozen(eq=False)
@@ -101,7 +103,7 @@ def render_scene(
     include: Collection[int] = (0,),
     nearest: bool = False,
     empty: bool = False,
-    check_shells: int = 0,
+    check_shells: int = SAMPLE,
     check_field: bool = False,
 ) -> Rendering:
     """Trace a camera's rays through a scene, bent and unbent, and reduce the hits to metrics.
@@ -122,9 +124,10 @@ def render_scene(
     empty : bool
         Whether a picture without a good ray is a result too and not an error.
     check_shells : int
-        Rays that are traced without every second shell too (metrics ``every_second_shell``);
-        ``iriftrace render`` does. Where that changes them by more than 3 % the view is traced
-        through the field itself instead, if it lies beside the scene and no engine was asked for.
+        Rays that are traced without every second shell too (metrics ``every_second_shell``), to
+        choose the engine; 0 for no test. Where that changes them by more than 3 % the view is
+        traced through the field instead, if it lies beside the scene and no engine was asked for;
+        see :func:`iriftrace.trace.engine.choose`.
     check_field : bool
         Trace a sample of the rays through the field itself too (``shells_against_field``); see
         :func:`iriftrace.trace.field_reference.shell_error`.
@@ -142,19 +145,20 @@ def render_scene(
     Warns
     -----
     IriftraceWarning
-        The shells are too few for the view.
+        The shells are too few for the view, or over 0.5 % of its hits are lost (status 5 or 6).
     """
     loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
     began = time.perf_counter()
     against_field = shell_error(loaded).as_dict() if check_field else None
-    chosen, every_second_shell = loaded, None
-    tested = shell_resolution(loaded, camera, check_shells) if check_shells else NOT_TESTED
-    resolution = tested.resolution
-    if resolution is not None:
-        instead = None if resolution.suffices else loaded.through_field
-        warn_of_coarse_shells(resolution, instead is not None)
-        every_second_shell = resolution.as_dict() | {"through_field": instead is not None}
-        chosen = instead or loaded
+    tested, choice = NOT_TESTED, None
+    if check_shells:
+        choice = choose(loaded, camera, check_shells)
+        tested = choice.test
+    chosen = loaded if choice is None else choice.scene
+    every_second_shell = None
+    if tested.resolution is not None:
+        through = {"through_field": chosen is not loaded}
+        every_second_shell = tested.resolution.as_dict() | through
     check_s = time.perf_counter() - began - tested.straight_s
     image = pose_image(chosen, camera, include, tested.straight)
     known = image.header["time_s"]
@@ -165,6 +169,7 @@ def render_scene(
         _refuse_empty(image)
     reduced = time.perf_counter()
     metrics = pose_metrics(image, loaded.part, include=tuple(include), nearest=nearest)
+    warn_of_lost_rays(metrics.rays)
     done = time.perf_counter()
     times: dict[str, float | None] = {
         **image.header["time_s"],
@@ -290,17 +295,19 @@ def trace_rays(
 
 def bent_ends(
     scene: LoadedScene, origin: FloatArray, directions: FloatArray
-) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray, BoolArray]:
     """Trace neighbouring rays from one point along their bent lines alone, through one field.
 
     From a (3,) array, mm, and (n, 3) unit vectors, world: (n, 3) points where each ray hit or was
     last bent, mm, and unit directions from there; (n,) faces of the part under the hit, -1 where it
-    ends elsewhere, and numbers of shells, or pieces of the field, that it met.
+    ends elsewhere, and numbers of shells, or pieces of the field, that it met; (n,) mask of the
+    rays that are lost (`Status.lost`).
     """
     with runtime.using(scene.variant):
         import drjit as dr
         import mitsuba as mi
 
+        from iriftrace.plugins.kernels.bundle import is_lost
         from iriftrace.plugins.kernels.queries import HIT_PART
 
         prepared = scene.integrator.prepare(scene.mitsuba_scene)
@@ -309,13 +316,15 @@ def bent_ends(
         heading = dr.gather(mi.Vector3d, _on_device(directions), rays)
         start = mi.Point3d(*(dr.opaque(mi.Float64, float(value)) for value in origin))
         ends = bend(start, heading)
-        dr.eval(*ends)
+        lost = is_lost(heading, ends)
+        dr.eval(*ends, lost)
         face = np.array(ends.face, dtype=np.int64) - prepared.tables.part_first_face
         return (
             np.array(ends.point, dtype=np.float64).T,
             np.array(ends.direction, dtype=np.float64).T,
             np.where(np.array(ends.outcome) == HIT_PART, face, -1),
             np.array(ends.crossings, dtype=np.int64),
+            np.array(lost),
         )
 
 

@@ -42,7 +42,8 @@ class ShellResolution:
     """By how much hits move when every second shell is left out.
 
     Median and 95th percentile of the distances between the hits are also stated as shares of the
-    displacement's.
+    displacement's. Rays that no shell bends, though they run through hot air between two of them,
+    are wrong altogether: a share of 1.
     """
 
     rays: int  # of the sample that hit the part both times
@@ -50,6 +51,7 @@ class ShellResolution:
     p95_mm: float
     median_share: float
     p95_share: float
+    unmet: int = 0  # rays of the sample that run through hot air without meeting a shell
 
     @property
     def suffices(self) -> bool:
@@ -67,6 +69,7 @@ class PictureTest(NamedTuple):
     resolution: ShellResolution | None
     straight: StraightHits | None  # None without a test
     straight_s: float
+    rays: tuple[Any, Any] | None = None  # origins (Point3d) and directions (Vector3d) of the sample
 
 
 NOT_TESTED = PictureTest(None, None, 0.0)
@@ -90,23 +93,7 @@ def shell_resolution(
         seconds = time.perf_counter() - started
         rays = scene.integrator.sharp_rays(sensor, straight, sample)
         found = None if rays is None else _resolution(scene, *rays)
-        return PictureTest(found, straight, seconds)
-
-
-def resolution_of_rays(
-    scene: LoadedScene, origin: FloatArray, direction: FloatArray
-) -> ShellResolution | None:
-    """As `shell_resolution`, of (n, 3) origins, mm, and unit directions, world."""
-    if not _can_be_thinned_out(scene):
-        return None
-    with runtime.using(scene.variant):
-        import mitsuba as mi
-
-        from iriftrace.plugins.kernels.tables import aligned
-
-        places = mi.Point3d(*(mi.Float64(aligned(column)) for column in origin.T))
-        headings = mi.Vector3d(*(mi.Float64(aligned(column)) for column in direction.T))
-        return _resolution(scene, places, headings)
+        return PictureTest(found, straight, seconds, rays)
 
 
 def _can_be_thinned_out(scene: LoadedScene) -> bool:
@@ -118,15 +105,21 @@ def _resolution(scene: LoadedScene, origin: Any, direction: Any) -> ShellResolut
     ways = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, origin, direction)
     if ways is None:
         return None
-    displacement, moved = map(np.array, ways)
-    known = np.isfinite(moved)
-    if known.sum() < FEWEST:
+    displacement, moved, blind = map(np.array, ways)
+    known, unmet = np.isfinite(moved), int(blind.sum())
+    bent = known & (displacement > 0.0)
+    if bent.sum() < FEWEST and unmet < FEWEST:
         return None
-    whole = np.quantile(displacement[known], SHARES)
-    if not whole[0] > 0.0:
-        return None
-    change = np.quantile(moved[known], SHARES)
-    return ShellResolution(int(known.sum()), *change.tolist(), *(change / whole).tolist())
+    whole = change = shares = np.zeros(2)
+    if bent.sum() >= FEWEST:
+        whole, change = (np.quantile(a[known], SHARES) for a in (displacement, moved))
+        if not whole[0] > 0.0:
+            whole = np.quantile(displacement[bent], SHARES)
+        shares = change / whole
+    wrong = unmet / len(blind) > 1.0 - np.array(SHARES)
+    shares = np.where(wrong, 1.0, shares)
+    (median, p95), (median_share, p95_share) = change.tolist(), shares.tolist()
+    return ShellResolution(int(known.sum()), median, p95, median_share, p95_share, unmet)
 
 
 def warn_of_coarse_shells(found: ShellResolution, through_field: bool = False) -> None:
@@ -136,6 +129,11 @@ def warn_of_coarse_shells(found: ShellResolution, through_field: bool = False) -
             f"Hits of this view change by {1e3 * found.p95_mm:.3g} um ({found.p95_share:.1%} of "
             f"the displacement; 95th percentiles) {WHY}"
         )
+        if found.p95_share == 1.0:
+            change = (
+                f"{found.unmet:,} rays of a sample run through hot air between two shells and meet "
+                "none, so that no shell bends them"
+            )
         warnings.warn(
             f'{change}; the field itself was traced instead (load_scene with engine="shells", or '
             "--engine shells, insists on shells)."

@@ -26,6 +26,8 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
+from iriftrace.trace.engine import choose_for_devices
+from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
 from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.scan import (
@@ -35,7 +37,7 @@ from iriftrace.triangulation.scan import (
     provenance_of_two,
     triangulated,
 )
-from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
+from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -71,7 +73,8 @@ class CorrectionStatus(PointStatus):
     """Outcome of a measured point.
 
     Outside the field neither line of sight meets hot air of which anything is known; uncertain is
-    an air's share that scatters over an ensemble's members by more than itself.
+    an air's share that scatters over an ensemble's members by more than itself; of a point that is
+    lost, the refracted ray from a device is not known (`iriftrace.image.aov_image.Status.lost`).
     """
 
     CORRECTED = 0
@@ -80,6 +83,7 @@ class CorrectionStatus(PointStatus):
     SEVERAL_IMAGES = 3
     OUTSIDE_FIELD = 4
     UNCERTAIN = 5
+    LOST = 6
 
 
 _DOUBTFUL = {
@@ -284,7 +288,7 @@ def correct(
     order = places_in_tiles(camera.project(measured))
     scenes, shares, statuses, faces = [], [], [], []
     for member in members:
-        scenes.append(field_where_needed(member, (camera, second), measured))
+        scenes.append(choose_for_devices(member, (camera, second)))
         shares.append(np.empty_like(measured))
         statuses.append(np.empty(len(measured), dtype=np.int64))
         faces.append(np.empty(len(measured), dtype=np.int64))
@@ -313,6 +317,8 @@ def correct(
         share = np.mean(status == code)
         if share > MANY:
             warnings.warn(f"{share:.0%} of the points {sentence}", IriftraceWarning, stacklevel=2)
+    lost = int((status == CorrectionStatus.LOST).sum())
+    warn_of_lost_points(lost, len(status), "stay as they were measured")
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, shares, 0.0)
     return Correction(
         measured=measured,
@@ -346,9 +352,9 @@ def _air_share(
     offsets = np.zeros((2, *measured.shape))
     lacking = np.full((len(measured), 2), np.nan)
     face = np.full(len(measured), -1)
-    found, in_air = np.zeros((2, len(measured)), dtype=bool)
+    found, in_air, lost = np.zeros((3, len(measured)), dtype=bool)
     for _ in range(ROUNDS):
-        rows = np.flatnonzero(~found)
+        rows = np.flatnonzero(~found & ~lost)
         if len(rows) == 0:
             break
         one, other = (
@@ -361,6 +367,7 @@ def _air_share(
         lacking[rows] = np.column_stack((one.lacking, other.lacking))
         face[rows] = one.face
         in_air[rows] = one.in_air | other.in_air
+        lost[rows] = one.lost | other.lost
         a, b = (
             unit_vectors(place[rows] + offset - device.origin)
             for device, offset in zip((camera, second), aimed, strict=True)
@@ -375,8 +382,9 @@ def _air_share(
         far = ~(lacking >= -REACH_MM).all(axis=1)
         hidden = (lacking > REACH_MM).any(axis=1)
     status = np.select(
-        [~found, far, hidden, ~in_air],
+        [lost, ~found, far, hidden, ~in_air],
         [
+            CorrectionStatus.LOST,
             CorrectionStatus.SEVERAL_IMAGES,
             CorrectionStatus.FAR_FROM_PART,
             CorrectionStatus.HIDDEN,

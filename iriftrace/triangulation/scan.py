@@ -27,12 +27,14 @@ from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.viewpoint import refuse_one_place
+from iriftrace.trace.engine import choose_for_devices
+from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.render import trace_rays
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
 from iriftrace.triangulation.features import feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
-from iriftrace.triangulation.two_points import field_where_needed, lines_of_sight
+from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.scan/1"
 
@@ -64,6 +66,7 @@ class ScanStatus(PointStatus):
     SHADOW = 3
     SEVERAL_IMAGES = 4
     OUT_OF_FOCUS = 5
+    LOST = 6
 
 
 @frozen(eq=False)
@@ -275,10 +278,12 @@ def measure(
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
     started = time.perf_counter()
     if loaded.ensemble is None:
-        found = _scan(loaded, camera, second, system, phase)
+        chosen = choose_for_devices(loaded, (camera, second))
+        found = _scan(chosen, camera, second, system, phase)
     else:
         members = loaded.ensemble.scenes()
-        scans = [_scan(member, camera, second, system, phase) for member in members]
+        chosen_of = (choose_for_devices(member, (camera, second)) for member in members)
+        scans = [_scan(member, camera, second, system, phase) for member in chosen_of]
         found = evolve(_together(scans), provenance=provenance_of_two(loaded, camera))
     measure_s = time.perf_counter() - started
     time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
@@ -368,11 +373,8 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     hits = trace_rays(
         scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
     )
-    seen = np.isin(hits.status, (Status.GOOD, Status.INDEX_MISMATCH))
-    if seen.any():
-        serving = field_where_needed(scene, (forward, solved), hits.refracted[seen])
-        if serving is not scene:
-            return _scan(serving, camera, second, system, phase)
+    seen = hits.status == Status.GOOD
+    lost = np.isin(hits.status, [code for code in Status if code.lost])
     candidates = hits.ray[seen]
     place = number[candidates]
     true, face = hits.refracted[seen], hits.refracted_face[seen]
@@ -395,9 +397,13 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     lines = lines_of_sight(scene, solved.origin, true[asked])
     clear = np.abs(lines.lacking) <= CLEAR_MM
     codes[asked[~lines.found]] = ScanStatus.SEVERAL_IMAGES
+    codes[asked[lines.lost]] = ScanStatus.LOST
     codes[asked[lines.found & ~clear]] = ScanStatus.SHADOW
     status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
     status[place] = codes
+    status[number[hits.ray[lost]]] = ScanStatus.LOST
+    missing = int((status == ScanStatus.LOST).sum())
+    warn_of_lost_points(missing, len(true) + int(lost.sum()), "are left out")
     good = np.flatnonzero(lines.found & clear)
     good = good[np.argsort(place[asked[good]])]
     kept = asked[good]

@@ -16,48 +16,18 @@ Points need not lie on the part: a ray goes on along its last straight way.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from attrs import frozen
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import row_lengths, unit_vectors
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.render import bent_ends
-from iriftrace.trace.shell_convergence import (
-    SAMPLE,
-    resolution_of_rays,
-    warn_of_coarse_shells,
-)
 
 MISS_MM = 1e-6
 """A ray that passes a point by less has found it: a thousandth of what sensors resolve."""
 
 ROUNDS = 8
-
-
-def field_where_needed(
-    scene: LoadedScene, devices: Sequence[Camera], points: FloatArray
-) -> LoadedScene:
-    """The scene, or its field itself where its shells are too few for lines of sight to points.
-
-    As `iriftrace.render_scene` does it: a sample of the rays is traced without every second shell.
-    Points (n, 3), mm, world, lie on the part or near it. Warns where shells are too few.
-    """
-    if scene.engine != "shells":
-        return scene
-    sample = points[np.linspace(0, len(points) - 1, min(SAMPLE, len(points))).astype(np.int64)]
-    for device in devices:
-        direction = unit_vectors(sample - device.origin)
-        origin = np.broadcast_to(device.origin, direction.shape)
-        found = resolution_of_rays(scene, origin, direction)
-        if found is not None and not found.suffices:
-            field = scene.through_field
-            warn_of_coarse_shells(found, field is not None)
-            return scene if field is None else field
-    return scene
 
 
 @frozen(eq=False)
@@ -74,6 +44,7 @@ class LinesOfSight:
     lacking: FloatArray  # mm
     face: IntArray  # of the part, under the ray's end; -1 where it meets none
     in_air: BoolArray  # the ray met hot air: shells, or cells of the field that are not ambient
+    lost: BoolArray  # where the ray ends is not known, see `iriftrace.image.aov_image.Status.lost`
 
 
 def lines_of_sight(
@@ -94,20 +65,23 @@ def lines_of_sight(
     miss = np.full(len(points), np.inf)
     lacking = np.full(len(points), np.nan)
     face = np.full(len(points), -1)
-    in_air = np.zeros(len(points), dtype=bool)
+    in_air, lost = np.zeros((2, len(points)), dtype=bool)
     active = np.arange(len(points))
     for _ in range(rounds):
         if len(active) == 0:
             break
         direction[active] = unit_vectors(aim[active] - origin)
-        last_point, last_way, face[active], crossings = bent_ends(scene, origin, direction[active])
+        last_point, last_way, face[active], crossings, lost[active] = bent_ends(
+            scene, origin, direction[active]
+        )
         beyond = points[active] - last_point
         along = np.einsum("ij,ij->i", beyond, last_way)
         off = along[:, None] * last_way - beyond
         miss[active] = row_lengths(off)
         lacking[active] = np.where(face[active] >= 0, along, np.nan)
         in_air[active] = crossings > 0
-        unsettled = ~(miss[active] <= MISS_MM)
+        unsettled = ~(miss[active] <= MISS_MM) & ~lost[active]
         active = active[unsettled]
         aim[active] -= off[unsettled]
-    return LinesOfSight(direction, aim - points, miss <= MISS_MM, lacking, face, in_air)
+    found = (miss <= MISS_MM) & ~lost
+    return LinesOfSight(direction, aim - points, found, lacking, face, in_air, lost)

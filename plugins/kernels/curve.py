@@ -87,6 +87,7 @@ class CurvedHits(NamedTuple):
     error: Any  # Float64, mm: estimated error of the hit
     opened: Any  # Bool: it came or went through a boundary where the index is not the ambient one
     relocations: Any  # UInt32: times its piece had to be sought
+    contrast: Any  # Float: most by which n differs from the ambient air's
 
 
 def curved_hits(
@@ -104,7 +105,8 @@ def curved_hits(
 
     A medium is TetrahedralAir, or anything else with its methods; the scene has opaque shapes
     alone. Rays have origins (Point3d, mm) and unit directions (Vector3d), world; those with more
-    than `max_steps`, or that lose their way more than `MOST_RELOCATIONS` times, give up. `coherent` is a hint to the ray query; `step` is `query_step`.
+    than `max_steps`, or that lose their way more than `MOST_RELOCATIONS` times, give up. `coherent`
+    is a hint to the ray query; `step` is `query_step`.
     """
     import drjit as dr
     import mitsuba as mi
@@ -130,6 +132,7 @@ def curved_hits(
         step_velocity_error: Any
         opened: Any
         relocations: Any
+        contrast: Any
         place: Any
         mode: Any
         ahead: Any  # outside: from where to query; seeking: how far the place is ahead
@@ -268,6 +271,9 @@ def curved_hits(
             s.step_velocity_error + of_step,
             s.opened | opened,
             relocations,
+            dr.maximum(
+                s.contrast, dr.select(passes | enters, dr.abs(mi.Float(refractivity - ambient)), 0)
+            ),
             place,
             mode,
             ahead,
@@ -299,6 +305,7 @@ def curved_hits(
         dr.zeros(mi.Float, width),
         dr.full(mi.Bool, False, width),
         dr.zeros(mi.UInt32, width),
+        dr.zeros(mi.Float, width),
         dr.zeros(mi.UInt32, width),
         dr.full(mi.UInt32, OUTSIDE, width),
         step_at(mi.Point3d(origin)),
@@ -373,5 +380,6 @@ def _ended(tables: SceneTables, medium: Any, end: Any, tolerance: Any) -> Curved
         error=dr.select(on_part & dr.isfinite(error), error, 0),
         opened=end.opened,
         relocations=end.relocations,
+        contrast=end.contrast,
     )
     return settled(tables, hits)

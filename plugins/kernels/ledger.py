@@ -78,11 +78,16 @@ def _touches(
 def _records(
     prepared: PreparedScene, refracted: RefractedHits, layer: Any, silent: Any, rays: Any
 ) -> tuple[Any, Any, Any, Any]:
-    """Points (n, 3), outward normals (n, 3), layers and `silent` of some rays, in one copy."""
+    """Points (n, 3), normals (n, 3), layers and `silent` of some rays, in one copy.
+
+    The normals point to where the ray came from: an open part may be seen from its back.
+    """
     import drjit as dr
     import mitsuba as mi
 
     _, normal = prepared.tables.plane(dr.gather(mi.UInt32, refracted.face, rays), mi.Bool(True))
+    ahead = mi.Vector3d(*(dr.gather(mi.Float64, axis, rays) for axis in refracted.direction))
+    normal = dr.select(dr.dot(ahead, normal) > 0, -normal, normal)
     of_rays = (dr.gather(mi.Float64, values, rays) for values in (*refracted.point, layer))
     quiet = dr.select(dr.gather(mi.Bool, silent, rays), mi.Float64(1), 0)
     columns = (*normal, quiet, *of_rays)

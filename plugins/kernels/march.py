@@ -50,6 +50,9 @@ class RefractedHits(NamedTuple):
     crossings: Any  # UInt32
     entry_index: Any  # Float64: index of the layer before the first crossing; 0 without crossing
     index_sum: Any  # Float64: sum of the index steps
+    # Float: most by which n differs from the ambient air's in the layers that were crossed and
+    # those next to them; infinite where shells know ratios only.
+    contrast: Any
 
 
 def refracted_hits(
@@ -77,6 +80,7 @@ def refracted_hits(
 
     smallest_step = dr.opaque(mi.Float64, step)
     limit = dr.opaque(mi.UInt32, max_crossings)
+    ambient = dr.opaque(mi.Float64, tables.ambient)
     nothing = mi.UInt32(0xFFFFFFFF)
 
     def step_at(point: Any) -> Any:
@@ -92,6 +96,7 @@ def refracted_hits(
         crossings: Any
         entry_index: Any
         index_sum: Any
+        contrast: Any
         segment: Any
         shape: Any
         outward: Any
@@ -156,6 +161,7 @@ def refracted_hits(
         start = point + ahead * small + beyond * dr.select(clear, CLEARANCE_STEPS * small, 0)
         start = dr.select(again, s.start + s.direction * (3 * step), start)
 
+        farthest = dr.maximum(dr.abs(near - ambient), dr.abs(far - ambient))
         crossings = s.crossings + dr.select(crossed, mi.UInt32(1), 0)
         gave_up = crossed & (crossings >= limit)
         if drop_inside_hits:
@@ -172,6 +178,7 @@ def refracted_hits(
             crossings,
             dr.select(crossed & (s.crossings == 0), near, s.entry_index),
             s.index_sum + dr.select(crossed & ~reflected, far - near, 0),
+            dr.maximum(s.contrast, mi.Float(dr.select(crossed, farthest, 0))),
             dr.select(moves, distance, s.segment),
             dr.select(crossed, shape, s.shape),
             dr.select(crossed, outward, s.outward),
@@ -190,6 +197,7 @@ def refracted_hits(
         dr.zeros(mi.UInt32, width),
         dr.zeros(mi.Float64, width),
         dr.zeros(mi.Float64, width),
+        dr.zeros(mi.Float, width),
         dr.zeros(mi.Float64, width),
         mi.UInt32(nothing),
         dr.full(mi.Bool, False, width),
@@ -202,7 +210,8 @@ def refracted_hits(
             state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="march"
         )
     )
-    marched = RefractedHits(*end[:8])
+    next_layer = dr.opaque(mi.Float, dr.inf if tables.stock_shells else 2 * tables.open_step)
+    marched = RefractedHits(*end[:8], contrast=end.contrast + next_layer)
     hits = _back_on_front(opaque, tables, marched, end.segment, coherent, step)
     length = end.segment + (hits.path_length - marched.path_length)
     return settled(tables, _put_right(bending, tables, hits, end.memory, length))

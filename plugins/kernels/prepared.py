@@ -36,6 +36,9 @@ WALL_STEPS = 80
 TILT = np.radians(50.0)
 """Angle between a wall's normal and the other lines by which its layer is counted."""
 
+ALONG = 0.125, 0.375, 0.625, 0.875
+"""Places along a ray's way through the shells' box at which its layer is asked for."""
+
 FEWEST = 5
 """Layers' steps below which leaving half of them out says nothing of the rest."""
 
@@ -139,6 +142,49 @@ class PreparedScene:
         )
         counted = np.array(index).reshape(2, lines, -1)
         return np.array([self._majority(index) for index in counted])
+
+    def between_shells(self, origin: Any, direction: Any, length: Any, unmet: Any) -> Any:
+        """Mask (Bool) of the rays among `unmet` that run through air which is not ambient.
+
+        They have origins (Point3d, mm), unit directions (Vector3d) and straight lengths (Float64,
+        mm; 0 or infinite where they hit nothing). They meet no shell, so lines across them do, from
+        places along their way through the box of the shells.
+        """
+        import drjit as dr
+        import mitsuba as mi
+
+        chosen = np.flatnonzero(np.array(unmet))
+        result = np.zeros(dr.width(unmet), dtype=bool)
+        if len(chosen) == 0 or not self.tables.shell_shapes:
+            return mi.Bool(aligned(result))
+        start, way = (
+            np.broadcast_to(np.array(vector).T, (len(result), 3))[chosen]
+            for vector in (origin, direction)
+        )
+        end = np.array(length)[chosen]
+        boxes = [shape.bbox() for shape in self.tables.shell_shapes]
+        low = np.min([np.array(box.min) for box in boxes], axis=0)
+        high = np.max([np.array(box.max) for box in boxes], axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            faces = np.sort(((low - start) / way, (high - start) / way), axis=0)
+        enters = np.maximum(np.nanmax(faces[0], axis=1), 0.0)
+        leaves = np.minimum(np.nanmin(faces[1], axis=1), np.where(end > 0.0, end, np.inf))
+        inside = leaves > enters
+        along = enters + (np.maximum(leaves - enters, 0.0)) * np.array(ALONG)[:, None]
+        along = np.where(inside & np.isfinite(along), along, 0.0)
+        places = start + along[..., None] * way
+        across = _around(way, 5)[1:]
+        starts, lines = np.broadcast_arrays(places[:, None], across[None])
+        index, _ = crossed_steps(
+            *(self.scene, self.tables),
+            mi.Point3d(*(aligned(column) for column in starts.reshape(-1, 3).T)),
+            mi.Vector3d(*(aligned(column) for column in lines.reshape(-1, 3).T)),
+            self.step,
+        )
+        layer = np.array(index).reshape(-1, len(chosen))
+        away = np.abs(layer - self.tables.ambient) > self.tables.half_step
+        result[chosen] = inside & ((layer != 0) & away).any(axis=0)
+        return mi.Bool(aligned(result))
 
     def _majority(self, index: NDArray[np.float64]) -> NDArray[np.float64]:
         """Most frequent index of each column; ambient where no line met a shell."""

@@ -18,6 +18,8 @@ def counted(**numbers: list[float]) -> xr.Dataset:
         "rays_good": 100.0,
         "rays_hit": 100.0,
         "rays_out_of_focus": 0.0,
+        "rays_index_mismatch": 0.0,
+        "rays_gave_up": 0.0,
         "rays_open_boundary": 0.0,
         "hits_at_border": 0.0,
         "every_second_shell_p95": 0.01,
@@ -25,7 +27,7 @@ def counted(**numbers: list[float]) -> xr.Dataset:
     }
     columns = {name: np.full(count, value) for name, value in plain.items()}
     columns |= {name: np.array(values) for name, values in numbers.items()}
-    by_region = ("rays_good", "rays_hit", "rays_out_of_focus")
+    by_region = tuple(name for name in plain if name.startswith("rays_") and "open" not in name)
     return xr.Dataset(
         {
             name: (("pose", "region"), values[:, None]) if name in by_region else ("pose", values)
@@ -43,6 +45,7 @@ def counted(**numbers: list[float]) -> xr.Dataset:
         ({"rays_open_boundary": [5, 6, -1]}, {"open_boundary": [1]}),
         ({"rays_out_of_focus": [5, 6]}, {"out_of_focus": [1]}),
         ({"hits_at_border": [0, 1]}, {"part_beyond_picture": [1]}),
+        ({"rays_gave_up": [0, 1, 0], "rays_index_mismatch": [0, 0, 1]}, {"rays_lost": [1, 2]}),
         ({"rays_hit": [100, 0], "rays_good": [100, 0]}, {"part_beyond_picture": [1]}),
         # A pose that failed: nothing was counted.
         ({"rays_hit": [-1], "rays_good": [-1], "hits_at_border": [-1]}, {}),

@@ -1,0 +1,41 @@
+"""Warning of rays whose end is not known: lost on the way, or deflected more than air can do."""
+
+from __future__ import annotations
+
+import warnings
+
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.image.aov_image import Status
+from iriftrace.image.metrics import RayCounts
+
+LIMIT = 0.005
+"""Fraction of a view's hits from which on it is warned of."""
+
+REMEDY = (
+    "use the other engine (--engine shells or continuous), and write the scene again from the "
+    "solver's own mesh, without --triangles"
+)
+
+
+def warn_of_lost_rays(rays: RayCounts) -> None:
+    """Warn of a picture with many pixels of status 5 or 6."""
+    if rays.lost_fraction > LIMIT:
+        warnings.warn(
+            f"{rays.lost:,} of {rays.hit:,} hits ({rays.lost_fraction:.1%}) have no reliable "
+            f"refracted ray ({rays.index_mismatch:,} with {Status.INDEX_MISMATCH.text}, "
+            f"{rays.gave_up:,} {Status.GAVE_UP.text}), so these pixels have no displacement; "
+            f"{REMEDY}.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+
+
+def warn_of_lost_points(lost: int, points: int, where: str) -> None:
+    """Warn of a cloud in which `lost` of so many points have no reliable line of sight."""
+    if lost > LIMIT * points:
+        warnings.warn(
+            f"{lost:,} of {points:,} points ({lost / points:.1%}) {where}, because a refracted ray "
+            f"to them was lost or has an impossible deflection; {REMEDY}.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
