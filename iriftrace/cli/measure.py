@@ -110,7 +110,7 @@ def write_scan(
         f"{points['measured']:,} points of {points['pixels']:,} pixels were measured: "
         f"{points['shadow']:,} in shadow, {points['outside_picture']:,} outside the second "
         f"device's picture, {points['out_of_focus']:,} out of its focus, "
-        f"{points['several_images']:,} with several images."
+        f"{points['several_images']:,} with several images, {points['lost']:,} lost on the way."
     )
     say(
         f"Error along the normal: median {_um(error['median'])}, rms {_um(error['rms'])}, after a "
@@ -199,8 +199,9 @@ def correct(
         f"{_um(error['median'])} (median; 95th percentile {_um(error['p95'])}). As measured stay "
         f"{counts['far_from_part']:,} far from the part or on its outline, {counts['hidden']:,} "
         f"hidden from a device, {counts['several_images']:,} with several images, "
-        f"{counts['outside_field']:,} seen through no hot air and {counts['uncertain']:,} whose "
-        "correction is uncertain by more than itself. As measured, the cloud lies "
+        f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
+        f"lost on the way and {counts['uncertain']:,} whose correction is uncertain by more than "
+        "itself. As measured, the cloud lies "
         f"{_um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
         f"{_um(values['to_part_mm']['p95'])})."
     )

@@ -27,8 +27,9 @@ BOUNDARY = 0x80000000
 MOST_TETRAHEDRA = 2**28
 """More would not leave room for a face's number beside the tetrahedron's in 32 bits."""
 
-SLIVER = 6e-3
-"""Six times a tetrahedron's volume over the cube of its longest edge below which it is thin."""
+SLIVER = 0.06
+"""Six times a tetrahedron's volume over the cube of its longest edge below which it is thin; a
+regular one has 0.7."""
 
 MIXED_SHARE = 1e-3
 """A larger share of negative volume comes from pieces of both orientations, and not from cells that
@@ -85,8 +86,7 @@ def tetrahedra_of(grid: Any) -> Tetrahedra:
         )
     corners = _without_flat_twins(corners)
     equal = _equal_faces(corners)
-    crowded = _crowded(equal)
-    if len(crowded):
+    while len(crowded := _crowded(equal)):
         corners = _without_caps(corners, crowded, points)
         equal = _equal_faces(corners)
     return _of_one_orientation(corners, points, _face_pairs(equal))
@@ -104,15 +104,23 @@ def _turned_by_majority(corners: IntArray, points: FloatArray) -> IntArray:
 def _without_caps(corners: NumberArray, crowded: IntArray, points: FloatArray) -> NumberArray:
     """The tetrahedra without slivers that lie on a face which two others share already.
 
-    Filters that split each polyhedron by itself cover a warped face with them. `crowded` are the
-    numbers of the faces that three or more tetrahedra have.
+    Filters that split each polyhedron by itself cover warped faces with them. `crowded` are the
+    numbers (k, 3) of faces that are the same one; the thinnest of the three tetrahedra goes. An
+    InputError if that is no sliver.
     """
-    suspects = np.unique(crowded // 4)
-    at = points[corners[suspects]]
-    edges = np.stack([at[:, a] - at[:, b] for a, b in TETRAHEDRON_EDGES])
-    longest = np.linalg.norm(edges, axis=2).max(axis=0)
-    thin = np.abs(_volumes(corners[suspects], points)) < SLIVER * longest**3
-    return np.delete(corners, suspects[thin], axis=0)
+    cells = crowded // 4
+    at = points[corners[cells]]
+    edges = np.stack([at[..., a, :] - at[..., b, :] for a, b in TETRAHEDRON_EDGES])
+    longest = np.linalg.norm(edges, axis=-1).max(axis=0)
+    volume = np.abs(_volumes(corners[cells.ravel()], points)).reshape(cells.shape)
+    thickness = volume / np.maximum(longest, np.finfo(float).tiny) ** 3
+    if (thickness.min(axis=1) > SLIVER).any():
+        raise InputError(
+            "Three or more cells of the field share one face, so it is not clear where light goes "
+            "on; export the mesh without duplicate cells."
+        )
+    thinnest = np.take_along_axis(cells, thickness.argmin(axis=1)[:, None], axis=1)
+    return np.delete(corners, np.unique(thinnest), axis=0)
 
 
 def _of_one_orientation(
@@ -211,20 +219,15 @@ def _equal_faces(corners: NDArray[Any]) -> tuple[IntArray, BoolArray]:
 
 
 def _crowded(equal: tuple[IntArray, BoolArray]) -> IntArray:
-    """Numbers of the faces that three or more tetrahedra have."""
+    """Numbers (k, 3) of faces with the same points, of which there may be two at most."""
     order, same = equal
-    middle = np.flatnonzero(same[1:] & same[:-1])
-    return np.unique(order[middle[:, None] + np.arange(3)])
+    triples: IntArray = order[np.flatnonzero(same[1:] & same[:-1])[:, None] + np.arange(3)]
+    return triples
 
 
 def _face_pairs(equal: tuple[IntArray, BoolArray]) -> tuple[IntArray, IntArray, IntArray]:
     """Numbers of faces that have the same points, first and second, and of those without a twin."""
     order, same = equal
-    if len(_crowded(equal)):
-        raise InputError(
-            "Three or more cells of the field share one face, so it is not clear where light goes "
-            "on; export the mesh without duplicate cells."
-        )
     first, second = order[:-1][same], order[1:][same]
     alone = np.ones(len(order), dtype=bool)
     alone[first] = alone[second] = False

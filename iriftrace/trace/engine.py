@@ -76,9 +76,9 @@ def choose_for_devices(scene: LoadedScene, devices: Sequence[Camera]) -> LoadedS
     for device in devices:
         width, height = device.resolution
         coarser = device.scaled(min(1.0, (PIXELS / (width * height)) ** 0.5))
-        chosen = choose(scene, coarser).scene
-        if chosen is not scene:
-            return chosen
+        choice = choose(scene, coarser)
+        if choice.resolution is not None and not choice.resolution.suffices:
+            return choice.scene
     return scene
 
 

@@ -1,0 +1,157 @@
+"""No ray is lost in the meshes of flow solvers, whoever has split their polyhedra."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from iriftrace.cfd.openfoam.part_surface import mirrored_grid
+from iriftrace.field.gradient import TETRAHEDRON_EDGES
+from iriftrace.field.polyhedra import SPLIT
+from iriftrace.field.read import read_field
+from iriftrace.field.readers.vtk_process import read_case
+from iriftrace.field.tetrahedra import OPPOSITE, Tetrahedra, tetrahedra_of
+from iriftrace.image.aov_image import Status
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.write import write_scene
+from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.render import trace_rays
+from validation.inputs.solved_fields import SOLVED, camera_at
+
+CASE = Path(__file__).parents[2] / "validation/data/quarter_cylinder"
+VIEWS, RAYS = 20, 2000
+
+
+def as_read_by_others() -> pv.UnstructuredGrid:
+    """The case's cells with temperatures at the points, in mm, polyhedra as they are."""
+    grid = read_case(CASE, "0.1")[0]["internalMesh"]
+    grid = grid.cell_data_to_point_data()
+    grid.points = 1e3 * np.asarray(grid.points, dtype=np.float64)
+    for name in set(grid.point_data) - {"T"}:
+        del grid.point_data[name]
+    return grid
+
+
+def split_from_corners(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
+    """Every polyhedron's faces fanned from their lowest corner, every piece right-handed."""
+    points = np.asarray(grid.points)
+    cells: list[list[int]] = []
+    values, places = [np.asarray(grid.point_data["T"])], [points]
+    for number in range(grid.n_cells):
+        cell = grid.get_cell(number)
+        corners = np.array(cell.point_ids)
+        apex = sum(map(len, places))
+        places.append(points[corners].mean(axis=0)[None])
+        values.append(values[0][corners].mean()[None])
+        for face in (np.array(face.point_ids) for face in cell.faces):
+            ring = np.roll(face, -int(face.argmin()))
+            for second, third in pairwise(ring[1:]):
+                piece = [ring[0], second, third]
+                a, b, c = points[piece] - places[-1][0]
+                turned = np.dot(np.cross(a, b), c) > 0
+                cells.append([*(piece[::-1] if turned else piece), apex])
+    split = pv.UnstructuredGrid({pv.CellType.TETRA: np.array(cells)}, np.concatenate(places))
+    split.point_data["T"] = np.concatenate(values)
+    return split
+
+
+@pytest.fixture(scope="module", params=["case", "polyhedra", "split by VTK", "split from corners"])
+def quarter(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same solution, as a case and as files that others have written."""
+    if request.param == "case":
+        return CASE
+    grid = as_read_by_others()
+    if request.param == "split by VTK":
+        grid = grid.triangulate()
+    elif request.param == "split from corners":
+        grid = split_from_corners(grid)
+    path = tmp_path_factory.mktemp("field") / "field.vtu"
+    grid.save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def scene(variant: str, quarter: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The whole cylinder in that air, mirrored twice."""
+    folder = tmp_path_factory.mktemp("whole")
+    grid = read_field(quarter).grid
+    for axis in (0, 1):
+        grid = mirrored_grid(grid, axis, 0.0)
+    grid.save(folder / "whole.vtu")
+    field = read_field(folder / "whole.vtu")
+    part = SOLVED["cylinder_C"].part
+    camera = camera_at((150.0, -100.0, 120.0))
+    return write_scene(folder / "scene", part, contour_shells(field, 13), camera, field=field)
+
+
+def bundle(loaded: LoadedScene) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from all around to random points on the part, and some beside it."""
+    rng = np.random.default_rng(5)
+    part = loaded.part
+    z = 1 - (2 * np.arange(VIEWS) + 1) / VIEWS
+    turn = np.arange(VIEWS) * np.pi * (3 - np.sqrt(5))
+    eyes = 300.0 * np.column_stack((*(np.sqrt(1 - z * z) * (np.cos(turn), np.sin(turn))), z))
+    corners = part.vertices[part.faces[rng.integers(len(part.faces), size=VIEWS * RAYS)]]
+    targets = np.einsum("ij,ijk->ik", rng.dirichlet((1, 1, 1), VIEWS * RAYS), corners)
+    targets += rng.normal(0.0, 3.0, targets.shape)
+    origins = np.repeat(eyes, RAYS, axis=0)
+    return origins, targets - origins
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("engine", ["continuous", "shells"])
+def test_no_ray_is_lost(scene: Path, engine: str) -> None:
+    """Three hits of 100,000 may be: where VTK's pieces overlap, a ray can come to no end."""
+    loaded = load_scene(scene, engine=engine)
+    hits = trace_rays(loaded, *bundle(loaded))
+    lost = np.isin(hits.status, [code for code in Status if code.lost])
+    if engine == "shells":
+        # Shells of values that were averaged at the wall do not end where the wall is.
+        lost = hits.status == Status.GAVE_UP
+    on_part = hits.status != Status.MISSED
+    assert on_part.sum() > 20_000
+    assert lost.sum() <= 3e-5 * on_part.sum()
+
+
+def quality(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Volume over the cube of the longest edge."""
+    at = points[corners]
+    longest = np.max([np.linalg.norm(at[:, a] - at[:, b], axis=1) for a, b in TETRAHEDRON_EDGES], 0)
+    return np.abs(np.linalg.det(at[:, 1:] - at[:, :1])) / 6 / longest**3
+
+
+def opposed(found: Tetrahedra) -> np.ndarray:
+    """Mask of the inner faces whose two tetrahedra wind them in opposite directions."""
+    faces = found.corners[:, OPPOSITE].reshape(-1, 3).astype(np.int64)
+    flat = found.neighbours.ravel()
+    inner = np.flatnonzero(flat < 2**31)
+    even = (np.roll(faces, -1, axis=1) > faces).sum(axis=1) == 2
+    return even[inner] != even[flat[inner]]
+
+
+def test_polyhedra_leave_no_slivers_and_no_open_faces() -> None:
+    field = read_field(CASE)
+    found = tetrahedra_of(field.grid)
+    points = np.asarray(field.grid.points, dtype=np.float64)
+    pieces = found.corners[found.corners.max(axis=1) >= as_read_by_others().n_points]
+    assert len(pieces) > 10_000
+    assert quality(points, pieces).min() > 5e-3
+    assert opposed(found).all()
+    # The boundary is that of the box, less the part's quarter.
+    a, b, c = (points[found.boundary[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    whole = field.grid.extract_surface(algorithm="geometry").area
+    assert area == pytest.approx(whole, rel=1e-5)
+
+
+def test_pieces_that_others_made_right_handed_are_oriented_like_their_neighbours() -> None:
+    """Some of those pieces are turned inside out, and right-handed all the same."""
+    grid = as_read_by_others()
+    split = split_from_corners(grid)
+    assert not np.isin(split.celltypes, SPLIT).any()
+    assert quality(np.asarray(split.points), tetrahedra_of(split).corners).min() < 1e-4
+    assert opposed(tetrahedra_of(split)).all()
