@@ -10,7 +10,7 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
@@ -18,6 +18,7 @@ from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours, weld
 from iriftrace.geometry.transform import apply, checked_matrix
 from iriftrace.geometry.triangles import area_vectors, unit_vectors
+from iriftrace.part.duplicates import distinct_faces
 from iriftrace.part.files import load_mesh_file, write_mesh_file
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 
@@ -46,7 +47,8 @@ class Part:
     vertices
         (n, 3) array, mm, world.
     faces
-        (m, 3) vertex numbers, counter-clockwise seen from outside, in the order of the file.
+        (m, 3) vertex numbers, counter-clockwise seen from outside, in the order of the file, from
+        which triangles that lie on others are left out.
     region_of_face
         (m,) number of each face's region, an index into `region_names`.
     region_names
@@ -218,7 +220,8 @@ def read_part(
     Warns
     -----
     IriftraceWarning
-        The surface is not closed, was turned over, or its unit is doubtful.
+        The surface is not closed, was turned over, has triangles that lie on others, which are
+        left out, or its unit is doubtful.
     """
     path = Path(path)
     factor = length_factor(length_unit) * _growth(
@@ -287,6 +290,10 @@ def part_of_mesh(
             f"part ({FARTHEST_MM:g} mm); export the part again."
         )
     welded = weld(points)
+    distinct = _distinct(name, welded[triangles])
+    if not distinct.all():
+        triangles = triangles[distinct]
+        regions = regions and evolve(regions, of_face=regions.of_face[distinct])
     triangles, neighbours = _oriented(name, points, triangles, welded)
     surface = Surface(points, triangles)
     if surface.areas.sum() <= 0:
@@ -383,6 +390,21 @@ def refuse_unlikely_size(part: Part) -> None:
             f"for parts of {smallest:g} mm to {largest / 1000:g} m; give the file's unit with "
             "length_unit (--length-unit m, for example)."
         )
+
+
+def _distinct(path: str, welded: IntArray) -> BoolArray:
+    """Mask (m,) of the triangles that do not lie on others, with a warning that counts those."""
+    keep = distinct_faces(welded)
+    repeated = np.count_nonzero(~keep)
+    if repeated:
+        warnings.warn(
+            f"{path} has {repeated} triangles that lie exactly on others (a body that was exported "
+            "twice, both sides of a surface, or the wall between two bodies that touch); they are "
+            "left out.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    return keep
 
 
 def _oriented(

@@ -1,4 +1,4 @@
-"""Cells that files mark as hidden, as copies or without a value, and NaN are left out and counted."""
+"""Cells that files mark as hidden, as copies or without a value, and NaN: left out and counted."""
 
 from __future__ import annotations
 
