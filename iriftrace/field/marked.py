@@ -48,7 +48,7 @@ def unmarked(block: Any) -> Unmarked:
     return Unmarked(grid, int(np.count_nonzero(cells)), frozenset(names))
 
 
-def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.UnstructuredGrid:
+def without_gaps(grid: Any, name: str, path: str) -> pv.UnstructuredGrid:
     """The grid without cells at which an array is NaN, with a warning that counts them.
 
     The grid itself where there are none. An InputError if no cell is left.
@@ -56,7 +56,8 @@ def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.Unstruct
     at_points = name in grid.point_data
     missing = np.isnan(as_float64(grid.point_data[name] if at_points else grid.cell_data[name]))
     if not missing.any():
-        return grid
+        unchanged: pv.UnstructuredGrid = grid
+        return unchanged
     cells = _at_corners(grid, missing) if at_points else missing
     what = f"{path} has no number (NaN) for {name!r} at "
     places = "points" if at_points else "cells"
