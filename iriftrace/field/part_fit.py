@@ -18,7 +18,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.transform import apply, parse_transform
-from iriftrace.part.part import Part
+from iriftrace.part.part import Part, is_unlikely_size
 
 LARGEST_GAP_MM = 0.2
 """A larger 95th percentile of the gap is worth a warning."""
@@ -41,6 +41,9 @@ _SCALES = (1.0, *_UNITS.values(), *(1.0 / length for length in _UNITS.values()))
 MOST_LARGER = 100.0
 """Part over field, or the field's inner wall over the part: metres for millimetres are more, and
 one lost vertex of a part slows what follows."""
+
+MOST_DATA_LARGER = 500.0
+"""Data over part where the data have no inner wall to compare; air is 3 to 20 times as large."""
 
 _TURNS = (
     "",
@@ -97,6 +100,14 @@ def fit_part_to_field(
     if not wall.n_points:
         if apart:
             raise InputError(f"{unreached}they lie side by side; check units and axes.")
+        sizes = _diagonal(data), _diagonal(part.bounds)
+        if max(sizes) > MOST_DATA_LARGER * min(sizes):
+            raise InputError(
+                f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
+                f"{_size(part.bounds)}, so one of them was read in a wrong unit; give the part's "
+                "(--length-unit) or the field's (--field-length-unit), or scale the field "
+                '(--field-transform "scale 0.001").'
+            )
         return _fit_without_wall(field, part, wall_temperature_k)
     cavity = _box(np.asarray(wall.points))
     advice = _advice(part, field, cavity)
@@ -178,16 +189,25 @@ def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
     ]
 
 
-def _unit_advice(scale: float, part: Part, field: IndexField) -> str:
-    """The option that makes a part so much larger against the field; one that was given, undone."""
-    for unit, length in _UNITS.items():
-        if scale == length:
-            undone = field.source.length_unit == unit
-            return "--field-length-unit mm" if undone else f"--length-unit {unit}"
-        if scale == 1.0 / length:
-            undone = part.length_unit == unit
-            return "--length-unit mm" if undone else f"--field-length-unit {unit}"
-    return ""
+def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, bool]:
+    """The option that makes a part so much larger against the field, and whether it is the field's.
+
+    A unit that was given is taken back. One that the field's file states cannot be: coordinates
+    that are in another one all the same are scaled, unless the part's own size is unlikely.
+    """
+    if scale == 1.0:
+        return "", False
+    unit = next(u for u, length in _UNITS.items() if scale in (length, 1.0 / length))
+    smaller_field = scale > 1.0
+    if field.source.unit_stated:
+        if is_unlikely_size(_diagonal(part.bounds)):
+            return f"--length-unit {unit if smaller_field else 'mm'}", False
+        return f'--field-transform "scale {1.0 / scale:.6g}"', True
+    if smaller_field:
+        undone = field.source.length_unit == unit
+        return ("--field-length-unit mm", True) if undone else (f"--length-unit {unit}", False)
+    undone = part.length_unit == unit
+    return ("--length-unit mm", False) if undone else (f"--field-length-unit {unit}", True)
 
 
 def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
@@ -202,11 +222,14 @@ def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
             continue
         shift = target.mean(axis=0) - box.mean(axis=0)
         off = float(np.abs(shift).max())
+        unit, of_field = _unit_advice(scale, part, field)
         # Rounding of the boxes is no shift.
         shift = np.where(np.abs(shift) < 1e-6 * _diagonal(target), 0.0, shift)
+        # Where the field becomes smaller, so does the way to it.
+        shift = shift / scale if of_field else shift
         translate = "translate " + " ".join(f"{component:.4g}" for component in shift)
         steps = ", ".join(filter(None, (turn, translate if off > limit else "")))
-        options = [_unit_advice(scale, part, field), f'--part-transform "{steps}"' if steps else ""]
+        options = [unit, f'--part-transform "{steps}"' if steps else ""]
         # The fewer things were mistaken, the likelier.
         mistakes = (scale != 1.0) + bool(turn) + (off > limit)
         candidates.append((mistakes, off, " and ".join(filter(None, options))))

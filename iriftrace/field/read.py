@@ -129,6 +129,7 @@ def read_field(
             length_unit=length_unit,
             origin=contents.origin,
             wall_heat_w=contents.wall_heat_w,
+            unit_stated=contents.length_unit is not None,
         ),
         flow=flow_in(raw, choice.name, contents.units, transform, air) if flow else None,
     )
@@ -238,9 +239,11 @@ def _warn_of_marked(found: Sequence[Unmarked], path: Path) -> None:
 def _length_unit(given: str | None, stated: str | None, path: str) -> str:
     """Unit of a file's coordinates; mm where neither file nor user says."""
     if given is not None and stated is not None and length_factor(given) != length_factor(stated):
+        factor = length_factor(given) / length_factor(stated)
         raise InputError(
             f"The coordinates in {path} are in {stated}, but the length unit given is {given}; "
-            "leave length_unit (--field-length-unit) out, or scale with the field's transform."
+            "leave length_unit (--field-length-unit) out, or where the numbers are in "
+            f'{given} all the same, scale them (--field-transform "scale {factor:.6g}").'
         )
     return given or stated or "mm"
 

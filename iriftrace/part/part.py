@@ -362,7 +362,7 @@ def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: 
         )
         return
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    if _is_unlikely(size):
+    if is_unlikely_size(size):
         warnings.warn(
             f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
             "measured part; check length_unit (--length-unit).",
@@ -371,7 +371,8 @@ def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: 
         )
 
 
-def _is_unlikely(size_mm: float) -> bool:
+def is_unlikely_size(size_mm: float) -> bool:
+    """True for the diagonal, mm, of a box around a part that is hardly measured anywhere."""
     smallest, largest = PLAUSIBLE_SIZE_MM
     return size_mm < smallest or size_mm > largest  # not for NaN, which is refused later
 
@@ -383,7 +384,7 @@ def refuse_unlikely_size(part: Part) -> None:
     for the part would be of the wrong size too, and nothing would show it.
     """
     size = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
-    if _is_unlikely(size):
+    if is_unlikely_size(size):
         smallest, largest = PLAUSIBLE_SIZE_MM
         raise InputError(
             f"{part.path} is {size:.3g} mm across when read as {part.length_unit}, and air is made "
