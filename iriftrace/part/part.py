@@ -179,7 +179,7 @@ class Part:
 def read_part(
     path: str | Path,
     *,
-    length_unit: str = "mm",
+    length_unit: str | None = None,
     transform: ArrayLike | None = None,
     expansion: float | None = None,
     reference_temperature_k: float = 293.15,
@@ -196,7 +196,7 @@ def read_part(
     path
         A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
     length_unit
-        Unit of the file's coordinates.
+        Unit of the file's coordinates; what the file states (glTF: m), else mm, when left out.
     transform
         (4, 4) array, part to world, mm.
     expansion
@@ -224,12 +224,14 @@ def read_part(
         left out, or its unit is doubtful.
     """
     path = Path(path)
-    factor = length_factor(length_unit) * _growth(
-        expansion, reference_temperature_k, hot_temperature_k
-    )
+    growth = _growth(expansion, reference_temperature_k, hot_temperature_k)
+    if length_unit is not None:
+        length_factor(length_unit)  # refuses an unknown unit before the file is read
     file = load_mesh_file(path)
-    vertices = file.vertices * factor
-    _check_unit(path, vertices, file.unit, length_unit)
+    stated = file.unit and _SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
+    length_unit = length_unit or stated or "mm"
+    vertices = file.vertices * (length_factor(length_unit) * growth)
+    _check_unit(path, vertices, stated or length_unit, length_unit)
     return part_of_mesh(
         vertices,
         file.faces,
@@ -350,13 +352,12 @@ def _growth(expansion: float | None, reference_k: float, hot_k: float | None) ->
     return 1.0 + expansion * (hot_k - reference_k)
 
 
-def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: str) -> None:
-    """Warn when the unit is not the one that the file declares, or makes an unlikely size."""
-    short = _SHORT_UNITS.get(declared.removesuffix("s"), declared) if declared else chosen
-    if short != chosen:
+def _check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> None:
+    """Warn when the unit is not the one that the file states, or makes an unlikely size."""
+    if stated != chosen:
         warnings.warn(
-            f"{path} declares its unit as {short} but is read as {chosen}; "
-            f'give length_unit="{short}" (--length-unit {short}) if the file is right.',
+            f"{path} declares its unit as {stated} but is read as {chosen}; leave length_unit "
+            "(--length-unit) out if the file is right.",
             IriftraceWarning,
             stacklevel=3,
         )
