@@ -9,9 +9,9 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, evolve, frozen
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
@@ -31,6 +31,9 @@ SAMPLE = 20_000
 
 LARGEST_BARE_SHARE = 0.05
 """A larger share of the part's area without the field's wall near it is worth a warning."""
+
+# Regions of which less lies off the wall are not named: edges that cells cut.
+_LEAST_BARE = 0.01
 
 # Boxes match when none of their faces is off by more than this share of their diagonal.
 _MATCH = 0.03
@@ -68,6 +71,8 @@ class Fit:
         Share of the part's area that lies off the field's wall; NaN without one.
     warnings
         One sentence for everything that does not fit.
+    bare_of_region
+        The same share for each region of the part that lies off the wall, the largest area first.
     """
 
     gap_median_mm: float
@@ -75,6 +80,14 @@ class Fit:
     wall_temperature_k: float
     bare_share: float
     warnings: tuple[str, ...]
+    bare_of_region: dict[str, float] = Factory(dict)
+
+    @property
+    def bare_regions(self) -> str:
+        """Regions that lie off the wall, with their shares, as text; the five largest areas."""
+        listed = [f"{name} {share:.0%}" for name, share in self.bare_of_region.items()]
+        more = f" and {len(listed) - 5} others" if len(listed) > 5 else ""
+        return ", ".join(listed[:5]) + more
 
 
 def fit_part_to_field(
@@ -133,9 +146,10 @@ def fit_part_to_field(
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     refractivity = np.asarray(wall.point_data["refractivity"], dtype=np.float64)
     temperature = float(np.median(field.air.temperature(refractivity)))
-    places, _ = part.surface.even_places(SAMPLE)
-    off_wall = Surface(wall.points, wall.regular_faces).distance(places)
-    bare = float(np.mean(off_wall > LARGEST_GAP_MM))
+    places, face = part.surface.even_places(SAMPLE)
+    off_wall = Surface(wall.points, wall.regular_faces).distance(places) > LARGEST_GAP_MM
+    bare = float(np.mean(off_wall))
+    fit = Fit(median, p95, temperature, bare, (), _bare_of_region(part, off_wall, face))
     messages = []
     if p95 > LARGEST_GAP_MM:
         # A part beside its cavity is bare too, but that need not be said.
@@ -147,7 +161,8 @@ def fit_part_to_field(
     elif bare > LARGEST_BARE_SHARE:
         messages.append(
             f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
-            "wall, so no hot air is known there and rays through it stay straight; "
+            f"wall ({fit.bare_regions}), so no hot air is known there and rays through it stay "
+            "straight; "
             + (
                 "take smaller cells (--cell-size), which follow sharp edges and thin walls."
                 if synthetic_mark(field.source.origin)
@@ -156,7 +171,16 @@ def fit_part_to_field(
             )
         )
     messages += _temperature_message(temperature, wall_temperature_k)
-    return Fit(median, p95, temperature, bare, tuple(messages))
+    return evolve(fit, warnings=tuple(messages))
+
+
+def _bare_of_region(part: Part, off_wall: BoolArray, face: IntArray) -> dict[str, float]:
+    """Share of each region that lies off the wall, from places on faces; the largest area first."""
+    region, count = part.region_of_face[face], len(part.region_names)
+    bare = np.bincount(region, off_wall, minlength=count)
+    share = bare / np.maximum(np.bincount(region, minlength=count), 1)
+    order = [k for k in np.argsort(-bare, kind="stable").tolist() if share[k] >= _LEAST_BARE]
+    return {part.region_names[k]: float(share[k]) for k in order}
 
 
 def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -> Fit:

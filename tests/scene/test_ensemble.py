@@ -562,7 +562,7 @@ def test_an_initial_state_without_hot_air_names_the_choice_of_a_time(
     words = ["scene", str(series), str(part), "--layers=2", "-o", str(tmp_path / "s/scene.xml")]
     assert main([*words, *hot_block.CAMERA]) == 2
     error = " ".join(capsys.readouterr().err.split())
-    assert "the member t = 0 cannot be used (choose states with --time, such as" in error
+    assert "The member t = 0 cannot be used (choose states with --time, such as" in error
     assert main([*words, "--time=latest", *hot_block.CAMERA]) == 0
 
 
