@@ -18,6 +18,7 @@ from iriftrace.cli.options import (
     check_field,
     check_input,
     check_output,
+    region_temperatures,
 )
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
@@ -49,6 +50,8 @@ def check(
     *,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"])] = None,
     wall_temperature: Temperature | None = None,
+    region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None,
+    transition: Length | None = None,
     diameter: Length | None = None,
     origin: Vector | None = None,
     air: AirOptions = AirOptions(),
@@ -74,7 +77,14 @@ def check(
     output
         Write everything to this .json file too.
     wall_temperature
-        Temperature that the wall should have.
+        Temperature that the wall should have; by default that of the case.json beside a field of
+        ``iriftrace field simulate``.
+    region_temperature
+        Another temperature that a named region of the part should have, NAME=TEMPERATURE;
+        repeatable; by default those of the case.json.
+    transition
+        Width over which one wall temperature goes over into another; by default that of the
+        case.json, else 0.
     diameter
         Diameter of a horizontal cylinder with whose heat flux the wall's is compared; found by
         itself for a part that is one.
@@ -94,11 +104,22 @@ def check(
         volume = field_options.read(field, air.air(), measured, flow=True)
     with working("Checking the field"):
         from iriftrace.cfd.check.check import check_field as checked
+        from iriftrace.cfd.openfoam.case import RECORD, recorded_wall
 
+        folder = field if field.is_dir() else field.parent
+        stored = recorded_wall(folder, measured)
+        regions = region_temperatures(region_temperature)
+        if stored is not None:
+            say(f"Wall temperatures that are not given are those of {folder / RECORD}.")
+            wall_temperature = stored.default if wall_temperature is None else wall_temperature
+            regions = stored.regions | regions
+            transition = stored.transition if transition is None else transition
         result = checked(
             volume,
             measured,
             wall_temperature_k=wall_temperature,
+            region_temperatures_k=regions,
+            transition_mm=transition or 0.0,
             diameter_mm=diameter,
             camera=origin,
             steady=field_options.steady,

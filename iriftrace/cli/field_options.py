@@ -83,7 +83,7 @@ class PartOptions:
     Parameters
     ----------
     length_unit
-        Unit of the part's coordinates.
+        Unit of the part's coordinates; by default what the file states (glTF: m), else mm.
     part_transform
         Part to world: 16 numbers, a file with them, or "rotate x 90, scale 0.001".
     expansion
@@ -96,7 +96,7 @@ class PartOptions:
         Faces that meet at a smaller angle (degrees) belong to one region.
     """
 
-    length_unit: str = "mm"
+    length_unit: str | None = None
     part_transform: str | None = None
     expansion: Expansion | None = None
     reference_temperature: Temperature = 20.0 + ZERO_CELSIUS_K

@@ -299,3 +299,19 @@ def check_output(path: Path | None, example: str, *others: str, make: bool = Fal
     if not make and not path.parent.is_dir():
         raise InputError(f"The folder {path.parent} does not exist; create it first.")
     check_folder(path.parent)
+
+
+def region_temperatures(texts: Sequence[str] | None) -> dict[str, float]:
+    """Temperatures, K, of the regions that ``--region-temperature NAME=TEMPERATURE`` name."""
+    found: dict[str, float] = {}
+    for text in texts or ():
+        name, equals, value = text.rpartition("=")
+        if not (name and equals and value):
+            raise InputError(
+                f'--region-temperature is "{text}"; write it as NAME=TEMPERATURE, such as '
+                '"head +x=450 degC".'
+            )
+        if name in found:
+            raise InputError(f'--region-temperature names "{name}" twice; give it once.')
+        found[name] = quantity(value, "kelvin", "--region-temperature")
+    return found

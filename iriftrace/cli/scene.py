@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
@@ -21,7 +22,7 @@ from iriftrace.cli.options import (
     check_order,
     check_output,
 )
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
@@ -171,6 +172,13 @@ def scene(
         return camera
 
     states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)
+    if len(states) > len(fields) and field_options.time is None:
+        warnings.warn(
+            f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
+            f"{states[-1].label}; choose one with --time latest, or all with --time all.",
+            IriftraceWarning,
+            stacklevel=1,
+        )
     if len(states) > 1:
 
         def cut(one: Member) -> tuple[ShellStack, IndexField]:
@@ -237,10 +245,13 @@ def _ensemble(
     from iriftrace.scene.write_ensemble import MemberAir
 
     hottest_k: list[float] = []
+    several_states = len(given) > len({one.path for one in given})
+    remedy = " (choose states with --time, such as --time latest)" if several_states else ""
 
     def members() -> Iterator[MemberAir]:
         for number, one in enumerate(given, start=1):
-            with working(f"Member {number} of {len(given)}: {one.label}"), named(one.label):
+            step = f"Member {number} of {len(given)}: {one.label}"
+            with working(step), named(one.label, remedy):
                 stack, volume = cut(one)
             hottest_k.append(float(volume.temperature_k.max()))
             yield MemberAir(one.label, one.time, stack, volume)

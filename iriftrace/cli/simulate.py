@@ -24,9 +24,9 @@ from iriftrace.cli.options import (
     check_folder,
     check_input,
     check_output,
-    quantity,
+    region_temperatures,
 )
-from iriftrace.core.errors import InputError, SetupError
+from iriftrace.core.errors import SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
@@ -93,7 +93,9 @@ class SimulationOptions:
 
         return natural_case(
             part,
-            WallTemperatures(self.wall_temperature, self._regions(), self.transition),
+            WallTemperatures(
+                self.wall_temperature, region_temperatures(self.region_temperature), self.transition
+            ),
             resolution=self.resolution,
             background_mm=self.background_cell,
             end=self.end_time,
@@ -105,20 +107,6 @@ class SimulationOptions:
             margin=self.margin,
             processes=processes,
         )
-
-    def _regions(self) -> dict[str, float]:
-        found: dict[str, float] = {}
-        for text in self.region_temperature or []:
-            name, equals, value = text.rpartition("=")
-            if not (name and equals and value):
-                raise InputError(
-                    f'--region-temperature is "{text}"; write it as NAME=TEMPERATURE, such as '
-                    '"head +x=450 degC".'
-                )
-            if name in found:
-                raise InputError(f'--region-temperature names "{name}" twice; give it once.')
-            found[name] = quantity(value, "kelvin", "--region-temperature")
-        return found
 
 
 @contextmanager

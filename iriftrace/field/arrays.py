@@ -31,6 +31,7 @@ _LOOSE = {
     "density": re.compile(r"rho|.*density"),
 }
 _COLDEST_K = 150.0  # room air in degC, taken as kelvin, lies below
+_HOTTEST_K = 6000.0  # beyond, no molecule of air is left
 _LARGEST_REFRACTIVITY = 0.01  # air at 30 bar; n itself is near 1
 
 SI = {"temperature": "kelvin", "density": "kg/m^3", "index": "1"}
@@ -249,6 +250,11 @@ def to_refractivity(
             f"The array {choice.name!r} in {path} goes down to {lowest:g} K, colder than any "
             "air around a hot part; if it is in degC, give the temperature "
             "unit (--temperature-unit degC)."
+        )
+    if values.max() > _HOTTEST_K:
+        raise InputError(
+            f"The array {choice.name!r} in {path} goes up to {values.max():g} K, hotter than any "
+            "air around a hot part; check its unit, and export missing values as NaN."
         )
     return air.refractivity(values)
 

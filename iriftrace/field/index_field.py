@@ -44,6 +44,8 @@ class FieldSource:
         snapshot at 2 s"; "" where it says nothing.
     wall_heat_w : float, optional
         Heat from the whole part, W, as the solver counted it, where the file states it.
+    unit_stated : bool
+        Whether the file states its length unit, or its format has one (OpenFOAM: m).
     """
 
     path: str
@@ -53,6 +55,7 @@ class FieldSource:
     length_unit: str
     origin: str = ""
     wall_heat_w: float | None = None
+    unit_stated: bool = False
 
 
 @frozen(eq=False)

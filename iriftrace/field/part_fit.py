@@ -9,16 +9,16 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, evolve, frozen
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.transform import apply, parse_transform
-from iriftrace.part.part import Part
+from iriftrace.part.part import Part, is_unlikely_size
 
 LARGEST_GAP_MM = 0.2
 """A larger 95th percentile of the gap is worth a warning."""
@@ -32,6 +32,9 @@ SAMPLE = 20_000
 LARGEST_BARE_SHARE = 0.05
 """A larger share of the part's area without the field's wall near it is worth a warning."""
 
+# Regions of which less lies off the wall are not named: edges that cells cut.
+_LEAST_BARE = 0.01
+
 # Boxes match when none of their faces is off by more than this share of their diagonal.
 _MATCH = 0.03
 
@@ -41,6 +44,9 @@ _SCALES = (1.0, *_UNITS.values(), *(1.0 / length for length in _UNITS.values()))
 MOST_LARGER = 100.0
 """Part over field, or the field's inner wall over the part: metres for millimetres are more, and
 one lost vertex of a part slows what follows."""
+
+MOST_DATA_LARGER = 500.0
+"""Data over part where the data have no inner wall to compare; air is 3 to 20 times as large."""
 
 _TURNS = (
     "",
@@ -65,6 +71,8 @@ class Fit:
         Share of the part's area that lies off the field's wall; NaN without one.
     warnings
         One sentence for everything that does not fit.
+    bare_of_region
+        The same share for each region of the part that lies off the wall, the largest area first.
     """
 
     gap_median_mm: float
@@ -72,6 +80,14 @@ class Fit:
     wall_temperature_k: float
     bare_share: float
     warnings: tuple[str, ...]
+    bare_of_region: dict[str, float] = Factory(dict)
+
+    @property
+    def bare_regions(self) -> str:
+        """Regions that lie off the wall, with their shares, as text; the five largest areas."""
+        listed = [f"{name} {share:.0%}" for name, share in self.bare_of_region.items()]
+        more = f" and {len(listed) - 5} others" if len(listed) > 5 else ""
+        return ", ".join(listed[:5]) + more
 
 
 def fit_part_to_field(
@@ -97,6 +113,14 @@ def fit_part_to_field(
     if not wall.n_points:
         if apart:
             raise InputError(f"{unreached}they lie side by side; check units and axes.")
+        sizes = _diagonal(data), _diagonal(part.bounds)
+        if max(sizes) > MOST_DATA_LARGER * min(sizes):
+            raise InputError(
+                f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
+                f"{_size(part.bounds)}, so one of them was read in a wrong unit; give the part's "
+                "(--length-unit) or the field's (--field-length-unit), or scale the field "
+                '(--field-transform "scale 0.001").'
+            )
         return _fit_without_wall(field, part, wall_temperature_k)
     cavity = _box(np.asarray(wall.points))
     advice = _advice(part, field, cavity)
@@ -122,9 +146,10 @@ def fit_part_to_field(
     median, p95 = (float(gap) for gap in np.percentile(gaps, (50, 95)))
     refractivity = np.asarray(wall.point_data["refractivity"], dtype=np.float64)
     temperature = float(np.median(field.air.temperature(refractivity)))
-    places, _ = part.surface.even_places(SAMPLE)
-    off_wall = Surface(wall.points, wall.regular_faces).distance(places)
-    bare = float(np.mean(off_wall > LARGEST_GAP_MM))
+    places, face = part.surface.even_places(SAMPLE)
+    off_wall = Surface(wall.points, wall.regular_faces).distance(places) > LARGEST_GAP_MM
+    bare = float(np.mean(off_wall))
+    fit = Fit(median, p95, temperature, bare, (), _bare_of_region(part, off_wall, face))
     messages = []
     if p95 > LARGEST_GAP_MM:
         # A part beside its cavity is bare too, but that need not be said.
@@ -136,7 +161,8 @@ def fit_part_to_field(
     elif bare > LARGEST_BARE_SHARE:
         messages.append(
             f"{bare:.0%} of the part's surface lies more than {LARGEST_GAP_MM} mm off the field's "
-            "wall, so no hot air is known there and rays through it stay straight; "
+            f"wall ({fit.bare_regions}), so no hot air is known there and rays through it stay "
+            "straight; "
             + (
                 "take smaller cells (--cell-size), which follow sharp edges and thin walls."
                 if synthetic_mark(field.source.origin)
@@ -145,7 +171,16 @@ def fit_part_to_field(
             )
         )
     messages += _temperature_message(temperature, wall_temperature_k)
-    return Fit(median, p95, temperature, bare, tuple(messages))
+    return evolve(fit, warnings=tuple(messages))
+
+
+def _bare_of_region(part: Part, off_wall: BoolArray, face: IntArray) -> dict[str, float]:
+    """Share of each region that lies off the wall, from places on faces; the largest area first."""
+    region, count = part.region_of_face[face], len(part.region_names)
+    bare = np.bincount(region, off_wall, minlength=count)
+    share = bare / np.maximum(np.bincount(region, minlength=count), 1)
+    order = [k for k in np.argsort(-bare, kind="stable").tolist() if share[k] >= _LEAST_BARE]
+    return {part.region_names[k]: float(share[k]) for k in order}
 
 
 def _fit_without_wall(field: IndexField, part: Part, expected_k: float | None) -> Fit:
@@ -178,16 +213,25 @@ def _temperature_message(found_k: float, expected_k: float | None) -> list[str]:
     ]
 
 
-def _unit_advice(scale: float, part: Part, field: IndexField) -> str:
-    """The option that makes a part so much larger against the field; one that was given, undone."""
-    for unit, length in _UNITS.items():
-        if scale == length:
-            undone = field.source.length_unit == unit
-            return "--field-length-unit mm" if undone else f"--length-unit {unit}"
-        if scale == 1.0 / length:
-            undone = part.length_unit == unit
-            return "--length-unit mm" if undone else f"--field-length-unit {unit}"
-    return ""
+def _unit_advice(scale: float, part: Part, field: IndexField) -> tuple[str, bool]:
+    """The option that makes a part so much larger against the field, and whether it is the field's.
+
+    A unit that was given is taken back. One that the field's file states cannot be: coordinates
+    that are in another one all the same are scaled, unless the part's own size is unlikely.
+    """
+    if scale == 1.0:
+        return "", False
+    unit = next(u for u, length in _UNITS.items() if scale in (length, 1.0 / length))
+    smaller_field = scale > 1.0
+    if field.source.unit_stated:
+        if is_unlikely_size(_diagonal(part.bounds)):
+            return f"--length-unit {unit if smaller_field else 'mm'}", False
+        return f'--field-transform "scale {1.0 / scale:.6g}"', True
+    if smaller_field:
+        undone = field.source.length_unit == unit
+        return ("--field-length-unit mm", True) if undone else (f"--length-unit {unit}", False)
+    undone = part.length_unit == unit
+    return ("--length-unit mm", False) if undone else (f"--field-length-unit {unit}", True)
 
 
 def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
@@ -202,11 +246,14 @@ def _advice(part: Part, field: IndexField, target: FloatArray) -> str:
             continue
         shift = target.mean(axis=0) - box.mean(axis=0)
         off = float(np.abs(shift).max())
+        unit, of_field = _unit_advice(scale, part, field)
         # Rounding of the boxes is no shift.
         shift = np.where(np.abs(shift) < 1e-6 * _diagonal(target), 0.0, shift)
+        # Where the field becomes smaller, so does the way to it.
+        shift = shift / scale if of_field else shift
         translate = "translate " + " ".join(f"{component:.4g}" for component in shift)
         steps = ", ".join(filter(None, (turn, translate if off > limit else "")))
-        options = [_unit_advice(scale, part, field), f'--part-transform "{steps}"' if steps else ""]
+        options = [unit, f'--part-transform "{steps}"' if steps else ""]
         # The fewer things were mistaken, the likelier.
         mistakes = (scale != 1.0) + bool(turn) + (off > limit)
         candidates.append((mistakes, off, " and ".join(filter(None, options))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -17,6 +18,7 @@ from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
 from iriftrace.field.flow import flow_in
 from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.marked import Unmarked, unmarked, without_gaps
 from iriftrace.field.origin import one_line, origin_of, wall_heat_of
 from iriftrace.field.readers.members import read_state
 from iriftrace.field.readers.scattered import cells_outside
@@ -60,8 +62,8 @@ def read_field(
     ----------
     path : str or Path
         ``.vtu``, ``.pvtu``, ``.vtk``, ``.vti``, ``.vtr``, ``.vts``, ``.pvd`` or ``.vtm``, with
-        point or cell data; COMSOL's text exports ``.txt`` and ``.csv``; an OpenFOAM case, by its
-        folder or a ``.foam`` file in it.
+        point or cell data; EnSight's ``.case`` or ``.encas``; COMSOL's text exports ``.txt`` and
+        ``.csv``; an OpenFOAM case, by its folder or a ``.foam`` file in it.
     array : str, optional
         Name of the array; found by its name when left out.
     quantity : str, optional
@@ -99,17 +101,19 @@ def read_field(
     IriftraceWarning
         The coolest air in the file is more than 2 K from the ambient temperature; temperature and
         index in the file disagree by more than 2 % of n - 1; the values are cell data, or cells
-        are of higher order; the file has several states and none was chosen.
+        are of higher order; the file has several states and none was chosen; cells are left out
+        because the file marks them or the array is NaN there.
     """
     air = Air() if air is None else air
     contents = read_volume(path, member=member, flow=flow)
     length_unit = _length_unit(length_unit, contents.length_unit, str(path))
-    raw = contents.data
-    grid = _placed(raw, length_factor(length_unit), transform)
+    raw, factor = contents.data, length_factor(length_unit)
     if contents.scattered:
-        raw = linear_volume(raw.extract_cells(cells_outside(grid, part, str(path))))
-        grid = _placed(raw, length_factor(length_unit), transform)
+        placed = _placed(raw, factor, transform)
+        raw = linear_volume(raw.extract_cells(cells_outside(placed, part, str(path))))
     choice = arrays.choose_array(raw, array, quantity, str(path))
+    raw = linear_volume(without_gaps(raw, choice.name, str(path)))
+    grid = _placed(raw, factor, transform)
     values = arrays.point_values(raw, choice.name, str(path))
     result = IndexField(
         grid=grid,
@@ -125,6 +129,7 @@ def read_field(
             length_unit=length_unit,
             origin=contents.origin,
             wall_heat_w=contents.wall_heat_w,
+            unit_stated=contents.length_unit is not None,
         ),
         flow=flow_in(raw, choice.name, contents.units, transform, air) if flow else None,
     )
@@ -197,7 +202,9 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
 
 def _joined(data: Any, path: Path) -> Any:
     """The volume cells of all blocks as one grid."""
-    blocks = [volume_cells(block) for block in blocks_of(data)]
+    found = [unmarked(block) for block in blocks_of(data) if isinstance(block, pv.DataSet)]
+    _warn_of_marked(found, path)
+    blocks = [volume_cells(block.cells) for block in found]
     blocks = [block for block in blocks if block.n_cells]
     if not blocks:
         raise InputError(
@@ -209,12 +216,34 @@ def _joined(data: Any, path: Path) -> Any:
     return blocks[0].clean(tolerance=0.0) if path.suffix.lower() == ".pvtu" else blocks[0]
 
 
+def _warn_of_marked(found: Sequence[Unmarked], path: Path) -> None:
+    """Say how many cells are left out for their marks; an InputError if these are all."""
+    left_out = sum(block.left_out for block in found)
+    if not left_out:
+        return
+    count = left_out + sum(block.cells.n_cells for block in found)
+    names = ", ".join(sorted(set().union(*(block.names for block in found))))
+    if left_out == count:
+        raise InputError(
+            f"{path} marks all its {count} cells as hidden or without a value ({names}), so no "
+            "air is known; export the volume on which the solver has values."
+        )
+    warn(
+        f"{path} marks {left_out} of {count} cells as hidden, as copies or as without a value "
+        f"({names}); they are left out.",
+        IriftraceWarning,
+        stacklevel=5,
+    )
+
+
 def _length_unit(given: str | None, stated: str | None, path: str) -> str:
     """Unit of a file's coordinates; mm where neither file nor user says."""
     if given is not None and stated is not None and length_factor(given) != length_factor(stated):
+        factor = length_factor(given) / length_factor(stated)
         raise InputError(
             f"The coordinates in {path} are in {stated}, but the length unit given is {given}; "
-            "leave length_unit (--field-length-unit) out, or scale with the field's transform."
+            "leave length_unit (--field-length-unit) out, or where the numbers are in "
+            f'{given} all the same, scale them (--field-transform "scale {factor:.6g}").'
         )
     return given or stated or "mm"
 

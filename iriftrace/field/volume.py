@@ -14,6 +14,7 @@ import pyvista as pv
 from iriftrace.core.arrays import IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import CORNERS, HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE, cell_corners
+from iriftrace.field.marked import unmarked
 from iriftrace.field.polyhedra import SPLIT, split_polyhedra
 
 FLAT = 1e-4
@@ -53,17 +54,13 @@ def linear_volume(grid: Any) -> pv.UnstructuredGrid:
 
 
 def volume_cells(block: Any) -> pv.UnstructuredGrid:
-    """The volume cells of one data set that are not marked as hidden or as ghosts."""
+    """The volume cells of one data set; see `iriftrace.field.marked` for those left out."""
     if isinstance(block, pv.PolyData) or not isinstance(block, pv.DataSet):
         return pv.UnstructuredGrid()
-    grid: Any = block
-    if not isinstance(block, pv.UnstructuredGrid):
-        grid = block.cast_to_unstructured_grid()
+    grid: Any = unmarked(block).cells
     types = np.asarray(grid.celltypes)
     known = (*CORNERS, _VOXEL, _CONVEX_SET, *SPLIT, *_HIGHER_ORDER)
     keep = np.isin(types, known)
-    if "vtkGhostType" in grid.cell_data:
-        keep &= np.asarray(grid.cell_data["vtkGhostType"]) == 0
     if not keep.all():
         grid = grid.extract_cells(np.flatnonzero(keep))
     volume: pv.UnstructuredGrid = grid

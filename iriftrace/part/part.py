@@ -10,7 +10,7 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
@@ -18,6 +18,7 @@ from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours, weld
 from iriftrace.geometry.transform import apply, checked_matrix
 from iriftrace.geometry.triangles import area_vectors, unit_vectors
+from iriftrace.part.duplicates import distinct_faces
 from iriftrace.part.files import load_mesh_file, write_mesh_file
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 
@@ -46,7 +47,8 @@ class Part:
     vertices
         (n, 3) array, mm, world.
     faces
-        (m, 3) vertex numbers, counter-clockwise seen from outside, in the order of the file.
+        (m, 3) vertex numbers, counter-clockwise seen from outside, in the order of the file, from
+        which triangles that lie on others are left out.
     region_of_face
         (m,) number of each face's region, an index into `region_names`.
     region_names
@@ -177,7 +179,7 @@ class Part:
 def read_part(
     path: str | Path,
     *,
-    length_unit: str = "mm",
+    length_unit: str | None = None,
     transform: ArrayLike | None = None,
     expansion: float | None = None,
     reference_temperature_k: float = 293.15,
@@ -194,7 +196,7 @@ def read_part(
     path
         A mesh that trimesh reads: PLY, STL, OBJ, OFF, GLB and others.
     length_unit
-        Unit of the file's coordinates.
+        Unit of the file's coordinates; what the file states (glTF: m), else mm, when left out.
     transform
         (4, 4) array, part to world, mm.
     expansion
@@ -218,15 +220,18 @@ def read_part(
     Warns
     -----
     IriftraceWarning
-        The surface is not closed, was turned over, or its unit is doubtful.
+        The surface is not closed, was turned over, has triangles that lie on others, which are
+        left out, or its unit is doubtful.
     """
     path = Path(path)
-    factor = length_factor(length_unit) * _growth(
-        expansion, reference_temperature_k, hot_temperature_k
-    )
+    growth = _growth(expansion, reference_temperature_k, hot_temperature_k)
+    if length_unit is not None:
+        length_factor(length_unit)  # refuses an unknown unit before the file is read
     file = load_mesh_file(path)
-    vertices = file.vertices * factor
-    _check_unit(path, vertices, file.unit, length_unit)
+    stated = file.unit and _SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
+    length_unit = length_unit or stated or "mm"
+    vertices = file.vertices * (length_factor(length_unit) * growth)
+    _check_unit(path, vertices, stated or length_unit, length_unit)
     return part_of_mesh(
         vertices,
         file.faces,
@@ -287,6 +292,10 @@ def part_of_mesh(
             f"part ({FARTHEST_MM:g} mm); export the part again."
         )
     welded = weld(points)
+    distinct = _distinct(name, welded[triangles])
+    if not distinct.all():
+        triangles = triangles[distinct]
+        regions = regions and evolve(regions, of_face=regions.of_face[distinct])
     triangles, neighbours = _oriented(name, points, triangles, welded)
     surface = Surface(points, triangles)
     if surface.areas.sum() <= 0:
@@ -343,19 +352,18 @@ def _growth(expansion: float | None, reference_k: float, hot_k: float | None) ->
     return 1.0 + expansion * (hot_k - reference_k)
 
 
-def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: str) -> None:
-    """Warn when the unit is not the one that the file declares, or makes an unlikely size."""
-    short = _SHORT_UNITS.get(declared.removesuffix("s"), declared) if declared else chosen
-    if short != chosen:
+def _check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> None:
+    """Warn when the unit is not the one that the file states, or makes an unlikely size."""
+    if stated != chosen:
         warnings.warn(
-            f"{path} declares its unit as {short} but is read as {chosen}; "
-            f'give length_unit="{short}" (--length-unit {short}) if the file is right.',
+            f"{path} declares its unit as {stated} but is read as {chosen}; leave length_unit "
+            "(--length-unit) out if the file is right.",
             IriftraceWarning,
             stacklevel=3,
         )
         return
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    if _is_unlikely(size):
+    if is_unlikely_size(size):
         warnings.warn(
             f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
             "measured part; check length_unit (--length-unit).",
@@ -364,7 +372,8 @@ def _check_unit(path: Path, vertices: FloatArray, declared: str | None, chosen: 
         )
 
 
-def _is_unlikely(size_mm: float) -> bool:
+def is_unlikely_size(size_mm: float) -> bool:
+    """True for the diagonal, mm, of a box around a part that is hardly measured anywhere."""
     smallest, largest = PLAUSIBLE_SIZE_MM
     return size_mm < smallest or size_mm > largest  # not for NaN, which is refused later
 
@@ -376,13 +385,28 @@ def refuse_unlikely_size(part: Part) -> None:
     for the part would be of the wrong size too, and nothing would show it.
     """
     size = float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
-    if _is_unlikely(size):
+    if is_unlikely_size(size):
         smallest, largest = PLAUSIBLE_SIZE_MM
         raise InputError(
             f"{part.path} is {size:.3g} mm across when read as {part.length_unit}, and air is made "
             f"for parts of {smallest:g} mm to {largest / 1000:g} m; give the file's unit with "
             "length_unit (--length-unit m, for example)."
         )
+
+
+def _distinct(path: str, welded: IntArray) -> BoolArray:
+    """Mask (m,) of the triangles that do not lie on others, with a warning that counts those."""
+    keep = distinct_faces(welded)
+    repeated = np.count_nonzero(~keep)
+    if repeated:
+        warnings.warn(
+            f"{path} has {repeated} triangles that lie exactly on others (a body that was exported "
+            "twice, both sides of a surface, or the wall between two bodies that touch); they are "
+            "left out.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    return keep
 
 
 def _oriented(

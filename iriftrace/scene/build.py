@@ -251,14 +251,14 @@ def build_ensemble(
 
 
 @contextmanager
-def named(label: str) -> Iterator[None]:
-    """Name the member of an ensemble in an error that does not."""
+def named(label: str, remedy: str = "") -> Iterator[None]:
+    """Name the member of an ensemble in an error that does not, and a remedy in brackets."""
     try:
         yield
     except InputError as error:
         if label in str(error):
             raise
-        raise InputError(f"the member {label} cannot be used: {error}") from error
+        raise InputError(f"the member {label} cannot be used{remedy}: {error}") from error
 
 
 def _place(path: str | Path, part: Part) -> Path:

@@ -289,7 +289,7 @@ def _load_one(
         set_shells(scene, dispersion(table.get("air") or {}, wavelength))
         table = table_at(table, wavelength)
     prepared = integrator.prepare(scene)
-    part = read_part(file.part_path).transformed(file.part_to_world)
+    part = read_part(file.part_path, length_unit="mm").transformed(file.part_to_world)
     warn_of_another_part(file, part, table)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()

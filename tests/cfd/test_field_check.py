@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,12 @@ from numpy.testing import assert_allclose
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.air.refractivity import Air
-from iriftrace.cfd.check.check import check_field
+from iriftrace.cfd.check.check import _set_temperatures, check_field
 from iriftrace.cfd.check.finding import FieldCheck, share_through_open_sides
 from iriftrace.cfd.check.nusselt import horizontal_cylinder_diameter
 from iriftrace.cfd.check.wall import gradient_errors, wall_state
 from iriftrace.cli import main
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.index_field import FieldSource, IndexField
 from iriftrace.field.read import read_field
 from iriftrace.part.part import Part, read_part
@@ -230,3 +231,109 @@ def test_wrong_options_end_with_one_sentence(
     assert main(["field", "check", str(CYLINDER_A), part, *given]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def two_temperatures(folder: Path) -> tuple[Path, Path]:
+    """The hot block whose upper side has 1000 K in place of `hot_block.WALL`; field and part."""
+    field, part = hot_block.save(folder)
+    grid = pv.read(field)
+    points = np.asarray(grid.points)
+    upper = (points[:, 2] > hot_block.HALF - 1e-6) & (np.abs(points) < hot_block.HALF + 1e-6).all(1)
+    grid.point_data["T"][upper] = 1000.0
+    grid.save(field)
+    return field, part
+
+
+REGIONS = ["--region-temperature", "plane +z=1000 K"]
+
+
+def test_regions_have_temperatures_of_their_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    field, part = two_temperatures(tmp_path)
+    wall = ["--wall-temperature", f"{hot_block.WALL} K"]
+    words = ["field", "check", str(field), str(part), "-o", str(tmp_path / "check.json")]
+
+    def verdict(*options: str) -> tuple[str, float]:
+        assert main([*words, *options]) == 0
+        findings = json.loads((tmp_path / "check.json").read_text())["findings"]
+        found = next(f for f in findings if f["name"] == "wall temperature")
+        return found["verdict"], found["numbers"]["worst_k"]
+
+    assert verdict(*wall) == ("bad", pytest.approx(hot_block.WALL - 1000.0))
+    # Points on the upper edges are as near to one region as to another.
+    assert verdict(*wall, *REGIONS, "--transition", "0 mm")[1] < 294.0
+    field_, part_ = read_field(field), read_part(part)
+    temperatures = {"plane +z": 1000.0}
+    set_k = _set_temperatures(field_, part_, hot_block.WALL, temperatures, 0.0)
+    assert set_k is not None
+    points = np.asarray(field_.wall.points)
+    inner = points[:, 2] < hot_block.HALF - 1e-6
+    assert_allclose(set_k[inner], hot_block.WALL)
+    middle = np.abs(points[:, :2]).max(axis=1) < hot_block.HALF - 1e-6
+    assert_allclose(set_k[~inner & middle], 1000.0)
+    capsys.readouterr()
+    assert main([*words, *wall, "--region-temperature", "lid=1000 K"]) == 2
+    assert 'no region "lid"; its regions are' in capsys.readouterr().err
+    assert main([*words, *REGIONS]) == 2
+    assert "the rest of the wall has none; give wall_temperature_k" in capsys.readouterr().err
+
+
+def test_temperatures_of_the_case_beside_the_field_are_the_default(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    field, part = two_temperatures(tmp_path)
+    record = {
+        "part_bounds_mm": read_part(part).bounds.tolist(),
+        "wall_k": hot_block.WALL,
+        "regions_k": {"plane +z": 1000.0},
+        "transition_mm": 0.0,
+    }
+    file = tmp_path / "case.json"
+    words = ["field", "check", str(field), str(part), "-o", str(tmp_path / "check.json")]
+
+    def found() -> float:
+        assert main(words) == 0
+        findings = json.loads((tmp_path / "check.json").read_text())["findings"]
+        numbers = next(f["numbers"] for f in findings if f["name"] == "wall temperature")
+        return float(numbers["share_within"])
+
+    alone = found()
+    file.write_text(json.dumps(record))
+    capsys.readouterr()
+    with_case = found()
+    assert with_case > alone
+    assert "are those of" in " ".join(capsys.readouterr().out.split())
+    for other in (record | {"part_bounds_mm": [[0, 0, 0], [1, 1, 1]]}, {"some": "file"}, [1]):
+        file.write_text(json.dumps(other))
+        assert found() == alone
+
+
+def test_one_heat_flow_is_told_and_the_others_in_brackets(
+    simulated: tuple[IndexField, FieldCheck], cylinder: Part
+) -> None:
+    field, check = simulated
+    by_gradient = finding(check, "heat from the wall")["heat_w"]
+    source = evolve(field.source, wall_heat_w=0.9 * by_gradient)
+    counted = check_field(evolve(field, source=source), cylinder)
+    (heat,) = (found for found in counted.findings if found.name == "heat from the wall")
+    assert heat.value == f"{0.9 * by_gradient:.4g} W"
+    assert f"counted by the solver ({by_gradient:.4g} W by the gradient at the wall)" in heat.remark
+    assert heat.numbers["heat_by_gradient_w"] == by_gradient
+
+
+def test_regions_that_the_field_does_not_reach_are_named(tmp_path: Path) -> None:
+    """A half of the air around the block: the two halves of the sides, and one side as a whole."""
+    field, part = hot_block.save(tmp_path)
+    grid = pv.read(field)
+    centres = np.asarray(grid.cell_centers().points)
+    grid.extract_cells(np.flatnonzero(centres[:, 0] > 0.0)).save(tmp_path / "half.vtu")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IriftraceWarning)
+        check = check_field(read_field(tmp_path / "half.vtu"), read_part(part))
+    (covered,) = (found for found in check.findings if found.name == "part in the field")
+    missing = covered.numbers["missing_of_region"]
+    assert missing["plane -x"] == pytest.approx(1.0)
+    assert missing["plane +y"] == pytest.approx(0.5, abs=0.05)
+    assert "plane +x" not in missing
+    assert "missing at plane -x 100%, plane " in covered.remark

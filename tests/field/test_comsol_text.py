@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import pyvista as pv
 from numpy.testing import assert_allclose
 
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.field.readers.members import members
@@ -265,3 +266,100 @@ def test_points_that_are_listed_again_are_used_once(tmp_path: Path, part: Part) 
     with pytest.warns(IriftraceWarning, match="50 points again"):
         field = read_field(path, part=part)
     assert field.grid.n_points == len(points)
+
+
+def as_spreadsheet_program(line: str) -> str:
+    """A line of a header as spreadsheet programs save it again."""
+    key, value = line.removeprefix("% ").split(":", 1)
+    return f'"% {key}";"{value.strip()}";;'
+
+
+HEADERS = {
+    "comma": lambda line: line.replace(": ", ",", 1),
+    "semicolon": lambda line: line.replace(":", ";", 1),
+    "tab": lambda line: line.replace(":", "\t", 1),
+    "equals sign": lambda line: line.replace(":", " =", 1),
+    "blanks": lambda line: line.replace(":", " ", 1),
+    "number sign": lambda line: line.replace("%", "#", 1),
+    "capitals": lambda line: line.replace(":", ",", 1).upper().replace(", M", ", m"),
+    "quotation marks": as_spreadsheet_program,
+}
+
+
+def metre_table(path: Path, header: str) -> Path:
+    """The box in m as a .csv, with the keys of its header written in another way."""
+    comsol.spreadsheet(path, POINTS / 1e3, {"T (K)": KELVIN}, separator=",", length_unit="m")
+    lines = path.read_text().splitlines()
+    keys = [k for k, line in enumerate(lines) if re.match(r"% (Length|Nodes|Expr)", line)]
+    for k in keys:
+        lines[k] = HEADERS[header](" ".join(lines[k].split()))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_keys_of_a_header_are_read_whatever_follows_them(tmp_path: Path, header: str) -> None:
+    field = read_field(metre_table(tmp_path / "f.csv", header))
+    assert_the_box(field)
+    assert field.source.length_unit == "m"
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_a_table_with_fewer_rows_than_its_header_counts_is_refused(
+    tmp_path: Path, header: str
+) -> None:
+    path = metre_table(tmp_path / "f.csv", header)
+    path.write_text("\n".join(path.read_text().splitlines()[:90]) + "\n")
+    with pytest.raises(InputError, match="counts 125 nodes, but the file has 81: it was cut short"):
+        read_field(path)
+
+
+@pytest.mark.parametrize("layout", ["spreadsheet", "sectionwise", "grid"])
+def test_a_file_with_fewer_results_than_its_header_counts_is_refused(
+    tmp_path: Path, layout: str
+) -> None:
+    path, columns = tmp_path / "f.txt", {"T (K)": KELVIN}
+    match layout:
+        case "spreadsheet":
+            comsol.spreadsheet(path, POINTS, columns)
+        case "sectionwise":
+            comsol.sectionwise(path, POINTS, TETRAHEDRA, columns)
+        case _:
+            comsol.grid(path, [np.unique(axis) for axis in POINTS.T], columns)
+    text = path.read_text()
+    path.write_text(re.sub("(Expressions: +)1", r"\g<1>3", text))
+    with pytest.raises(InputError, match="counts 3 expressions, but the file has 1"):
+        read_field(path)
+    path.write_text(re.sub("(Nodes: +)125", r"\g<1>130", text))
+    with pytest.raises(InputError, match="counts 130 nodes, but the file has 125"):
+        read_field(path)
+
+
+def test_an_expression_of_several_states_counts_once_or_once_a_state(tmp_path: Path) -> None:
+    columns = {f"T (K) @ t={time}": KELVIN for time in (1, 2, 3)}
+    path = comsol.spreadsheet(tmp_path / "f.txt", POINTS, columns)
+    assert_the_box(read_field(path, member=2))
+    path.write_text(re.sub("(Expressions: +)3", r"\g<1>1", path.read_text()))
+    assert_the_box(read_field(path, member=2))
+
+
+def test_header_and_axes_that_state_different_units_of_length_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "f.csv"
+    axes = ("x (m)", "y (m)", "z (m)")
+    comsol.spreadsheet(path, POINTS, {"T (K)": KELVIN}, separator=",", axes=axes)
+    with pytest.raises(InputError, match=r"several units of its coordinates \(mm, m, m, m\)"):
+        read_field(path)
+
+
+@pytest.mark.parametrize("unit", [" [ m ]", " [m]", "[m]"])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_units_in_square_brackets(tmp_path: Path, unit: str, separator: str) -> None:
+    names = [f"{name}{unit}" for name in "XYZ"] + [f"Temperature{unit.replace('m', 'K')}"]
+    rows = np.column_stack([POINTS / 1e3, KELVIN]).tolist()
+    lines = ["[Name]", "air", "", "[Data]", f"{separator} ".join(names)]
+    lines += [f"{separator} ".join(map(repr, row)) for row in rows]
+    path = tmp_path / "f.csv"
+    path.write_text("\n".join(lines))
+    field = read_field(path)
+    assert_the_box(field)
+    assert field.source.length_unit == "m"

@@ -99,6 +99,37 @@ def test_a_unit_that_was_given_by_mistake_is_taken_back(hot_box: IndexField) -> 
         fit_part_to_field(evolve(hot_box, source=source), part)
 
 
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1e3, "m"), (10.0, "cm"), (25.4, "inch"), (1e-3, "mm")]
+)
+@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (3.0, -5.0, 20.0)])
+def test_a_field_in_another_unit_than_its_file_states_is_scaled(
+    hot_box: IndexField, centre: tuple[float, float, float], factor: float, unit: str
+) -> None:
+    """A mesh built in mm that OpenFOAM takes for m: no other unit can be given, none is named."""
+    part = box_part(centre=centre)
+    source = evolve(hot_box.source, length_unit=unit, unit_stated=True)
+
+    def scaled(scale: float) -> IndexField:
+        grid = hot_box.grid.copy()
+        grid.points = np.asarray(grid.points, dtype=np.float64) * scale
+        return evolve(hot_box, grid=grid, source=source)
+
+    with pytest.raises(InputError, match="field-transform") as caught:
+        fit_part_to_field(scaled(factor), part)
+    assert "length-unit" not in str(caught.value)
+    scale = str(caught.value).split('--field-transform "scale ')[1].split('"')[0]
+    shift = str(caught.value).partition('--part-transform "')[2].split('"')[0]
+    mended = part.transformed(parse_transform(shift)) if shift else part
+    assert fit_part_to_field(scaled(factor * float(scale)), mended).gap_p95_mm < 0.01
+
+
+def test_a_part_in_metres_beside_a_field_that_states_metres(hot_box: IndexField) -> None:
+    source = evolve(hot_box.source, length_unit="m", unit_stated=True)
+    with pytest.raises(InputError, match="boxes agree with --length-unit m "):
+        fit_part_to_field(evolve(hot_box, source=source), box_part(half=HALF * 1e-3))
+
+
 def test_swapped_axes_are_named_and_the_advice_works(hot_box: IndexField) -> None:
     """A y-up part: the named transform must bring it into place."""
     lying = box_part(half=HALF[[0, 2, 1]])
@@ -164,6 +195,8 @@ def test_field_without_cavity_is_usable_but_unchecked() -> None:
     assert fit.wall_temperature_k == pytest.approx(800.0, abs=1e-3)
     (message,) = fit.warnings
     assert "no cavity" in message
+    with pytest.raises(InputError, match="one of them was read in a wrong unit"):
+        fit_part_to_field(field, box_part(half=HALF * 1e-3))
     with pytest.raises(InputError, match="does not reach"):
         fit_part_to_field(field, box_part(centre=(500, 0, 0)))
 

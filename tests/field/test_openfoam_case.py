@@ -347,5 +347,6 @@ def test_a_folder_that_is_no_case(tmp_path: Path) -> None:
 
 
 def test_another_unit_of_length_is_refused(case: Path) -> None:
-    with pytest.raises(InputError, match="are in m, but the length unit given is mm"):
+    words = r"are in m, but the length unit given is mm.*--field-transform \"scale 0\.001\""
+    with pytest.raises(InputError, match=words):
         read_field(case, member=0, length_unit="mm")

@@ -61,7 +61,7 @@ def test_face_order_is_that_of_the_file(tmp_path: Path) -> None:
         source.export(tmp_path / f"ball.{suffix}")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IriftraceWarning)  # glTF declares metres
-            part = read_part(tmp_path / f"ball.{suffix}")
+            part = read_part(tmp_path / f"ball.{suffix}", length_unit="mm")
         np.testing.assert_allclose(
             part.vertices[part.faces], source.vertices[source.faces], atol=1e-5
         )
@@ -270,9 +270,23 @@ def test_doubtful_units_are_named(tmp_path: Path, box: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert read_part(tmp_path / "metres.stl", length_unit="m").bounds[1, 0] == pytest.approx(5)
-    trimesh.creation.box(extents=(10, 20, 30)).export(tmp_path / "box.glb")
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf"])
+def test_gltf_is_in_metres_by_its_standard(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"box.{suffix}"
+    scene = trimesh.Scene(trimesh.creation.box(extents=(0.01, 0.02, 0.03)))
+    if suffix == "glb":
+        scene.export(path)
+    else:
+        for name, data in trimesh.exchange.gltf.export_gltf(scene).items():
+            (tmp_path / name.replace("model", "box")).write_bytes(data)
+    for unit in (None, "m"):
+        part = read_part(path, length_unit=unit)
+        np.testing.assert_allclose(np.ptp(part.bounds, axis=0), (10, 20, 30), rtol=1e-6)
+        assert part.length_unit == "m"
     with pytest.warns(IriftraceWarning, match="declares its unit as m but is read as mm"):
-        read_part(tmp_path / "box.glb")
+        assert read_part(path, length_unit="mm").length_unit == "mm"
 
 
 def _ply(path: Path, vertices: list[tuple[float, ...]], faces: list[tuple[int, ...]]) -> Path:

@@ -530,6 +530,43 @@ def test_a_span_of_times_makes_an_ensemble_of_these(
 
 
 @pytest.mark.usefixtures("variant")
+def test_states_that_nobody_chose_are_averaged_with_a_word(
+    commanded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["scene", str(commanded / "air.pvd"), str(commanded / "block.stl"), "--layers=2"]
+    scene = str(tmp_path / "scene.xml")
+    said = "All 3 states are averaged as an ensemble, t = 0 to t = 1; choose one with --time latest"
+    assert main([*words, "-o", scene, *hot_block.CAMERA]) == 0
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert main([*words, "-o", scene, "--time=all", *hot_block.CAMERA]) == 0
+    assert "averaged" not in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("variant")
+def test_an_initial_state_without_hot_air_names_the_choice_of_a_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Time-dependent solutions begin with all air at ambient."""
+    field, part = hot_block.save(tmp_path)
+    still = hot_block.air()
+    still.point_data["T"][:] = hot_block.AMBIENT
+    still.save(tmp_path / "still.vtu")
+    sets = [
+        f'<DataSet timestep="{time}" file="{file}"/>'
+        for time, file in ((0, "still.vtu"), (1, field.name))
+    ]
+    series = tmp_path / "air.pvd"
+    series.write_text(
+        f'<VTKFile type="Collection"><Collection>{"".join(sets)}</Collection></VTKFile>'
+    )
+    words = ["scene", str(series), str(part), "--layers=2", "-o", str(tmp_path / "s/scene.xml")]
+    assert main([*words, *hot_block.CAMERA]) == 2
+    error = " ".join(capsys.readouterr().err.split())
+    assert "The member t = 0 cannot be used (choose states with --time, such as" in error
+    assert main([*words, "--time=latest", *hot_block.CAMERA]) == 0
+
+
+@pytest.mark.usefixtures("variant")
 def test_several_files_become_an_ensemble(
     commanded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

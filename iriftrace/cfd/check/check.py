@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from attrs import asdict
 from numpy.typing import ArrayLike
@@ -16,9 +18,17 @@ from iriftrace.cfd.check.wall import (
     temperature_finding,
     wall_state,
 )
+from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import is_steady
-from iriftrace.field.part_fit import LARGEST_BARE_SHARE, LARGEST_GAP_MM, fit_part_to_field
+from iriftrace.field.part_fit import (
+    LARGEST_BARE_SHARE,
+    LARGEST_GAP_MM,
+    Fit,
+    fit_part_to_field,
+)
 from iriftrace.field.read import AMBIENT_TOLERANCE_K
 from iriftrace.part.part import Part
 
@@ -28,6 +38,8 @@ def check_field(
     part: Part,
     *,
     wall_temperature_k: float | None = None,
+    region_temperatures_k: Mapping[str, float] | None = None,
+    transition_mm: float = 0.0,
     diameter_mm: float | None = None,
     camera: ArrayLike | None = None,
     steady: bool | None = None,
@@ -42,6 +54,11 @@ def check_field(
         Closed, in the field's place.
     wall_temperature_k : float, optional
         What the wall should have; by default its spread is judged.
+    region_temperatures_k : mapping, optional
+        What regions of the part should have instead, by their names.
+    transition_mm : float, optional
+        Width over which these temperatures go over into each other
+        (`iriftrace.cfd.openfoam.wall.wall_temperature`).
     diameter_mm : float, optional
         Of the horizontal cylinder with which the heat flux is compared; found for a part that is
         one.
@@ -54,19 +71,22 @@ def check_field(
     Raises
     ------
     InputError
-        Field and part do not belong together, the field has no inner boundary, or the part is not
-        closed.
+        Field and part do not belong together, the field has no inner boundary, the part is not
+        closed or has no such region, or regions have a temperature but the rest has none.
     """
     fit = fit_part_to_field(field, part)
     wall = wall_state(field, part)
+    set_k = _set_temperatures(
+        field, part, wall_temperature_k, dict(region_temperatures_k or {}), transition_mm
+    )
     if steady is None:
         steady = is_steady(field.source.origin)
     findings = [
-        temperature_finding(wall, wall_temperature_k),
+        temperature_finding(wall, set_k),
         _gap(fit.gap_median_mm, fit.gap_p95_mm),
-        _covered(fit.bare_share),
+        _covered(fit),
         layer_finding(wall),
-        heat_finding(wall, part),
+        heat_finding(wall, part, field.source.wall_heat_w),
         balance_finding(field, wall, 1.0 - fit.bare_share, steady=steady),
         nusselt_finding(wall, part, field, diameter_mm),
         _ambient(field),
@@ -90,14 +110,36 @@ def _gap(median_mm: float, p95_mm: float) -> Finding:
     )
 
 
-def _covered(bare: float) -> Finding:
+def _set_temperatures(
+    field: IndexField,
+    part: Part,
+    default_k: float | None,
+    regions_k: dict[str, float],
+    transition_mm: float,
+) -> FloatArray | None:
+    """What the points of the field's wall should have, (n,), K; None where nothing is set."""
+    if default_k is None:
+        if regions_k:
+            raise InputError(
+                "regions have a temperature, but the rest of the wall has none; give "
+                "wall_temperature_k (--wall-temperature) too."
+            )
+        return None
+    wall = WallTemperatures(default_k, regions_k, transition_mm)
+    wall.check_regions(part)
+    return wall_temperature(wall, part, np.asarray(field.wall.points, dtype=np.float64))
+
+
+def _covered(fit: Fit) -> Finding:
+    bare = fit.bare_share
+    missing = f"; missing at {fit.bare_regions}" if fit.bare_of_region else ""
     return Finding(
         "part in the field",
         f"{1.0 - bare:.1%}",
         "good" if bare <= LARGEST_BARE_SHARE else "bad",
-        "share of the part's surface on the field's wall; at the rest no hot air is known, as "
-        "where a half was solved and not mirrored",
-        {"covered": 1.0 - bare},
+        "fraction of the part's surface on the field's wall; at the rest no hot air is known, as "
+        f"where a half was solved and not mirrored{missing}",
+        {"covered": 1.0 - bare, "missing_of_region": fit.bare_of_region},
     )
 
 

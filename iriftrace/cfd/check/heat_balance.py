@@ -198,16 +198,11 @@ def _judged(
         if steady
         else "stored unknown"
     )
-    source = (
-        "by the gradient there"
-        if counted is None
-        else f"counted by the solver; {wall.heat_w:.4g} W by the gradient there"
-    )
     remark = (
-        f"{balance.leaving_w:.4g} W leave (carried {balance.carried_w:.4g}, conducted "
-        f"{balance.conducted_w:.3g}, {stored}; {low:.4g} to {high:.4g} through near and far "
-        f"surfaces), {from_wall:.4g} W come from the wall ({source}); good up to {CLOSED:.0%} off, "
-        f"doubtful up to {limit:.0%}, bad beyond; {_read(flow)}"
+        f"heat that leaves against heat from the wall ({balance.leaving_w:.4g} W leave: carried "
+        f"{balance.carried_w:.4g}, conducted {balance.conducted_w:.3g}, {stored}; {low:.4g} to "
+        f"{high:.4g} W through near and far surfaces); good up to {CLOSED:.0%} off, doubtful up to "
+        f"{limit:.0%}, bad beyond; {_read(flow)}"
     )
     if verdict == "bad":
         remark += _other_unit(balance, flow, from_wall)

@@ -137,7 +137,7 @@ def nusselt_finding(
         f"{off:+.1%} against {rule.nusselt:.2f} (horizontal cylinder of {diameter:.3g} mm, Sparrow "
         f"and Gregg's reference temperature {rule.reference_k:.0f} K), at most "
         f"{NUSSELT_TOLERANCE:.0%}; from "
-        + ("the gradient" if counted is None else f"the {counted:.4g} W that the solver counted")
+        + ("the gradient" if counted is None else "the heat that the solver counted")
         + f", and {of_cells:.2f} from the mean of the wall's cells",
         {
             "nusselt": found,

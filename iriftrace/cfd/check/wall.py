@@ -180,20 +180,32 @@ def _first_cells(grid: pv.UnstructuredGrid, wall: IntArray, normals: FloatArray)
     return height
 
 
-def temperature_finding(wall: WallState, wanted_k: float | None) -> Finding:
-    """Judge the wall's temperature against the wanted one, K, or its own median."""
+def temperature_finding(wall: WallState, set_k: FloatArray | None) -> Finding:
+    """Judge the wall's temperature against what is set, (n,) K at its points, or its own median."""
     middle = float(np.median(wall.temperature_k))
-    target = middle if wanted_k is None else wanted_k
+    target = np.full(len(wall.temperature_k), middle) if set_k is None else set_k
     off = np.abs(wall.temperature_k - target)
     share = float(np.mean(off <= WALL_TOLERANCE_K))
-    compared = "its own median" if wanted_k is None else f"the set {wanted_k:.2f} K"
+    low, high = float(target.min()), float(target.max())
+    compared = (
+        "its own median"
+        if set_k is None
+        else f"the set {high:.2f} K"
+        if low == high
+        else f"the set {low:.2f} to {high:.2f} K of its regions"
+    )
     return Finding(
         "wall temperature",
         f"{middle:.2f} K",
         "good" if share >= 0.99 else "doubtful" if share >= 0.9 else "bad",
         f"{share:.1%} of the wall's points within {WALL_TOLERANCE_K} K of {compared}; worst "
         f"{off.max():.3g} K (points at sharp edges may belong to two walls)",
-        {"median_k": middle, "target_k": target, "share_within": share, "worst_k": off.max()},
+        {
+            "median_k": middle,
+            "target_k": float(np.median(target)),
+            "share_within": share,
+            "worst_k": off.max(),
+        },
     )
 
 
@@ -213,23 +225,38 @@ def layer_finding(wall: WallState) -> Finding:
     )
 
 
-def heat_finding(wall: WallState, part: Part) -> Finding:
-    """Heat that the wall conducts into the air, and the regions with the largest flux."""
+def heat_finding(wall: WallState, part: Part, counted_w: float | None) -> Finding:
+    """Heat from the wall, as the solver counted it where that is known; regions of largest flux.
+
+    How the heat spreads over the wall is told by the gradient there in any case.
+    """
+    heat_w = wall.heat_w if counted_w is None else counted_w
+    flux = wall.flux * (heat_w / wall.heat_w if wall.heat_w > 0.0 else 1.0)
     region = part.region_of_face[wall.nearest_face]
     regions = {
-        name: float(np.average(wall.flux[region == i], weights=wall.areas[region == i]))
+        name: float(np.average(flux[region == i], weights=wall.areas[region == i]))
         for i, name in enumerate(part.region_names)
         if wall.areas[region == i].sum() > 0.0
     }
-    mean = float(np.average(wall.flux, weights=wall.areas))
+    mean = float(np.average(flux, weights=wall.areas))
     most = sorted(regions.items(), key=lambda item: -item[1])[:3]
+    source = (
+        "conducted at the wall"
+        if counted_w is None
+        else f"counted by the solver ({wall.heat_w:.4g} W by the gradient at the wall)"
+    )
     return Finding(
         "heat from the wall",
-        f"{wall.heat_w:.4g} W",
-        "-" if wall.heat_w > 0.0 else "bad",
-        f"conducted through {wall.area_mm2:.5g} mm2, mean {mean:.4g} W/m2; "
+        f"{heat_w:.4g} W",
+        "-" if heat_w > 0.0 else "bad",
+        f"{source}; {wall.area_mm2:.5g} mm2, mean {mean:.4g} W/m2; "
         + ", ".join(f"{name} {flux:.4g}" for name, flux in most),
-        {"heat_w": wall.heat_w, "flux_w_m2": mean, "regions_w_m2": regions},
+        {
+            "heat_w": heat_w,
+            "heat_by_gradient_w": wall.heat_w,
+            "flux_w_m2": mean,
+            "regions_w_m2": regions,
+        },
     )
 
 

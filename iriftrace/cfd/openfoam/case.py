@@ -23,6 +23,7 @@ _STAGES_WRITTEN = 4
 _MOST_SNAPSHOTS = 1000
 RECORD = "case.json"
 """In the case's folder: what was asked for, so that a later call goes on with the same."""
+_SAME_MM = 1e-3
 AMBIENT_RANGE = (200.0, 400.0)  # K
 PRESSURE_RANGE = (60e3, 120e3)  # Pa
 _MOST_PROCESSES = 1024
@@ -216,6 +217,25 @@ def read_record(file: Path) -> dict[str, Any]:
             "folder, or name another one."
         )
     return stored
+
+
+def recorded_wall(folder: Path, part: Part) -> WallTemperatures | None:
+    """Temperatures of the wall in the record of a case's folder; None without one for this part."""
+    file = folder / RECORD
+    if not file.is_file():
+        return None
+    try:
+        stored = read_record(file)
+        bounds = np.asarray(stored["part_bounds_mm"], dtype=np.float64)
+        same = bounds.shape == (2, 3) and np.allclose(bounds, part.bounds, atol=_SAME_MM)
+        wall = WallTemperatures(
+            float(stored["wall_k"]),
+            {str(name): float(kelvin) for name, kelvin in stored["regions_k"].items()},
+            float(stored["transition_mm"]),
+        )
+    except (InputError, KeyError, TypeError, ValueError, AttributeError):
+        return None  # a damaged file, or another program's of this name
+    return wall if same else None
 
 
 def keep_record(case: Case, folder: Path) -> None:

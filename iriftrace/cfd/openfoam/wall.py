@@ -32,12 +32,7 @@ class WallTemperatures:
 
     def check(self, part: Part, ambient_k: float) -> None:
         """Refuse what the part does not have and what no wall has, with an InputError."""
-        unknown = [name for name in self.regions if name not in part.region_names]
-        if unknown:
-            raise InputError(
-                f'{part.path} has no region "{unknown[0]}"; its regions are '
-                f"{', '.join(part.region_names)}."
-            )
+        self.check_regions(part)
         for kelvin in (self.default, *self.regions.values()):
             if not ambient_k < kelvin <= HOTTEST:
                 raise InputError(
@@ -45,12 +40,21 @@ class WallTemperatures:
                     f"the wall must be hotter than the air and at most {HOTTEST:g} K; check "
                     "number and unit."
                 )
-        if not 0.0 <= self.transition < np.inf:
-            raise InputError(f"a transition of {self.transition:g} mm is no width; give 0 or more.")
         if self.transition and len(self.of_regions(part)) < 2:
             raise InputError(
                 "a transition needs two temperatures to lie between; give one region another "
                 "temperature (--region-temperature), or leave the transition out."
+            )
+
+    def check_regions(self, part: Part) -> None:
+        """Refuse regions that the part does not have and a negative width, with an InputError."""
+        if not 0.0 <= self.transition < np.inf:
+            raise InputError(f"a transition of {self.transition:g} mm is no width; give 0 or more.")
+        unknown = [name for name in self.regions if name not in part.region_names]
+        if unknown:
+            raise InputError(
+                f'{part.path} has no region "{unknown[0]}"; its regions are '
+                f"{', '.join(part.region_names)}."
             )
 
     def of_regions(self, part: Part) -> dict[float, list[int]]:

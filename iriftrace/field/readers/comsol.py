@@ -17,6 +17,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.core.number_table import numbers, separator_of
+from iriftrace.core.units import length_factor
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.gradient import HEXAHEDRON, TETRAHEDRON
 from iriftrace.field.readers.comsol_text import (
@@ -73,19 +74,27 @@ def read(path: Path, member: int | None) -> Contents:
         data=grid,
         sha256=sha256_of(path),
         states=listed,
-        length_unit=file.length_unit or _unit_of_coordinates(file),
+        length_unit=_length_unit(file),
         units={name: column.unit or "" for name, column in names.items()},
         origin=file.origin(label),
         scattered=table.cells is None,
     )
 
 
-def _unit_of_coordinates(file: TextFile) -> str | None:
-    """Unit that the names of a spreadsheet's coordinates state, where they agree."""
-    if file.layout != "spreadsheet":
-        return None
-    stated = {c.unit for c in spreadsheet_columns(file) if c.name.lower() in AXES and c.unit}
-    return stated.pop() if len(stated) == 1 else None
+def _length_unit(file: TextFile) -> str | None:
+    """Unit of the coordinates in the header and in the names of a spreadsheet's coordinates.
+
+    An InputError where they contradict each other.
+    """
+    units = [file.length_unit] if file.length_unit else []
+    if file.layout == "spreadsheet":
+        units += [c.unit for c in spreadsheet_columns(file) if c.name.lower() in AXES and c.unit]
+    if len({length_factor(unit) for unit in units}) > 1:
+        raise InputError(
+            f"{file.path} states several units of its coordinates ({', '.join(units)}), so it is "
+            "not clear where its points are; correct its header."
+        )
+    return units[0] if units else None
 
 
 def _spreadsheet(file: TextFile) -> _Table:
@@ -97,6 +106,7 @@ def _spreadsheet(file: TextFile) -> _Table:
     axes = [names.index(axis) for axis in AXES]
     others = [k for k in range(len(columns)) if k not in axes]
     points, values, results = data[:, axes], data[:, others], [columns[k] for k in others]
+    file.check_expressions(results)
     places = [np.unique(column, return_inverse=True) for column in points.T]
     nx, ny, nz = (len(coordinates) for coordinates, _ in places)
     number = places[0][1] + nx * (places[1][1] + ny * places[2][1])
@@ -129,7 +139,9 @@ def _sectionwise(file: TextFile) -> _Table:
             f"{corners.max():g}, but it has points 1 to {len(points)}; the file is damaged, so "
             "export it again."
         )
-    return _Table(points, section_columns(file), _results(file, len(points)), cells - 1)
+    columns = section_columns(file)
+    file.check_expressions(columns)
+    return _Table(points, columns, _results(file, len(points)), cells - 1)
 
 
 def _grid(file: TextFile) -> _Table:
@@ -143,8 +155,11 @@ def _grid(file: TextFile) -> _Table:
     axes = [numbers([row], separator_of(row), file.path, "grid").ravel() for row in rows]
     z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
     points = np.stack((x.ravel(), y.ravel(), z.ravel()), axis=1)
+    file.check_count("nodes", len(points))
+    columns = section_columns(file)
+    file.check_expressions(columns)
     cells = _boxes(len(axes[0]), len(axes[1]), len(axes[2]))
-    return _Table(points, section_columns(file), _results(file, len(points)), cells)
+    return _Table(points, columns, _results(file, len(points)), cells)
 
 
 def _boxes(nx: int, ny: int, nz: int) -> IntArray:

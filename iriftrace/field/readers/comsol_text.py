@@ -1,7 +1,8 @@
 """Split COMSOL's text exports into header entries, sections of numbers and named columns.
 
-Lines that begin with % are comments: entries of the header (``% Nodes: 1000``), titles of sections
-(``% Coordinates``, ``% Data (T (K) @ t=1)``), or the names of a spreadsheet's columns.
+Lines that begin with % or # are comments: entries of the header (``% Nodes: 1000``, in .csv files
+``% Nodes,1000``), titles of sections (``% Coordinates``, ``% Data (T (K) @ t=1)``), or the names of
+a spreadsheet's columns.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ from iriftrace.field.readers.states import Column, column_of
 
 AXES = ("x", "y", "z")
 
+# After a key come a sign of any kind or, before a single word, blanks.
+_SET = r"\s*\"?\s*(?:[:;,=\t]|(?<=\s)(?=[^\s(]+$))"
 _ENTRY = re.compile(
-    r"%\s*(?P<key>Model|Version|Date|Dimension|Nodes|Elements|Expressions|Description|Length unit)"
-    r"\s*:\s*(?P<value>.*)",
+    r"[%#]*\s*\"?(?P<key>Model|Version|Date|Dimension|Nodes|Elements|Expressions|Description"
+    rf"|Length[ _]units?){_SET}\s*(?P<value>.*)",
     re.IGNORECASE,
 )
-_KIND = re.compile(r"%\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!\s*:)", re.IGNORECASE)
-_DATA_TITLE = re.compile(r"%\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
+_KIND = re.compile(rf"[%#]\s*(?P<word>Coordinates|Elements|Data|Grid)\b(?!{_SET})", re.IGNORECASE)
+_DATA_TITLE = re.compile(r"[%#]\s*Data\s*(?:\((?P<inside>.*)\))?\s*", re.IGNORECASE)
 _PADDED = re.compile(r"\s{2,}|\t")
 # An expression ends at its unit and state; names of coordinates have neither.
 _NAMED = re.compile(
@@ -39,7 +42,7 @@ _ASSIGNMENT = re.compile(r"\s*[\w.]+\s*=[^@()]*")
 class Section:
     """Rows that follow each other, with the comments right above them."""
 
-    comments: list[str]  # begin with %, but for the line with the names of a spreadsheet without %
+    comments: list[str]  # begin with % or #, but for the names of a spreadsheet without either
     rows: list[str]
 
     @property
@@ -60,7 +63,7 @@ class Section:
         place = max(k for k, found in enumerate(title) if found)
         found, below = title[place], self.titles[place + 1 :]
         inside = found["inside"] if found else None
-        return inside or (below[0].removeprefix("%").strip() if below else "")
+        return inside or (_text_of(below[0]) if below else "")
 
 
 @frozen(eq=False)
@@ -87,7 +90,7 @@ class TextFile:
     @property
     def length_unit(self) -> str | None:
         """Unit of the coordinates, where the header states it."""
-        text = self.entries.get("length unit", "")
+        text = self.entries.get("length unit", "").strip("[]() ")
         return {"µm": "um", "μm": "um", '"': "inch"}.get(text, text) or None
 
     def origin(self, state: str) -> str:
@@ -126,14 +129,25 @@ class TextFile:
                 "the file again."
             ) from None
 
-    def check_count(self, key: str, found: int) -> None:
-        """Refuse a file that has not as many ``"nodes"`` or ``"elements"`` as its header states."""
+    def check_count(self, key: str, *found: int) -> None:
+        """Refuse a file that has not as many of a kind as its header states.
+
+        `key` is ``"nodes"``, ``"elements"`` or ``"expressions"``; `found` are the counts that fit.
+        """
         stated = self.count(key)
-        if stated is not None and found != stated:
+        if stated is not None and stated not in found:
             raise InputError(
-                f"The header of {self.path} counts {stated} {key}, but the file has {found}: it "
+                f"The header of {self.path} counts {stated} {key}, but the file has {found[0]}: it "
                 "was cut short or edited; export it again."
             )
+
+    def check_expressions(self, columns: Sequence[Column]) -> None:
+        """Refuse a file with results whose number is not that of the header's expressions.
+
+        With several states an expression is counted once, or once a state.
+        """
+        if columns:
+            self.check_count("expressions", len(columns), len({column.name for column in columns}))
 
 
 def text_file(path: Path) -> TextFile:
@@ -147,8 +161,8 @@ def text_file(path: Path) -> TextFile:
         text = raw.decode("latin-1")
     sections: list[Section] = []
     comments: list[str] = []
-    for line in filter(None, map(str.strip, text.splitlines())):
-        if line.startswith("%") or (not sections and not is_numbers(line)):
+    for line in map(_unquoted, filter(None, map(str.strip, text.splitlines()))):
+        if line.startswith(("%", "#")) or (not sections and not is_numbers(line)):
             comments.append(line)
         elif comments or not sections:
             sections.append(Section(comments, [line]))
@@ -160,7 +174,9 @@ def text_file(path: Path) -> TextFile:
     entries: dict[str, str] = {}
     for line in (line for section in sections for line in section.comments):
         if found := _ENTRY.match(line):
-            entries.setdefault(found["key"].lower(), found["value"].strip())
+            key = re.sub("length.unit.*", "length unit", found["key"].lower())
+            # Spreadsheet programs fill all rows up to the same number of columns.
+            entries.setdefault(key, found["value"].rstrip(" ,;\t").strip('" '))
     file = TextFile(path, entries, sections)
     dimension = file.count("dimension")
     if dimension is not None and dimension != 3:
@@ -169,6 +185,16 @@ def text_file(path: Path) -> TextFile:
             "revolve or extrude them to a 3D dataset in COMSOL and export that."
         )
     return file
+
+
+def _unquoted(line: str) -> str:
+    """A line with the mark of a comment before the quotation mark of its first word."""
+    return re.sub(r'^"\s*([%#]+)\s*', r'\1 "', line)
+
+
+def _text_of(comment: str) -> str:
+    """A comment without its mark."""
+    return comment.lstrip("%#").strip()
 
 
 def spreadsheet_columns(file: TextFile) -> list[Column]:
@@ -182,7 +208,7 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             f"{file.path} has no header line that names its columns (% x y z T (K)), so nothing "
             "tells which is the temperature; export it with its header."
         )
-    line = first.titles[-1].removeprefix("%").strip()
+    line = _text_of(first.titles[-1])
     separator = file.separator
     count = len(first.rows[0].strip(separator or " ").split(separator))
     names = _padded_names(line, count) if separator is None else _separated_names(line, separator)

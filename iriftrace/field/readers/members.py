@@ -15,14 +15,15 @@ from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
-from iriftrace.field.readers import comsol, openfoam, vtk_files
+from iriftrace.field.readers import comsol, ensight, openfoam, vtk_files
 from iriftrace.field.readers.states import Contents
 
 VTK = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm")
 OPENFOAM = (".foam", ".openfoam")
+ENSIGHT = (".case", ".encas")
 COMSOL_TEXT = (".txt", ".csv", ".dat")
 COMPRESSED = (".gz", ".zip", ".bz2", ".xz", ".7z")
-SUFFIXES = (*VTK, *OPENFOAM, *COMSOL_TEXT)
+SUFFIXES = (*VTK, *ENSIGHT, *OPENFOAM, *COMSOL_TEXT)
 """Suffixes of files that can hold a field; an OpenFOAM case may also be named by its folder."""
 
 
@@ -54,7 +55,7 @@ class Member:
 
 
 def kind_of(path: Path) -> str:
-    """Format of a field file: ``"vtk"``, ``"openfoam"`` or ``"comsol"``.
+    """Format of a field file: ``"vtk"``, ``"ensight"``, ``"openfoam"`` or ``"comsol"``.
 
     An InputError if the file does not exist, may not be read, is of another type, or is a folder
     that is no OpenFOAM case.
@@ -76,6 +77,8 @@ def kind_of(path: Path) -> str:
         return "comsol"
     if suffix in VTK:
         return "vtk"
+    if suffix in ENSIGHT:
+        return "ensight"
     if suffix in COMPRESSED:
         raise InputError(f"The field file {path} is compressed; unpack it first.")
     raise InputError(
@@ -90,6 +93,8 @@ def read_state(path: Path, number: int | None, *, flow: bool = False) -> Content
     with _file_errors(path):
         if kind == "openfoam":
             return openfoam.read(path, number, flow=flow)
+        if kind == "ensight":
+            return ensight.read(path, number)
         return vtk_files.read(path, number) if kind == "vtk" else comsol.read(path, number)
 
 
@@ -109,7 +114,12 @@ def members(path: str | Path) -> tuple[Member, ...]:
     path = Path(path)
     kind = kind_of(path)
     with _file_errors(path):
-        readers = {"vtk": vtk_files, "openfoam": openfoam, "comsol": comsol}
+        readers = {
+            "vtk": vtk_files,
+            "ensight": ensight,
+            "openfoam": openfoam,
+            "comsol": comsol,
+        }
         states = readers[kind].states(path)
     return tuple(Member(path, label, time, index) for index, (label, time) in enumerate(states))
 

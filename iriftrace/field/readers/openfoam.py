@@ -17,6 +17,7 @@ from iriftrace.core.files import sha256_of_list
 from iriftrace.field.arrays import quantity_of
 from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATURE, is_motion
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_piece
+from iriftrace.field.readers.openfoam_walls import set_values_of_gradients
 from iriftrace.field.readers.states import Contents, State, state_number
 from iriftrace.field.readers.vtk_process import read_case
 
@@ -208,13 +209,16 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
         for name in boundary.keys()
         if boundary[name] is not None and not _NO_VALUES.fullmatch(kinds.get(name, "patch"))
     }
+    walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
+    piece = split_piece(grid, patches, walls)
+    names = frozenset(name for name in there.intersection(grid.cell_data) if quantity_of(name))
+    set_values_of_gradients(piece, folder / time, names)
     for mesh in (grid, *patches.values()) if flow else ():
         arrays = mesh.cell_data
         if VELOCITY in arrays and TEMPERATURE in arrays:
             kelvin = np.asarray(arrays[TEMPERATURE], dtype=np.float64)[:, None]
             arrays[VELOCITY_OVER_TEMPERATURE] = np.asarray(arrays[VELOCITY], np.float64) / kelvin
-    walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
-    return split_piece(grid, patches, walls)
+    return piece
 
 
 def _patch_kinds(folder: Path) -> dict[str, str]:

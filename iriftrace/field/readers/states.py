@@ -17,6 +17,8 @@ from iriftrace.core.errors import InputError
 # In .vtu files COMSOL writes an underscore for every space: ``Temperature_@_t=0.5``.
 _STATE = re.compile(r"(?P<name>.*?\S)[\s_]*@[\s_]*(?P<state>\S.*)")
 _UNIT = re.compile(r"(?P<name>.*?\S)[\s_]+\((?P<unit>(?:[^()]|\([^()]*\))+)\)")
+# As CFD-Post and others write it; a function's argument is not in such brackets.
+_UNIT_IN_SQUARES = re.compile(r"(?P<name>.*?\S)[\s_]*\[(?P<unit>[^\[\]]+)\]")
 _TIME = re.compile(r"(?:^|[\s,])t\s*=\s*(?P<time>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 
 State = tuple[str, float | None]
@@ -62,13 +64,13 @@ class Column:
 
 
 def column_of(text: str) -> Column:
-    """Take the name of a column apart: ``T (K) @ t=0.5`` or ``Temperature_(K)_@_t=0.5``."""
+    """Split the name of a column: ``T (K) @ t=0.5``, ``Temperature_(K)_@_t=0.5`` or ``T [K]``."""
     name, state = text.strip(), ""
     if found := _STATE.fullmatch(name):
         name = found["name"]
         state = re.sub(r"([,:;])[\s_]*", r"\1 ", found["state"]).strip()
     unit = None
-    if found := _UNIT.fullmatch(name):
+    if found := _UNIT.fullmatch(name) or _UNIT_IN_SQUARES.fullmatch(name):
         name, unit = found["name"], found["unit"].strip()
     return Column(name, unit, state)
 

@@ -65,13 +65,30 @@ def _read_file(request: Request) -> Any:
             getattr(reader, f"ReadAll{kind}On")()
     else:
         reader = getattr(vtkIOXML, _XML[request["suffix"]])()
+    reader.SetFileName(request["path"])
+    return _output(reader)
+
+
+def _read_ensight(request: Request) -> Any:
+    """One time of an EnSight case; its only state where `time` is empty."""
+    from vtkmodules.vtkIOEnSight import vtkGenericEnSightReader
+
+    reader = vtkGenericEnSightReader()
+    reader.SetCaseFileName(request["path"])
+    reader.ReadAllVariablesOn()
+    if request["time"]:
+        reader.SetTimeValue(float(request["time"]))
+    return _output(reader)
+
+
+def _output(reader: Any) -> Any:
+    """What a reader has read; a ValueError with its first complaint."""
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
-    reader.SetFileName(request["path"])
     reader.Update()
     _, error, text = window.GetOutput().partition("ERROR: ")
     if error:
-        # The first complaint without the places in VTK's source and the reader's address.
+        # Without the places in VTK's source and the reader's address.
         lines = [line.partition("): ")[2] or line for line in text.splitlines()[1:]]
         raise ValueError(next(filter(None, map(str.strip, lines)), "VTK says no more"))
     return reader.GetOutput()
@@ -100,7 +117,11 @@ def _read_case(request: Request) -> Any:
     return reader.GetOutput()
 
 
-_READERS: dict[str, Callable[[Request], Any]] = {"file": _read_file, "case": _read_case}
+_READERS: dict[str, Callable[[Request], Any]] = {
+    "file": _read_file,
+    "case": _read_case,
+    "ensight": _read_ensight,
+}
 
 
 def _described(data: Any, arrays: Arrays) -> dict[str, Any] | None:

@@ -16,6 +16,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from glob import glob
 from pathlib import Path
 from threading import Lock
 from typing import Any, BinaryIO
@@ -70,6 +71,17 @@ def read_file(path: Path) -> Any:
         pieces = {path.parent / os.fsdecode(name) for name in _NAMED.findall(path.read_bytes())}
         size += sum(piece.stat().st_size for piece in pieces if os.path.isfile(piece))
     return _read(path, "file", size, suffix=suffix)[0]
+
+
+def read_ensight(path: Path, time: str) -> Any:
+    """Blocks of one time of an EnSight case (its only one: ""); an InputError if it is damaged."""
+    # The files that it names, in which asterisks stand for the number of a step.
+    words = {word.strip('"') for word in path.read_text(errors="replace").split()}
+    names = [re.sub(r"\*+", "*", word) for word in words if re.search(r"[^*/.]", word)]
+    # An absolute name replaces the folder.
+    named = {Path(file) for name in names for file in glob(str(path.parent / name))}
+    size = path.stat().st_size + sum(file.stat().st_size for file in named if file.is_file())
+    return _read(path, "ensight", size, time=time)[0]
 
 
 def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:

@@ -1,0 +1,111 @@
+"""Cells without values: what a file marks as hidden, as a copy or as not valid, and NaN."""
+
+from __future__ import annotations
+
+from typing import Any
+from warnings import warn
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+
+from iriftrace.core.arrays import BoolArray, as_float64
+from iriftrace.core.errors import InputError, IriftraceWarning
+
+# Written by VTK's probe and resampling filters: 0 where the source has no value, and less than 1
+# where a later filter has averaged such points.
+_VALID = ("vtkvalidpointmask", "vtkvalidcellmask")
+_GHOSTS = ("vtkGhostType", "vtkGhostLevels")
+_HIDDEN_POINT = 2
+"""Bit of a point's vtkGhostType; the other one marks copies, which have values."""
+
+
+@frozen(eq=False)
+class Unmarked:
+    """Cells of a data set without those that it marks."""
+
+    cells: pv.UnstructuredGrid
+    left_out: int  # marked cells
+    names: frozenset[str]  # of the arrays that mark them
+
+
+def unmarked(block: Any) -> Unmarked:
+    """Leave out cells that are ghosts of any kind or not valid, or have a corner that is hidden."""
+    grid, ghosts = _unblanked(block)
+    points = np.zeros(grid.n_points, dtype=bool)
+    cells = np.zeros(grid.n_cells, dtype=bool)
+    names: set[str] = set()
+    for data, kind, mask in ((grid.point_data, "point", points), (grid.cell_data, "cell", cells)):
+        found = {name: _not_valid(data[name]) for name in data if name.lower() in _VALID}
+        found |= {name: _ghosts(values, kind) for name, values in ghosts[kind].items()}
+        for name, marked in found.items():
+            mask |= marked
+            names.update([name] if marked.any() else [])
+    if points.any():
+        cells |= _at_corners(grid, points)
+    if cells.any():
+        grid = grid.extract_cells(np.flatnonzero(~cells))
+    return Unmarked(grid, int(np.count_nonzero(cells)), frozenset(names))
+
+
+def without_gaps(grid: Any, name: str, path: str) -> pv.UnstructuredGrid:
+    """The grid without cells at which an array is NaN, with a warning that counts them.
+
+    The grid itself where there are none. An InputError if no cell is left.
+    """
+    at_points = name in grid.point_data
+    missing = np.isnan(as_float64(grid.point_data[name] if at_points else grid.cell_data[name]))
+    if not missing.any():
+        unchanged: pv.UnstructuredGrid = grid
+        return unchanged
+    cells = _at_corners(grid, missing) if at_points else missing
+    what = f"{path} has no number (NaN) for {name!r} at "
+    places = "points" if at_points else "cells"
+    if cells.all():
+        raise InputError(
+            f"{what}{np.count_nonzero(missing)} of {len(missing)} {places}, which leaves no cell; "
+            "export a dataset with a solution."
+        )
+    there = f"the {np.count_nonzero(cells)} cells there" if at_points else "they"
+    warn(
+        f"{what}{np.count_nonzero(missing)} of {len(missing)} {places}; {there} are left out, and "
+        "rays stay straight there.",
+        IriftraceWarning,
+        stacklevel=3,
+    )
+    left: pv.UnstructuredGrid = grid.extract_cells(np.flatnonzero(~cells))
+    return left
+
+
+def _at_corners(grid: Any, points: BoolArray) -> BoolArray:
+    """Mask (c,) of the cells that have a corner among the masked (n,) points."""
+    starts = np.asarray(grid.cell_offsets, dtype=np.int64)
+    cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))
+    mask = np.zeros(grid.n_cells, dtype=bool)
+    mask[cell[points[np.asarray(grid.cell_connectivity)]]] = True
+    return mask
+
+
+def _unblanked(block: Any) -> tuple[Any, dict[str, dict[str, Any]]]:
+    """All cells as an unstructured grid, and the marks of ghosts of its points and cells.
+
+    VTK takes away marked cells of images by itself, uncounted and only of some kinds.
+    """
+    shown = block.copy(deep=False)
+    ghosts: dict[str, dict[str, Any]] = {}
+    for kind, data in (("point", shown.point_data), ("cell", shown.cell_data)):
+        ghosts[kind] = {name: np.array(data.pop(name)) for name in _GHOSTS if name in data}
+    if not isinstance(shown, pv.UnstructuredGrid):
+        shown = shown.cast_to_unstructured_grid()
+    return shown, ghosts
+
+
+def _ghosts(values: Any, kind: str) -> BoolArray:
+    marks = np.asarray(values).astype(np.int64)
+    mask: BoolArray = (marks & _HIDDEN_POINT) != 0 if kind == "point" else marks != 0
+    return mask
+
+
+def _not_valid(values: Any) -> BoolArray:
+    mask: BoolArray = ~(as_float64(values) >= 1.0)
+    return mask

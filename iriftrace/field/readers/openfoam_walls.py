@@ -1,0 +1,219 @@
+"""Values at OpenFOAM's boundaries whose files state a gradient instead of a value.
+
+VTK gives the faces of such patches the values of the cells next to them, but a heated wall of type
+``fixedGradient`` may be hundreds of kelvin hotter.
+"""
+
+from __future__ import annotations
+
+import gzip
+import re
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from warnings import warn
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.readers.openfoam_mesh import Piece
+
+Entries = dict[str, Any]
+"""Entries of a dictionary: texts, arrays of scalars, or entries of their own."""
+
+_OF_THE_CELL = {"zeroGradient", "slip"}
+"""Types of patches whose faces have the value of the cell."""
+
+_MIXED = ("refValue", "refGradient", "valueFraction")
+"""What a mixed condition states: value = f refValue + (1 - f) (cell + refGradient distance)."""
+
+_TOKEN = re.compile(
+    rb"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/|\#[^\n]*)
+    |(?P<list>List<(?P<kind>\w+)>\s*(?P<count>\d+)\s*(?P<open>[({]))
+    |(?P<word>"[^"]*"|[{};]|[^\s{};"]+)""",
+    re.DOTALL | re.VERBOSE,
+)
+
+
+def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -> None:
+    """Compute the values of patches for which the files of fields state a gradient.
+
+    `folder` is that of the time, `names` are the fields to look at. An InputError for a wall with
+    neither value nor gradient; a warning for other patches.
+    """
+    for name in sorted(names):
+        stated = boundary_entries(folder / name)
+        for patch, mesh in piece.patches.items():
+            entries = _of_patch(stated, patch)
+            # What macros stand for is left to VTK.
+            if "value" in entries or "type" not in entries or not mesh.n_cells:
+                continue
+            if entries["type"] not in _OF_THE_CELL:
+                _set_value(piece, patch, name, entries, folder / name)
+
+
+def boundary_entries(file: Path) -> Entries:
+    """What a field's file states for its patches, by their names or, in quotes, patterns."""
+    packed = file.with_name(f"{file.name}.gz")
+    try:
+        data = gzip.decompress(packed.read_bytes()) if packed.is_file() else file.read_bytes()
+        body = data.rpartition(b"boundaryField")[2]
+        entries = _dictionary(_tokens(body, _bytes_of_scalars(data)))
+    except (ValueError, IndexError, RecursionError, zlib.error) as error:
+        raise InputError(
+            f"The boundary values in {file} cannot be read ({error}); a solver that was stopped "
+            "leaves such files, so choose another time (--time)."
+        ) from error
+    return next((value for value in entries.values() if isinstance(value, dict)), {})
+
+
+def _bytes_of_scalars(data: bytes) -> int:
+    """Bytes of a scalar in lists; 0 where they are text."""
+    head = data.partition(b"}")[0]
+    if not re.search(rb"format\s+binary", head):
+        return 0
+    return 4 if b"scalar=32" in head else 8
+
+
+def _tokens(data: bytes, width: int) -> Iterator[str | FloatArray]:
+    """Words, signs and lists of scalars of a dictionary."""
+    place = 0
+    while place < len(data) and (found := _TOKEN.match(data, place)):
+        place = found.end()
+        if found["word"]:
+            yield found["word"].decode(errors="replace")
+        elif found["list"]:
+            count, place, end = int(found["count"]), place, place
+            if found["open"] == b"{" or not width or found["kind"] != b"scalar":
+                end = data.index(b"}" if found["open"] == b"{" else b")", place)
+                values = np.array(data[place:end].split(), dtype=np.float64)
+                yield np.broadcast_to(values[0], count) if found["open"] == b"{" else values
+            else:
+                end = place + count * width
+                yield np.frombuffer(data[place:end], dtype=f"<f{width}").astype(np.float64)
+            place = end + 1
+
+
+def _dictionary(tokens: Iterator[str | FloatArray]) -> Entries:
+    """Entries up to the closing brace."""
+    entries: Entries = {}
+    words: list[str | FloatArray] = []
+    for token in tokens:
+        if isinstance(token, str) and token == "{":
+            entries[str(words[0]) if words else ""] = _dictionary(tokens)
+            words = []
+        elif isinstance(token, str) and token == ";":
+            if words:
+                entries[str(words[0])] = words[-1] if len(words) > 1 else ""
+            words = []
+        elif isinstance(token, str) and token == "}":
+            break
+        else:
+            words.append(token)
+    return entries
+
+
+def _of_patch(stated: Entries, patch: str) -> Entries:
+    """Entries of a patch: under its name, else under the last pattern that fits."""
+    patterns = [key for key in stated if key.startswith('"') and _fits(key, patch)]
+    found = stated.get(patch, stated[patterns[-1]] if patterns else {})
+    return found if isinstance(found, dict) else {}
+
+
+def _fits(pattern: str, patch: str) -> bool:
+    """True for a pattern in quotes that a patch's name matches."""
+    try:
+        return re.fullmatch(pattern.strip('"'), patch) is not None
+    except re.error:
+        return False
+
+
+def _set_value(piece: Piece, patch: str, name: str, entries: Entries, file: Path) -> None:
+    """Replace VTK's values on one patch."""
+    mesh = piece.patches[patch]
+    gradient = _numbers(entries.get("gradient"), mesh.n_cells, file)
+    mixed = [_numbers(entries.get(key), mesh.n_cells, file) for key in _MIXED]
+    if gradient is None and any(values is None for values in mixed):
+        _refuse_or_warn(patch in piece.walls, patch, name, str(entries["type"]), file)
+        return
+    owner = _owners(piece.grid, mesh)
+    cell = np.asarray(piece.grid.cell_data[name], dtype=np.float64)[owner]
+    distance = _distances(mesh, piece.centres[owner])
+    value, slope, fraction = (0.0, gradient, 0.0) if gradient is not None else mixed
+    mesh.cell_data[name] = fraction * value + (1.0 - fraction) * (cell + slope * distance)
+
+
+def _refuse_or_warn(wall: bool, patch: str, name: str, kind: str, file: Path) -> None:
+    what = f"{file} states neither a value nor a gradient of {name} on the "
+    if wall:
+        raise InputError(
+            f"{what}wall {patch} (type {kind}), so what the air has there is not known; choose a "
+            "time that the solver has written (--time), or add a `value` there."
+        )
+    warn(
+        f"{what}patch {patch} (type {kind}); the values of the cells next to it are used.",
+        IriftraceWarning,
+        stacklevel=8,
+    )
+
+
+def _numbers(stated: Any, count: int, file: Path) -> Any:
+    """One number or (count,) numbers of an entry; None where it states none."""
+    if stated is None or isinstance(stated, dict):
+        return None
+    if isinstance(stated, np.ndarray):
+        if len(stated) != count:
+            raise InputError(
+                f"{file} lists {len(stated)} values for a patch of {count} faces; it is damaged, "
+                "so choose another time (--time)."
+            )
+        return stated
+    try:
+        return float(stated)
+    except ValueError:
+        return None
+
+
+def _owners(grid: Any, patch: Any) -> IntArray:
+    """Number of the cell behind each face of a patch, (f,): the one that has all its corners."""
+    face, corner = _corners(patch)
+    near = cKDTree(np.asarray(grid.points)).query(np.asarray(patch.points))[1][corner]
+    starts = np.asarray(grid.cell_offsets, dtype=np.int64)
+    cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))
+    of_cells = np.asarray(grid.cell_connectivity, dtype=np.int64)
+    shape = (patch.n_cells, grid.n_points)
+    faces = csr_array((np.ones(len(face), dtype=np.int32), (face, near)), shape=shape)
+    cells = csr_array(
+        (np.ones(len(cell), dtype=np.int32), (of_cells, cell)), shape=(grid.n_points, grid.n_cells)
+    )
+    common = (faces @ cells).tocsr()
+    owner: IntArray = np.asarray(common.argmax(axis=1)).ravel().astype(np.int64)
+    return owner
+
+
+def _distances(patch: Any, centres: FloatArray) -> FloatArray:
+    """Distance (f,) of the faces' planes from the (f, 3) centres of their cells."""
+    face, corner = _corners(patch)
+    points = np.asarray(patch.points, dtype=np.float64)[corner]
+    first = np.flatnonzero(np.diff(face, prepend=-1))
+    count = np.diff(np.append(first, len(face)))
+    middle = np.add.reduceat(points, first) / count[:, None]
+    following = np.arange(len(face)) + 1
+    following[np.append(first, len(face))[1:] - 1] = first
+    arms = points - middle[face]
+    area = np.add.reduceat(np.cross(arms, arms[following]), first)
+    normal = area / np.linalg.norm(area, axis=1, keepdims=True)
+    distance: FloatArray = np.abs(np.einsum("ij,ij->i", normal, middle - centres))
+    return distance
+
+
+def _corners(patch: Any) -> tuple[IntArray, IntArray]:
+    """Face and point number of every corner."""
+    polygons = patch.GetPolys()
+    starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
+    corners = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
+    return np.repeat(np.arange(len(starts) - 1), np.diff(starts)), corners
