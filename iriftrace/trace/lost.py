@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.image.aov_image import Status
 from iriftrace.image.metrics import RayCounts
 
 LIMIT = 0.005
@@ -22,9 +21,9 @@ def warn_of_lost_rays(rays: RayCounts) -> None:
     if rays.lost_fraction > LIMIT:
         warnings.warn(
             f"{rays.lost:,} of {rays.hit:,} hits ({rays.lost_fraction:.1%}) have no reliable "
-            f"refracted ray ({rays.index_mismatch:,} with {Status.INDEX_MISMATCH.text}, "
-            f"{rays.gave_up:,} {Status.GAVE_UP.text}), so these pixels have no displacement; "
-            f"{REMEDY}.",
+            f"refracted ray ({rays.index_mismatch:,} with inconsistent index steps or deflection, "
+            f"status 5; {rays.gave_up:,} lost on the way, status 6), so these pixels have no "
+            f"displacement; {REMEDY}.",
             IriftraceWarning,
             stacklevel=3,
         )
