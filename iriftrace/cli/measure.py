@@ -135,7 +135,8 @@ def correct(
     scene: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected.vtp"),
-    length_unit: str = "mm",
+    length_unit: str | None = None,
+    columns: Annotated[str | None, Parameter(negative=())] = None,
     cloud_to_part: Path | None = None,
     system: System = None,
     phase: Phase = None,
@@ -161,7 +162,10 @@ def correct(
         The corrected cloud, .vtp or .ply, in mm in the scene's frame; its numbers (.json) go
         beside it.
     length_unit
-        Unit of the cloud.
+        Unit of the cloud; by default that in the names of its columns, metre of an .e57, else mm.
+    columns
+        Columns x, y and z of a text file, .ply or .vtp, by name or by number from 1: "Actual
+        X,Actual Y,Actual Z" or "2,3,4". By default those whose names are x, y and z.
     cloud_to_part
         Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
     field_uncertainty
@@ -179,7 +183,8 @@ def correct(
     check_output(output, "corrected.vtp", ".ply")
     check_kept(output, cloud)
     check_numbers(output, "iriftrace.correction")
-    points = read_cloud(cloud, length_unit=length_unit)
+    chosen = None if columns is None else columns.split(",")
+    points = read_cloud(cloud, length_unit=length_unit, columns=chosen)
     if cloud_to_part is not None:
         motion = parse_transform(str(cloud_to_part))
         points = apply(rigid_motion(motion, str(cloud_to_part)), points)

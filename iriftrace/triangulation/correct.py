@@ -281,14 +281,18 @@ def correct(
         )
     members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.
-    order = places_in_tiles(camera.project(measured))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixel, second_pixel = (device.project(measured) for device in (camera, second))
+    order = places_in_tiles(pixel)
+    # Neither behind a device nor so far beside its picture that its lens has no ray there.
+    order = order[np.isfinite(np.hstack((pixel, second_pixel))[order]).all(axis=1)]
     scenes, shares, statuses, faces = [], [], [], []
     for member in members:
         scenes.append(field_where_needed(member, (camera, second), measured))
-        shares.append(np.empty_like(measured))
-        statuses.append(np.empty(len(measured), dtype=np.int64))
-        faces.append(np.empty(len(measured), dtype=np.int64))
-        for rows in np.array_split(order, math.ceil(len(order) / PIECE)):
+        shares.append(np.zeros_like(measured))
+        statuses.append(np.full(len(measured), CorrectionStatus.FAR_FROM_PART, dtype=np.int64))
+        faces.append(np.full(len(measured), -1))
+        for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
             shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _air_share(
                 measured[rows], scenes[-1], camera, second, system, phase
             )
