@@ -1,4 +1,4 @@
-"""Camera calibrations that OpenCV wrote, as YAML or JSON.
+"""Camera calibrations that OpenCV or a program like it wrote, as YAML, XML or JSON.
 
 OpenCV knows lengths in pixels only: a focal length of 3650 px is that of a 10 mm lens before pixels
 of 2.74 um as well as of any other with the same ratio. All rays are the same; only the size of a
@@ -8,7 +8,10 @@ pixel turns them into the focal length and the sensor's size that results state.
 from __future__ import annotations
 
 import json
+import re
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,7 @@ from iriftrace.core.errors import InputError
 LARGEST_PIXEL_MM = 0.5
 """No camera has such; a number of this size is one in micrometres."""
 
+# Whatever their case: OpenCV 2.4 wrote Camera_Matrix, ROS 2 writes k.
 _MATRIX = ("camera_matrix", "cameraMatrix", "K")
 _DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D")
 _WIDTH = ("image_width", "imageWidth", "width")
@@ -33,7 +37,11 @@ _TRANSLATION = ("tvec", "translation_vector", "T", "t", "translation")
 _VIEWS = ("extrinsic_parameters",)
 _OF_TWO = ("M1", "cameraMatrix1", "camera_matrix_1", "K1", "M2", "K2")
 _FISHEYE = ("fisheye_model", "fisheye")
-_MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv")
+_PROJECTION = ("P", "projection_matrix")
+_RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential")
+"""Names of k1, k2, p1, p2 in Kalibr and its like."""
+
+_MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv", *_RADTAN)
 
 
 @frozen(eq=False, kw_only=True)
@@ -101,7 +109,7 @@ def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration
     Parameters
     ----------
     path : path
-        YAML or JSON.
+        YAML, XML or JSON.
     length_mm : float
         Length unit of the translation, mm.
 
@@ -171,26 +179,50 @@ def _content(path: Path) -> Mapping[str, Any]:
             f"The calibration {path} is no text; give the YAML or JSON that OpenCV's FileStorage "
             "wrote."
         ) from error
-    if text.lstrip().startswith("<"):
-        raise InputError(
-            f"The calibration {path} is XML, which is not read; write it as YAML or JSON (name the "
-            "file .yaml when FileStorage writes it)."
-        )
     try:
-        if text.lstrip().startswith("{"):
+        if text.lstrip().startswith("<"):
+            content: Any = _xml_values(text)
+        elif text.lstrip().startswith("{"):
             content = json.loads(text)
         else:
-            # OpenCV's first line, "%YAML:1.0", is not YAML.
-            first, _, rest = text.partition("\n")
-            content = yaml.load(rest if first.startswith("%YAML") else text, Loader=_MatrixLoader)
-    except (ValueError, RecursionError, yaml.YAMLError) as error:
+            content = _yaml_values(text)
+    except (ValueError, RecursionError, yaml.YAMLError, ElementTree.ParseError) as error:
         raise InputError(
-            f"{path} is neither YAML nor JSON ({' '.join(str(error).split())}); give the file that "
-            "OpenCV's FileStorage wrote."
+            f"{path} is neither YAML, XML nor JSON of a calibration "
+            f"({' '.join(str(error).split())}); give the file that OpenCV's FileStorage wrote."
         ) from error
     if not isinstance(content, Mapping):
         raise InputError(f"{path} holds no named values; give a camera calibration of OpenCV.")
     return content
+
+
+_NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)
+
+
+def _yaml_values(text: str) -> Any:
+    """The one document of a YAML file; `rostopic echo` ends it with a line of its own."""
+    # OpenCV's first line, "%YAML:1.0", is not YAML, and neither is key:value.
+    first, _, rest = text.partition("\n")
+    plain = _NO_BLANK.sub(r"\1: ", rest if first.startswith("%YAML") else text)
+    documents = [one for one in yaml.load_all(plain, Loader=_MatrixLoader) if one is not None]
+    if len(documents) > 1:
+        raise ValueError(f"it has {len(documents)} documents instead of one")
+    return documents[0] if documents else None
+
+
+def _xml_values(text: str) -> dict[str, Any]:
+    """Named values of OpenCV's XML, matrices as mappings with ``data``."""
+    if "<!ENTITY" in text:
+        raise ValueError("it has entities, which no calibration needs")
+    root = ElementTree.fromstring(text)
+    if root.tag != "opencv_storage":
+        raise ValueError(f"its XML is <{root.tag}> and not OpenCV's <opencv_storage>")
+    return {
+        entry.tag: {"data": (entry.findtext("data") or "").split()}
+        if entry.find("data") is not None
+        else (entry.text or "").strip().strip('"')
+        for entry in root
+    }
 
 
 @frozen(eq=False)
@@ -204,7 +236,10 @@ class _File:
         return InputError(f"The calibration {self.path}: {fault}.")
 
     def named(self, names: tuple[str, ...]) -> Any:
-        return next((self.content[name] for name in names if name in self.content), None)
+        folded = {str(name).casefold(): value for name, value in self.content.items()}
+        exact = (self.content[name] for name in names if name in self.content)
+        any_case = (folded[name.casefold()] for name in names if name.casefold() in folded)
+        return next(chain(exact, any_case), None)
 
     def array(self, names: tuple[str, ...], counts: tuple[int, ...] = ()) -> FloatArray:
         """Numbers of a matrix, flat; how many there may be (any when empty)."""
@@ -237,6 +272,11 @@ class _File:
                 f"{_DISTORTION[0]}: [0, 0, 0, 0]"
             )
         values = self.array(_DISTORTION)
+        if self.model() in _RADTAN and len(values) != 4:
+            raise self.wrong(
+                f"the lens model {self.model()!r} has four coefficients, k1, k2, p1, p2, but the "
+                f"file has {len(values)}; name the model of these"
+            )
         if values[8:].any():
             raise self.wrong(
                 f"{len(values)} distortion coefficients with thin prism or tilt terms are given, "
@@ -247,15 +287,19 @@ class _File:
         except InputError as error:
             raise self.wrong(str(error).rstrip(".")) from error
 
+    def model(self) -> str:
+        """Lens model that the file names, in lower case; "" for none."""
+        return str(self.named(("distortion_model", "camera_model")) or "").lower()
+
     def refuse_other_models(self) -> None:
-        model = self.named(("distortion_model", "camera_model"))
+        model = self.model()
         known = (*_MODELS, "pinhole")
         if str(self.named(_FISHEYE) or 0).lower() not in ("0", "false"):
             raise self.wrong(
                 "it is of OpenCV's fisheye model, which is not modelled; calibrate with the one of "
                 "Brown and Conrady"
             )
-        if model is not None and str(model).lower() not in known:
+        if model and model not in known:
             raise self.wrong(
                 f"the lens model {model!r} is not the one of Brown and Conrady ({', '.join(known)})"
                 "; calibrate with that"
@@ -278,6 +322,9 @@ class _File:
         from scipy.spatial.transform import Rotation
 
         turn, shift = self.named(_ROTATION), self.named(_TRANSLATION)
+        if shift is None and self.named(_PROJECTION) is not None:
+            # The R of a CameraInfo message of ROS is its rectification.
+            turn = None
         if (turn is None) != (shift is None):
             raise self.wrong("it has only one of rvec and tvec, which is no pose; give both")
         if turn is not None:
@@ -287,6 +334,12 @@ class _File:
             rotation, translation = row[:3], row[3:]
         else:
             return None
+        if len(rotation) == 3 and np.linalg.norm(rotation) > 2 * np.pi:
+            raise self.wrong(
+                f"its rotation vector {rotation.tolist()} turns by {np.linalg.norm(rotation):.4g} "
+                "rad, more than a whole turn, so it is in degrees or no rotation vector; give "
+                "radians (axis times angle, as of OpenCV's Rodrigues), or the rotation matrix"
+            )
         to_camera = (
             Rotation.from_rotvec(rotation).as_matrix()
             if len(rotation) == 3

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from iriftrace.cli.console import say, working
-from iriftrace.cli.options import Share, check_input, check_kept, check_numbers, check_output
+from iriftrace.cli.options import (
+    Share,
+    check_input,
+    check_kept,
+    check_numbers,
+    check_output,
+    numbers,
+    word_parameter,
+)
 from iriftrace.cli.trace_options import TraceOptions
 
 if TYPE_CHECKING:
@@ -36,6 +44,24 @@ Features = Annotated[
 ]
 
 
+def _read_gate(text: str, option: str) -> float | None:
+    from iriftrace.triangulation.features import check_gate
+
+    gate = None if text.strip().lower() == "none" else numbers(text, 1, option)[0]
+    check_gate(gate)
+    return gate
+
+
+Gate = Annotated[
+    float | None,
+    word_parameter("NUMBER|none", _read_gate),
+    Parameter(
+        help="Points farther from a fitted feature than this many robust standard deviations are "
+        "left out as outliers; none fits all points.",
+    ),
+]
+
+
 def measure(
     scene: Path,
     *,
@@ -43,6 +69,7 @@ def measure(
     system: System = None,
     phase: Phase = None,
     feature: Features = None,
+    gate: Gate = 3.5,
     acceptance: Annotated[bool, Parameter(negative=())] = False,
     trace: TraceOptions = TraceOptions(),
     figures: bool = True,
@@ -74,7 +101,7 @@ def measure(
     check_numbers(output, "iriftrace.scan")
     loaded = trace.load(scene)
     check_kept(output, loaded.part.path)
-    write_scan(loaded, output, system, phase, feature, acceptance, figures)
+    write_scan(loaded, output, system, phase, feature, acceptance, figures, gate)
 
 
 def write_scan(
@@ -85,6 +112,7 @@ def write_scan(
     feature: Features = None,
     acceptance: bool = False,
     figures: bool = True,
+    gate: float | None = 3.5,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and say what it found."""
     from iriftrace.triangulation.acceptance import acceptance as accepted
@@ -94,7 +122,7 @@ def write_scan(
     check_choices(feature or (), loaded.part)
     with working("Measuring"):
         scan = simulate(loaded, system=system, phase=phase)
-    features = scan.features(loaded.part, feature or ())
+    features = scan.features(loaded.part, feature or (), gate)
     errors = accepted(features, loaded.part) if acceptance else []
     files = list(scan.save(output, features, errors))
     values = scan.as_dict()
@@ -121,7 +149,7 @@ def write_scan(
         say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")
     _say_field(scan.provenance)
     say("Files: " + ", ".join(map(str, files)))
-    _say_features(features, "cold")
+    _say_features(features, "cold", gate)
     for row in errors:
         value = row["error_mm"]
         say(
@@ -135,11 +163,13 @@ def correct(
     scene: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("corrected.vtp"),
-    length_unit: str = "mm",
+    length_unit: str | None = None,
+    columns: Annotated[str | None, Parameter(negative=())] = None,
     cloud_to_part: Path | None = None,
     system: System = None,
     phase: Phase = None,
     feature: Features = None,
+    gate: Gate = 3.5,
     field_uncertainty: Share = 0.0,
     trace: TraceOptions = TraceOptions(),
 ) -> None:
@@ -161,7 +191,10 @@ def correct(
         The corrected cloud, .vtp or .ply, in mm in the scene's frame; its numbers (.json) go
         beside it.
     length_unit
-        Unit of the cloud.
+        Unit of the cloud; by default that in the names of its columns, metre of an .e57, else mm.
+    columns
+        Columns x, y and z of a text file, .ply or .vtp, by name or by number from 1: "Actual
+        X,Actual Y,Actual Z" or "2,3,4". By default those whose names are x, y and z.
     cloud_to_part
         Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
     field_uncertainty
@@ -179,7 +212,8 @@ def correct(
     check_output(output, "corrected.vtp", ".ply")
     check_kept(output, cloud)
     check_numbers(output, "iriftrace.correction")
-    points = read_cloud(cloud, length_unit=length_unit)
+    chosen = None if columns is None else columns.split(",")
+    points = read_cloud(cloud, length_unit=length_unit, columns=chosen)
     if cloud_to_part is not None:
         motion = parse_transform(str(cloud_to_part))
         points = apply(rigid_motion(motion, str(cloud_to_part)), points)
@@ -190,7 +224,7 @@ def correct(
         found = take_out(
             points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
         )
-    features = found.features(loaded.part, feature or ())
+    features = found.features(loaded.part, feature or (), gate)
     files = found.save(output, features)
     values = found.as_dict()
     counts, error = values["points"], values["error_mm"]
@@ -205,20 +239,26 @@ def correct(
         f"{_um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
         f"{_um(values['to_part_mm']['p95'])})."
     )
-    _say_features(features, "corrected")
-    if found.u_normal is None:
+    _say_features(features, "corrected", gate, synthetic=found.state.synthetic)
+    if found.state.synthetic:
         say(
-            "No uncertainty is stated, because that of the field is not known: give "
-            '--field-uncertainty "5 %", or a scene of several states of the air (iriftrace scene '
-            "--member)."
+            "The air is synthetic, so that the corrections of sizes have no uncertainty: use a "
+            "flow solution (iriftrace field simulate)."
         )
-    else:
+    elif found.u_normal is None:
+        say(
+            "No uncertainty of the correction is stated, because that of the field is not known: "
+            'give --field-uncertainty "5 %", or a scene of several states of the air (iriftrace '
+            "scene --member)."
+        )
+    if found.u_normal is not None:
         say(
             "Standard uncertainty of the correction along the normal: "
-            f"{_um(values['u_normal_mm']['median'])} (median). U is that of the air's share, "
-            "by what is known of the field; the sensor's own, and what shells and mesh leave, come "
-            "on top."
+            f"{_um(values['u_normal_mm']['median'])} (median). That of the air follows from what "
+            "is known of the field, that of the fit from the scatter of the points; the sensor's "
+            "systematic errors, and what shells and mesh leave, come on top."
         )
+    _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
     if found.errors is not None:
         say(
             f"It rests on the scatter of {len(found.errors)} fields; k allows for so few by "
@@ -236,20 +276,40 @@ def _say_field(provenance: dict[str, Any]) -> None:
         say(assumed["field_fit"])
 
 
-def _say_features(features: list[dict[str, Any]], true: str) -> None:
+def _say_unsteadiness(unsteadiness: float | None, known: bool) -> None:
+    """Whether the uncertainties have that of a field that is not steady."""
+    if unsteadiness is None:
+        say(
+            "The field is NOT STEADY and does not say how much it changes, which is missing from "
+            "U: use several states of it (iriftrace scene --member)."
+        )
+    elif unsteadiness and known:
+        say(
+            f"The field is NOT STEADY: U includes {unsteadiness:.2g} of the air's contrast "
+            "(standard uncertainty) for it."
+        )
+
+
+def _say_features(
+    features: list[dict[str, Any]], true: str, gate: float | None, synthetic: bool = False
+) -> None:
     """Form and size of features as measured through hot air, and cold or corrected."""
     for row in features:
         where = f" ({row['region']})" if row["region"] else ""
         hot_form, true_form = _um(row["form_mm"]["measured"]), _um(row["form_mm"][true])
         form = f"form deviation {hot_form}, {true} {true_form}"
+        if row["left_out"]:
+            count = row["points"] + row["left_out"]
+            form += (
+                f"; {row['left_out']:,} of {count:,} points lie beyond {gate:g} robust standard "
+                "deviations and are left out"
+            )
         hot, size = row["size_mm"]["measured"], row["size_mm"][true]
         if hot is None:
             say(f"{row['kind'].capitalize()}{where}: {form}.")
             continue
-        expanded, scatter = row.get("size_uncertainty_mm"), row.get("size_scatter_mm")
-        more = ""
-        if expanded is not None:
-            more = f", U = {_um(expanded)} (k = {row['coverage_factor']:.3g})"
+        scatter = row.get("size_scatter_mm")
+        more = _uncertainty(row, synthetic) if "fit_uncertainty_mm" in row else ""
         if scatter is not None:
             more = f", with a standard deviation of {_um(scatter)} from field to field"
         say(
@@ -257,6 +317,23 @@ def _say_features(features: list[dict[str, Any]], true: str) -> None:
             f"air, {size:.4f} mm {true}: the air makes it {_um(abs(hot - size))} "
             f"{'smaller' if hot < size else 'larger'}{more}; {form}."
         )
+
+
+def _uncertainty(row: dict[str, Any], synthetic: bool) -> str:
+    """Uncertainties of a corrected size: of the air, of the fit and of both."""
+    air, fit, size = row["size_uncertainty_mm"], row["fit_uncertainty_mm"], row["size_mm"]
+    if air is not None:
+        text = (
+            f", U = {_um(air)} (k = {row['coverage_factor']:.3g}) of the air, {_um(fit)} (k = 2) "
+            f"of the fit, {_um(row['total_uncertainty_mm'])} together"
+        )
+    elif synthetic:
+        text = f", no uncertainty: synthetic air; U = {_um(fit)} (k = 2) of the fit alone"
+    else:
+        text = f", U = {_um(fit)} (k = 2) of the fit alone"
+    if abs(size["measured"] - size["corrected"]) < fit:
+        text += ", more than the air's effect"
+    return text
 
 
 def _um(millimetres: float) -> str:

@@ -42,7 +42,7 @@ def quantity(text: str, unit: str, option: str) -> float:
     return value
 
 
-def _parameter(
+def word_parameter(
     metavar: str, read: Callable[[str, str], Any], show: Callable[[Any], str] = str
 ) -> Parameter:
     """An option of one word, which `read` reads, being given the word and the option's name.
@@ -67,7 +67,7 @@ def _parameter(
 
 
 def _quantity(metavar: str, unit: str, show: Callable[[float], str]) -> Parameter:
-    return _parameter(metavar, lambda text, option: quantity(text, unit, option), show)
+    return word_parameter(metavar, lambda text, option: quantity(text, unit, option), show)
 
 
 def celsius(kelvin: float) -> str:
@@ -103,7 +103,7 @@ def _finite(metavar: str, count: int | None = None) -> Parameter:
             raise InputError(f'{option} is "{text}", but its numbers must be finite.')
         return values
 
-    return _parameter(metavar, read, lambda values: ",".join(f"{value:g}" for value in values))
+    return word_parameter(metavar, read, lambda values: ",".join(f"{value:g}" for value in values))
 
 
 def _size(text: str, option: str) -> tuple[float, float]:
@@ -134,11 +134,11 @@ def _length_with_unit(text: str, option: str) -> float:
     raise InputError(f'{option} is "{text}" without a unit; write it with one, like "20 um".')
 
 
-Whole = Annotated[int, _parameter("INT", _whole)]
+Whole = Annotated[int, word_parameter("INT", _whole)]
 
 # Quantities as floats, mm, nm, Pa, s, degree, 1/K and K; users may write any other unit.
 Length = Annotated[float, _quantity("LENGTH", "mm", "{:g} mm".format)]
-LengthWithUnit = Annotated[float, _parameter("LENGTH", _length_with_unit)]
+LengthWithUnit = Annotated[float, word_parameter("LENGTH", _length_with_unit)]
 Wavelength = Annotated[float, _quantity("LENGTH", "nm", "{:g} nm".format)]
 LightOf = Annotated[
     Wavelength | None,
@@ -146,20 +146,20 @@ LightOf = Annotated[
 ]
 Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "{:g} Pa".format)]
 Duration = Annotated[float, _quantity("TIME", "second", "{:g} s".format)]
-Share = Annotated[float, _parameter("SHARE", _share, lambda share: f"{100 * share:g} %")]
+Share = Annotated[float, word_parameter("SHARE", _share, lambda share: f"{100 * share:g} %")]
 Angle = Annotated[float, _quantity("ANGLE", "degree", "{:g} deg".format)]
 Expansion = Annotated[float, _quantity("EXPANSION", "1/kelvin", "{:g} /K".format)]
 Temperature = Annotated[float, _quantity("TEMPERATURE", "kelvin", celsius)]
 
 # Several in one word.
-Lengths = Annotated[tuple[float, ...], _parameter("LENGTH,...", _lengths)]
+Lengths = Annotated[tuple[float, ...], word_parameter("LENGTH,...", _lengths)]
 Size = Annotated[
     tuple[float, float],
-    _parameter("WIDTH,HEIGHT", _size, lambda size: f"{size[0]:g} mm,{size[1]:g} mm"),
+    word_parameter("WIDTH,HEIGHT", _size, lambda size: f"{size[0]:g} mm,{size[1]:g} mm"),
 ]
 Interval = Annotated[
     tuple[float, float],
-    _parameter(
+    word_parameter(
         "NEAR:FAR",
         lambda text, option: numbers(text, 2, option, ":"),
         lambda ends: f"{ends[0]:g}:{ends[1]:g}",

@@ -35,7 +35,8 @@ def parse_transform(text: str) -> FloatArray:
     Raises
     ------
     InputError
-        None of these, a matrix that is singular or not affine, or a file that cannot be read.
+        None of these, a matrix that is singular, not affine or no rotation (times a scale), a
+        rotation in radians, or a file that cannot be read.
     """
     path = Path(text.strip())
     numbers = _numbers(text)
@@ -49,12 +50,24 @@ def parse_transform(text: str) -> FloatArray:
         for step in text.split(","):
             matrix = _step(step) @ matrix
     elif len(numbers) == 16:
-        matrix = np.array(numbers).reshape(4, 4)
+        matrix = checked_matrix(np.array(numbers).reshape(4, 4), repr(text))
+        _refuse_distorting(matrix, text)
     else:
         raise InputError(
             f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row."
         )
     return checked_matrix(matrix, repr(text))
+
+
+def _refuse_distorting(matrix: FloatArray, name: str) -> None:
+    """Refuse numbers that are no rotation times one scale: most likely they were copied wrongly."""
+    lengths = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    if np.linalg.det(matrix[:3, :3]) < 0 or lengths.max() > (1.0 + 2 * ROUNDING) * lengths.min():
+        raise InputError(
+            f"The matrix {name!r} is no rotation, as it mirrors, shears or scales (lengths by "
+            f"factors from {lengths.min():.6g} to {lengths.max():.6g}); correct it, or write steps "
+            "if that is meant ('scale 1 1 -1')."
+        )
 
 
 ROUNDING = 2e-4
@@ -114,7 +127,7 @@ def _step(step: str) -> FloatArray:
     matrix = np.eye(4)
     match step.split():
         case ["rotate", axis, angle] if axis in _AXES:
-            matrix[:3, :3] = _rotation(_AXES[axis], math.radians(_number(angle, step)))
+            matrix[:3, :3] = _rotation(_AXES[axis], _radians(angle, step))
         case ["scale", factor]:
             matrix[:3, :3] *= _number(factor, step)
         case ["scale", *factors] if len(factors) == 3:
@@ -133,6 +146,18 @@ def _number(word: str, step: str) -> float:
         raise InputError(
             f"{word!r} in the transform step {step.strip()!r} is not a number; use {_FORMS}."
         ) from None
+
+
+def _radians(word: str, step: str) -> float:
+    """An angle in degrees; 1.5708, which is a quarter turn in radians, is refused."""
+    degrees = _number(word, step)
+    quarters = degrees / (math.pi / 2)
+    if degrees and round(quarters) and abs(degrees) < 7 and abs(quarters - round(quarters)) < 5e-4:
+        raise InputError(
+            f"{word} in the transform step {step.strip()!r} is {90 * round(quarters)} degrees in "
+            "radians; give degrees."
+        )
+    return math.radians(degrees)
 
 
 def _rotation(axis: int, angle: float) -> FloatArray:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import field, frozen
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
@@ -29,7 +29,8 @@ from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
-from iriftrace.triangulation.features import feature_table
+from iriftrace.triangulation.features import GATE, feature_table
+from iriftrace.triangulation.field_state import FieldState, field_state
 from iriftrace.triangulation.scan import (
     Phase,
     System,
@@ -115,12 +116,14 @@ class Correction:
     provenance : dict
         As in `iriftrace.Scan`.
     field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air; 0 if it is
-        not stated.
+        Relative standard uncertainty of the air's contrast, n - n of the ambient air, without its
+        unsteadiness; 0 if it is not stated.
     errors : (k, n, 3) array or None, mm
         The air's share by each member of an ensemble, whose mean `error` is; None for one field.
     to_part : (m,) array or None, mm
         Distance of a sample of the measured points from the part.
+    state : FieldState
+        Whether the air is synthetic, and how far unsteady.
     """
 
     measured: FloatArray
@@ -133,18 +136,26 @@ class Correction:
     field_uncertainty: float = 0.0
     errors: FloatArray | None = None
     to_part: FloatArray | None = None
+    state: FieldState = field(factory=FieldState)
+
+    @property
+    def u_contrast(self) -> float:
+        """Relative standard uncertainty of the air's contrast with its unsteadiness; 0: unknown."""
+        if not self.field_uncertainty:
+            return 0.0
+        return math.hypot(self.field_uncertainty, self.state.unsteadiness or 0.0)
 
     @property
     def u_normal(self) -> FloatArray | None:
         """(n,) array, mm: standard uncertainty of what was taken out, along the normal.
 
-        The members' standard deviation, and the field's uncertainty times the correction, to which
-        it is proportional, in quadrature. NaN of points that stay as they are; None where neither
-        is known.
+        The members' standard deviation, and the contrast's uncertainty times the correction, which
+        is proportional to it, in quadrature. NaN of points that stay as they are; None where
+        neither is known.
         """
-        if self.errors is None and not self.field_uncertainty:
+        if self.errors is None and not self.u_contrast:
             return None
-        found: FloatArray = self.field_uncertainty * np.einsum("ij,ij->i", self.error, self.normal)
+        found: FloatArray = self.u_contrast * np.einsum("ij,ij->i", self.error, self.normal)
         if self.errors is not None:
             found = np.hypot(found, scatter_along(self.errors, self.normal))
         return np.where(self.status == CorrectionStatus.CORRECTED, np.abs(found), np.nan)
@@ -154,27 +165,48 @@ class Correction:
         """(n, 3) array, mm, world: the measured points without the air's share."""
         return self.measured - self.error
 
-    def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
+    def features(
+        self, part: Part, choices: Sequence[str], gate: float | None = GATE
+    ) -> list[dict[str, Any]]:
         """Features of the corrected points, measured and corrected; see `feature_table`.
 
-        With ``size_uncertainty_mm``: the expanded uncertainty U = k u of the share of the size that
-        was air, and ``coverage_factor``: k by Student's t for as many fields as it was estimated
-        from (GUM, annex G), 2 for many or one; None where it is not known.
+        Of each size three expanded uncertainties, mm, None where one is not known:
+        ``size_uncertainty_mm`` U = k u of the share that was air, with ``coverage_factor`` k by
+        Student's t for as many fields as it was estimated from (GUM, annex G), 2 for many or one;
+        ``fit_uncertainty_mm`` (k = 2) of the fit to the corrected points, by their scatter;
+        ``total_uncertainty_mm``, the root of the sum of their squares. That of synthetic air is not
+        known.
         """
         good = self.status == CorrectionStatus.CORRECTED
         measured, face = self.measured[good], self.face[good]
         clouds = {"measured": measured, "corrected": self.points[good]}
         by_member = () if self.errors is None else measured - self.errors[:, good]
-        rows = feature_table(clouds, face, part, choices, by_member)
+        rows = feature_table(clouds, face, part, choices, by_member, gate)
         for row in rows:
-            size, expanded, factor = row["size_mm"], None, None
-            scatter = row.pop("size_scatter_mm", None) or 0.0
-            if size["measured"] is not None and self.u_normal is not None:
-                by_field = self.field_uncertainty * (size["measured"] - size["corrected"])
-                factor = self._coverage_factor(abs(by_field), scatter)
-                expanded = factor * math.hypot(by_field, scatter)
-            row |= {"size_uncertainty_mm": expanded, "coverage_factor": factor}
+            air, factor = self._air_uncertainty(row["size_mm"], row.pop("size_scatter_mm", None))
+            u = row["u_size_mm"]["corrected"]
+            fit = None if u is None else COVERAGE_FACTOR * u
+            row |= {
+                "size_uncertainty_mm": air,
+                "coverage_factor": factor,
+                "fit_uncertainty_mm": fit,
+                "total_uncertainty_mm": None
+                if air is None or fit is None
+                else math.hypot(air, fit),
+            }
         return rows
+
+    def _air_uncertainty(
+        self, size: dict[str, float | None], scatter: float | None
+    ) -> tuple[float | None, float | None]:
+        """Expanded uncertainty, mm, of the share of a size that was air, and its k."""
+        measured, corrected = size["measured"], size["corrected"]
+        known = self.u_normal is not None and not self.state.synthetic
+        if measured is None or corrected is None or not known:
+            return None, None
+        by_field = abs(self.u_contrast * (measured - corrected))
+        factor = self._coverage_factor(by_field, scatter or 0.0)
+        return factor * math.hypot(by_field, scatter or 0.0), factor
 
     def _coverage_factor(self, by_field: float, scatter: float) -> float:
         """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
@@ -198,6 +230,7 @@ class Correction:
             **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
             **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
             "field_uncertainty": self.field_uncertainty or None,
+            "unsteadiness": self.state.unsteadiness,
         }
 
     def save(self, path: str | Path, features: Sequence[dict[str, Any]] = ()) -> tuple[Path, Path]:
@@ -285,14 +318,18 @@ def correct(
         )
     members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.
-    order = places_in_tiles(camera.project(measured))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixel, second_pixel = (device.project(measured) for device in (camera, second))
+    order = places_in_tiles(pixel)
+    # Neither behind a device nor so far beside its picture that its lens has no ray there.
+    order = order[np.isfinite(np.hstack((pixel, second_pixel))[order]).all(axis=1)]
     scenes, shares, statuses, faces = [], [], [], []
     for member in members:
         scenes.append(choose_for_devices(member, (camera, second)))
-        shares.append(np.empty_like(measured))
-        statuses.append(np.empty(len(measured), dtype=np.int64))
-        faces.append(np.empty(len(measured), dtype=np.int64))
-        for rows in np.array_split(order, math.ceil(len(order) / PIECE)):
+        shares.append(np.zeros_like(measured))
+        statuses.append(np.full(len(measured), CorrectionStatus.FAR_FROM_PART, dtype=np.int64))
+        faces.append(np.full(len(measured), -1))
+        for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
             shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _air_share(
                 measured[rows], scenes[-1], camera, second, system, phase
             )
@@ -331,6 +368,7 @@ def correct(
         field_uncertainty=field_uncertainty,
         errors=None if len(shares) == 1 else errors,
         to_part=to_part,
+        state=field_state(loaded),
     )
 
 

@@ -12,18 +12,16 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.child import ChildError, output_of, run_limited
 from iriftrace.core.errors import InputError
 
-_MM = 1000.0
-"""E57 files are in metres, whatever the program that wrote them works in."""
-
 _SECONDS, _BYTES_A_SECOND = 5, 1_000_000
 _MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
 """Limits of the child: imports take half a second and less than 1 GB of address space."""
 
 
 def read_e57(path: Path) -> FloatArray:
-    """Read the points (n, 3), mm, of the one scan of an E57 file, at its pose.
+    """Read the points (n, 3) of the one scan of an E57 file, at its pose, in the file's unit.
 
-    Points that the file marks as invalid are left out.
+    The standard's unit is the metre; some programs write mm. Points that the file marks as invalid
+    are left out; those at the scanner's origin are NaN.
     """
     if find_spec("pye57") is None:
         raise InputError(
@@ -34,7 +32,7 @@ def read_e57(path: Path) -> FloatArray:
         points = output_of(__name__, str(path), str(path.stat().st_size))
     except ChildError as error:
         raise InputError(f"{path} cannot be read ({error}); export the cloud again.") from error
-    return np.frombuffer(points).reshape(-1, 3) * _MM
+    return np.frombuffer(points).reshape(-1, 3)
 
 
 def _points(path: str) -> bytes:
@@ -44,6 +42,7 @@ def _points(path: str) -> bytes:
         file = pye57.E57(path)
         scans = file.scan_count
         scan = file.read_scan(0, ignore_missing_fields=True) if scans == 1 else {}
+        origin = file.get_header(0).translation if scans == 1 else None
     except pye57.libe57.E57Exception as error:
         # Where in its own source the library noticed comes after four asterisks.
         raise ValueError(str(error).partition("****")[0].strip()) from error
@@ -53,7 +52,10 @@ def _points(path: str) -> bytes:
             "give each scan as a file of its own"
         )
     rows = np.stack([scan[f"cartesian{axis}"] for axis in "XYZ"], axis=1)
-    return rows.astype(np.float64).tobytes()
+    rows = rows.astype(np.float64)
+    # Not measured, like (0, 0, 0) in a file without poses.
+    rows[(rows == origin).all(axis=1)] = np.nan
+    return rows.tobytes()
 
 
 if __name__ == "__main__":

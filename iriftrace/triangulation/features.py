@@ -1,7 +1,8 @@
 """Gaussian best-fit features of points: least squares of the distances from the surface or curve.
 
 As ISO 10360-6 asks of software for coordinate measuring machines. A start in closed form, then
-Levenberg and Marquardt's method by SciPy.
+Levenberg and Marquardt's method by SciPy. Outliers of measured points are left out by a gate of
+robust standard deviations.
 """
 
 from __future__ import annotations
@@ -39,11 +40,26 @@ NO_FEATURE = 0.1
 FEWEST_MEASURED = 100
 """Measured points of a region for a feature of its own; metrics ask for as many rays."""
 
+GATE = 3.5
+"""Robust standard deviations beyond which a point is an outlier: a choice. One of 2,150 points of
+normal noise is beyond, and would have changed a standard deviation by 0.3 %."""
+
+LEAST_GATE = 1.0
+
+NORMAL_MAD = 1.4826
+"""Standard deviation of normal noise over the median of its sizes."""
+
+ROUNDS = 20
+"""Most rounds of the robust start and of the gate, which take three to eight."""
+
 FEWEST = {"plane": 3, "line": 2, "circle": 3, "sphere": 4, "cylinder": 5, "cone": 6}
 """Points that determine each kind of feature."""
 
 DIMENSIONS = {"plane": 2, "line": 1, "circle": 2, "sphere": 3, "cylinder": 3, "cone": 3}
 """Dimensions in which those points have an extent: on a plane lies no one sphere."""
+
+SETTLED = 0.05
+"""Of the noise: a robust fit that moves by less is good enough to judge outliers by."""
 
 FLAT = 1e-6
 """Extent, as a share of the largest, that is the rounding of single precision."""
@@ -86,8 +102,34 @@ class Feature:
         """Form deviation: the largest residual less the smallest."""
         return float(np.ptp(self.residuals))
 
+    def distances(self, points: FloatArray) -> FloatArray:
+        """Distances (n,) of points (n, 3), mm, from the feature, signed like the residuals."""
+        arm = points - self.position
+        radius = 0.5 * (self.size_mm or 0.0)
+        if self.direction is None:
+            return np.asarray(np.linalg.norm(arm, axis=1) - radius)
+        height = arm @ self.direction
+        if self.kind == "plane":
+            return np.asarray(height)
+        beside = np.linalg.norm(arm - np.outer(height, self.direction), axis=1) - radius
+        if self.kind == "circle":
+            return np.asarray(np.hypot(beside, height))
+        if self.half_angle is None:
+            return np.asarray(beside)
+        # The direction does not tell to which side the cone opens; the points do.
+        sides = (
+            beside * np.cos(angle) - height * np.sin(angle)
+            for angle in (self.half_angle, -self.half_angle)
+        )
+        return np.asarray(min(sides, key=lambda off: float(np.median(np.abs(off)))))
 
-def fit_feature(points: ArrayLike, kind: str) -> Feature:
+
+def fit_feature(
+    points: ArrayLike,
+    kind: str,
+    weights: FloatArray | None = None,
+    near: Feature | None = None,
+) -> Feature:
     """Fit a feature to points by least squares.
 
     Parameters
@@ -95,6 +137,10 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
     points : (n, 3) array, mm
     kind : str
         ``"plane"``, ``"line"``, ``"circle"``, ``"sphere"``, ``"cylinder"`` or ``"cone"``.
+    weights : (n,) array, optional
+        Of the squared distances; `u_size_mm` is right for equal ones, the default.
+    near : Feature, optional
+        A fit to nearly the same points; the search for an axis starts from its own.
 
     Raises
     ------
@@ -109,20 +155,26 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
         raise InputError(
             f"{len(places)} points do not determine a {kind}; at least {FEWEST[kind]} points do."
         )
-    centre = places.mean(axis=0)
+    root = np.ones(len(places)) if weights is None else np.sqrt(weights)
+    centre = np.average(places, axis=0, weights=root**2)
     scale = float(np.abs(places - centre).max())
     if not scale > 0.0:
         raise InputError(f"All points are the same, so they are no {kind}; give others.")
     # About their centre and of size 1, so that all parameters weigh alike.
     unit = (places - centre) / scale
-    extents = np.linalg.svd(unit, compute_uv=False)
+    extents = np.linalg.svd(root[:, None] * unit, compute_uv=False)
     if not extents[DIMENSIONS[kind] - 1] > FLAT * extents[0]:
         lying = "plane" if DIMENSIONS[kind] == 3 else "line"
         raise InputError(
             f"The {len(places):,} points lie on a {lying} and so do not determine a {kind}; give "
             "others, or another feature."
         )
-    found = _FITS[kind](unit)
+    if kind in ("cylinder", "cone"):
+        known = None if near is None else near.direction
+        axes = _axes(unit, root) if known is None else known[None]
+        found = _round(unit, root, axes, opening=kind == "cone")
+    else:
+        found = _FITS[kind](unit, root)
     return evolve(
         found,
         position=centre + scale * found.position,
@@ -132,12 +184,58 @@ def fit_feature(points: ArrayLike, kind: str) -> Feature:
     )
 
 
+def check_gate(gate: float | None) -> None:
+    """Refuse a gate that leaves out half of the points or is no number."""
+    if gate is not None and not gate >= LEAST_GATE:
+        raise InputError(
+            f"The gate is {gate:g} robust standard deviations, which leaves out good points; give "
+            f"at least {LEAST_GATE:g}, or none for all points (--gate)."
+        )
+
+
+def inliers(points: FloatArray, kind: str, gate: float | None) -> BoolArray:
+    """Mask (n,) of the points (n, 3), mm, that are no outliers of a feature; all without a gate.
+
+    They lie within `gate` robust standard deviations, 1.4826 times the median distance, of the
+    least-squares fit to themselves: from a robust fit on, points are left out and the rest fitted
+    again until the set stands.
+    """
+    if gate is None or len(points) < 2 * FEWEST[kind]:
+        return np.ones(len(points), dtype=bool)
+    # Of points without noise, the rounding of single precision is no outlier.
+    least = FLAT * float(np.ptp(points, axis=0).max())
+    found = _robust_fit(points[:: max(1, len(points) // SAMPLE)], kind, least)
+    kept = np.zeros(len(points), dtype=bool)
+    for _ in range(ROUNDS):
+        off = np.abs(found.distances(points))
+        before, kept = kept, off <= max(gate * NORMAL_MAD * float(np.median(off)), least)
+        if np.array_equal(kept, before):
+            break
+        found = fit_feature(points[kept], kind, near=found)
+    return kept
+
+
+def _robust_fit(points: FloatArray, kind: str, least: float) -> Feature:
+    """Fit that outliers hardly change: the loss soft_l1 by reweighted least squares."""
+    found = fit_feature(points, kind)
+    for _ in range(ROUNDS):
+        off = found.distances(points)
+        scale = NORMAL_MAD * float(np.median(np.abs(off)))
+        if scale <= least:
+            break
+        found = fit_feature(points, kind, 1.0 / np.sqrt(1.0 + (off / scale) ** 2), found)
+        if np.abs(found.distances(points) - off).max() < SETTLED * scale:
+            break
+    return found
+
+
 def feature_table(
     clouds: Mapping[str, FloatArray],
     face: IntArray,
     part: Part,
     choices: Sequence[str],
     by_member: Iterable[FloatArray] = (),
+    gate: float | None = GATE,
 ) -> list[dict[str, Any]]:
     """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
 
@@ -147,24 +245,31 @@ def feature_table(
     Warns of points that are no such feature or leave its diameter uncertain, and leaves out what
     they do not determine.
 
-    Gives ``kind``, ``region``, ``points``, and by cloud ``size_mm``, ``u_size_mm``, ``form_mm``,
-    ``position_mm`` and ``direction`` as in `Feature`; with the same points by each member of an
-    ensemble also ``size_scatter_mm``, the size's standard deviation over them, None for a feature
-    without a size.
+    Outliers of the cloud ``"measured"`` (else of the first) by `inliers` are left out of all.
+
+    Gives ``kind``, ``region``, ``points`` that were fitted and ``left_out``, and by cloud
+    ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`; with
+    the same points by each member of an ensemble also ``size_scatter_mm``, the size's standard
+    deviation over them, None for a feature without a size.
     """
     check_choices(choices, part)
+    check_gate(gate)
+    gated = clouds.get("measured", next(iter(clouds.values())))
     members = list(by_member)
     found = found_features(part, face)
     rows = []
     several = len(part.region_names) > 1
     for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
-        kind, region, chosen = chosen_points(choice, face, part)
+        kind, region, mask = chosen_points(choice, face, part)
+        chosen = np.flatnonzero(mask)
+        count = len(chosen)
         try:
             if several and ":" not in choice:
                 raise InputError(
                     f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
                     f"are {', '.join(found) or 'none'}."
                 )
+            chosen = chosen[inliers(gated[chosen], kind, gate)]
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
         except InputError as error:
             warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=3)
@@ -179,7 +284,8 @@ def feature_table(
         row: dict[str, Any] = {
             "kind": kind,
             "region": region or None,
-            "points": int(chosen.sum()),
+            "points": len(chosen),
+            "left_out": count - len(chosen),
             "size_mm": {name: fit.size_mm for name, fit in fits.items()},
             "u_size_mm": {name: fit.u_size_mm for name, fit in fits.items()},
             "form_mm": {name: fit.form_mm for name, fit in fits.items()},
@@ -314,9 +420,12 @@ def _lies_on(corners: FloatArray, kind: str) -> bool:
     return enough and fit_feature(sample, kind).form_mm <= allowed
 
 
-def _axes(points: FloatArray) -> FloatArray:
-    """Principal axes of points about 0, as rows, that of the largest extent first."""
-    axes: FloatArray = np.linalg.svd(points, full_matrices=False)[2]
+def _axes(points: FloatArray, root: FloatArray) -> FloatArray:
+    """Principal axes of points about 0, as rows, that of the largest extent first.
+
+    Here and below `root` (n,) has the roots of the points' weights.
+    """
+    axes: FloatArray = np.linalg.svd(root[:, None] * points, full_matrices=False)[2]
     return axes
 
 
@@ -325,22 +434,22 @@ def _signed(direction: FloatArray) -> FloatArray:
     return signed
 
 
-def _plane(points: FloatArray) -> Feature:
-    normal = _signed(_axes(points)[2])
+def _plane(points: FloatArray, root: FloatArray) -> Feature:
+    normal = _signed(_axes(points, root)[2])
     return Feature("plane", np.zeros(3), normal, None, None, None, points @ normal)
 
 
-def _line(points: FloatArray) -> Feature:
-    axis = _signed(_axes(points)[0])
+def _line(points: FloatArray, root: FloatArray) -> Feature:
+    axis = _signed(_axes(points, root)[0])
     off = np.linalg.norm(np.cross(points, axis), axis=1)
     return Feature("line", np.zeros(3), axis, None, None, None, off)
 
 
-def _algebraic_sphere(points: FloatArray) -> tuple[FloatArray, float]:
+def _algebraic_sphere(points: FloatArray, root: FloatArray) -> tuple[FloatArray, float]:
     """Centre and radius by linear least squares of x^2 = 2 c x + r^2 - c^2, in any dimension."""
     squares = np.einsum("ij,ij->i", points, points)
     system = np.column_stack((2 * points, np.ones(len(points))))
-    found = np.linalg.lstsq(system, squares, rcond=None)[0]
+    found = np.linalg.lstsq(root[:, None] * system, root * squares, rcond=None)[0]
     centre, rest = found[:-1], found[-1]
     return centre, float(np.sqrt(max(rest + centre @ centre, 0.0)))
 
@@ -359,13 +468,13 @@ def _solved(
     return np.asarray(found.x, dtype=np.float64), 2 * float(np.sqrt(variance * inverse))
 
 
-def _sphere(points: FloatArray) -> Feature:
-    centre, radius = _algebraic_sphere(points)
+def _sphere(points: FloatArray, root: FloatArray) -> Feature:
+    centre, radius = _algebraic_sphere(points, root)
 
     def residuals(values: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(points - values[:3], axis=1) - values[3])
 
-    best, doubt = _solved(residuals, (*centre, radius), radius=3)
+    best, doubt = _solved(lambda v: root * residuals(v), (*centre, radius), radius=3)
     return Feature("sphere", best[:3], None, 2 * float(best[3]), doubt, None, residuals(best))
 
 
@@ -383,9 +492,9 @@ def _tilted(frame: FloatArray, tilt: FloatArray) -> FloatArray:
     return axis / np.linalg.norm(axis)
 
 
-def _circle(points: FloatArray) -> Feature:
-    frame = _frame(_axes(points)[2])
-    centre, radius = _algebraic_sphere(points @ frame[:2].T)
+def _circle(points: FloatArray, root: FloatArray) -> Feature:
+    frame = _frame(_axes(points, root)[2])
+    centre, radius = _algebraic_sphere(points @ frame[:2].T, root)
 
     def parts(values: FloatArray) -> tuple[FloatArray, FloatArray]:
         normal = _tilted(frame, values[3:5])
@@ -394,18 +503,19 @@ def _circle(points: FloatArray) -> Feature:
         return np.linalg.norm(arm - np.outer(height, normal), axis=1) - values[5], height
 
     start = (*(centre @ frame[:2]), 0.0, 0.0, radius)
-    best, doubt = _solved(lambda values: np.concatenate(parts(values)), start, radius=5)
+    twice = np.tile(root, 2)
+    best, doubt = _solved(lambda v: twice * np.concatenate(parts(v)), start, radius=5)
     off = np.hypot(*parts(best))
     normal = _signed(_tilted(frame, best[3:5]))
     return Feature("circle", best[:3], normal, 2 * float(best[5]), doubt, None, off)
 
 
-def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
+def _about_axis(points: FloatArray, root: FloatArray, axis: FloatArray, opening: bool) -> Feature:
     """Cylinder or cone from a first guess of its axis."""
     frame = _frame(axis)
     across = points @ frame[:2].T
-    centre, radius = _algebraic_sphere(across)
-    slope = np.polyfit(points @ axis, np.linalg.norm(across - centre, axis=1), 1)[0]
+    centre, radius = _algebraic_sphere(across, root)
+    slope = np.polyfit(points @ axis, np.linalg.norm(across - centre, axis=1), 1, w=root)[0]
 
     def residuals(values: FloatArray) -> FloatArray:
         direction = _tilted(frame, values[2:4])
@@ -418,7 +528,7 @@ def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
         return np.asarray((distance - values[4]) * np.cos(angle) - height * np.sin(angle))
 
     start = [*centre, 0.0, 0.0, radius, *([float(np.arctan(slope))] if opening else [])]
-    best, doubt = _solved(residuals, start, radius=4)
+    best, doubt = _solved(lambda v: root * residuals(v), start, radius=4)
     direction = _tilted(frame, best[2:4])
     foot = best[:2] @ frame[:2]
     # The point of the axis nearest to the points' centre, which is the origin.
@@ -430,21 +540,20 @@ def _about_axis(points: FloatArray, axis: FloatArray, opening: bool) -> Feature:
     return Feature(kind, position, _signed(direction), float(diameter), doubt, half_angle, off)
 
 
-def _round(points: FloatArray, opening: bool) -> Feature:
-    """Fit from the principal axis along which a sample of the points fits best."""
-    sample = points[:: max(1, len(points) // SAMPLE)]
-    fits = [_about_axis(sample, axis, opening) for axis in _axes(points)]
-    best = min(fits, key=lambda fit: float(fit.residuals @ fit.residuals))
-    if len(sample) == len(points) or best.direction is None:
+def _round(points: FloatArray, root: FloatArray, axes: FloatArray, opening: bool) -> Feature:
+    """Fit from the axis, of some (k, 3), along which a sample of the points fits best."""
+    step = max(1, len(points) // SAMPLE) if len(axes) > 1 else 1
+    sample, weight = points[::step], root[::step] ** 2
+    fits = [_about_axis(sample, root[::step], axis, opening) for axis in axes]
+    best = min(fits, key=lambda fit: float(weight @ fit.residuals**2))
+    if step == 1 or best.direction is None:
         return best
-    return _about_axis(points, best.direction, opening)
+    return _about_axis(points, root, best.direction, opening)
 
 
-_FITS: dict[str, Callable[[FloatArray], Feature]] = {
+_FITS: dict[str, Callable[[FloatArray, FloatArray], Feature]] = {
     "plane": _plane,
     "line": _line,
     "circle": _circle,
     "sphere": _sphere,
-    "cylinder": lambda points: _round(points, opening=False),
-    "cone": lambda points: _round(points, opening=True),
 }

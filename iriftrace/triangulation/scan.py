@@ -32,7 +32,7 @@ from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.render import trace_rays
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
-from iriftrace.triangulation.features import feature_table
+from iriftrace.triangulation.features import GATE, feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.two_points import lines_of_sight
 
@@ -181,14 +181,16 @@ class Scan:
             "time_s": self.time_s,
         }
 
-    def features(self, part: Part, choices: Sequence[str]) -> list[dict[str, Any]]:
+    def features(
+        self, part: Part, choices: Sequence[str], gate: float | None = GATE
+    ) -> list[dict[str, Any]]:
         """Features of the points, cold and measured; see `feature_table`.
 
         Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members.
         """
         clouds = {"cold": self.true, "measured": self.points}
         by_member = () if self.errors is None else self.true + self.errors
-        return feature_table(clouds, self.face, part, choices, by_member)
+        return feature_table(clouds, self.face, part, choices, by_member, gate)
 
     def save(
         self,

@@ -21,7 +21,7 @@ from validation.inputs.calibration_files import (
 )
 
 
-@pytest.mark.parametrize("name", ["camera.yaml", "camera.yml", "camera.json"])
+@pytest.mark.parametrize("name", ["camera.yaml", "camera.yml", "camera.xml", "camera.json"])
 def test_camera_of_opencvs_file_projects_as_opencv_does(tmp_path: Path, name: str) -> None:
     """The whole way from the file to pixels, with the pose; 1e-6 px are demanded."""
     path = written_by_opencv(tmp_path / name, rvec=RVEC, tvec=TVEC)
@@ -78,6 +78,39 @@ def test_old_header_plain_lists_and_other_names(tmp_path: Path) -> None:
         assert found.matrix is None
 
 
+def test_a_camera_info_message_has_no_pose(tmp_path: Path) -> None:
+    """R of ROS is the rectification; ROS 2 writes small letters, and `echo` a line at the end."""
+    unit = np.eye(3).ravel().tolist()
+    for names in ("DKRP", "dkrp"):
+        values = (COEFFICIENTS.tolist(), MATRIX.ravel().tolist(), unit, [1.0] * 12)
+        lines = [f"{name}: {value}" for name, value in zip(names, values, strict=True)]
+        lines += ["width: 2448", "height: 2048", "distortion_model: plumb_bob", "---"]
+        (tmp_path / "info.yaml").write_text("\n".join(lines) + "\n")
+        found = read_calibration(tmp_path / "info.yaml")
+        assert found.focal_px == (3653.8, 3657.25)
+        assert found.matrix is None
+
+
+def test_names_of_opencv_2_4_without_blanks(tmp_path: Path) -> None:
+    matrix = f"   rows:3\n   cols:3\n   dt:d\n   data:{MATRIX.ravel().tolist()}"
+    coefficients = f"   rows:4\n   cols:1\n   dt:d\n   data:{COEFFICIENTS[:4].tolist()}"
+    (tmp_path / "old.yml").write_text(
+        '%YAML:1.0\ncalibration_Time:"Mon 12:30"\nimage_Width:2448\nimage_Height:2048\n'
+        f"Camera_Matrix:!!opencv-matrix\n{matrix}\n"
+        f"Distortion_Coefficients:!!opencv-matrix\n{coefficients}\n"
+    )
+    found = read_calibration(tmp_path / "old.yml")
+    assert found.resolution == (2448, 2048)
+    assert found.distortion.coefficients[:4] == tuple(COEFFICIENTS[:4])
+
+
+@pytest.mark.parametrize("model", ["radtan", "radial-tangential"])
+def test_radtan_is_the_model_of_brown_and_conrady(tmp_path: Path, model: str) -> None:
+    four = COEFFICIENTS[:4].tolist()
+    path = plain(tmp_path / "c.json", distortion_model=model, distortion_coefficients=four)
+    assert read_calibration(path).distortion.coefficients[:4] == tuple(four)
+
+
 def test_poses(tmp_path: Path) -> None:
     """World to camera, as rotation vector or matrix, or one view; a translation may be in m."""
     rotation = cv2.Rodrigues(RVEC)[0]
@@ -127,6 +160,9 @@ def test_more_coefficients_than_are_modelled(tmp_path: Path) -> None:
         ({"rvec": [[1, 0, 0], [0, 1, 0], [0, 0, -1]], "tvec": [0, 0, 1]}, "stretches or mirrors"),
         ({"R": [[2, 0, 0], [0, 2, 0], [0, 0, 2]], "t": [0, 0, 1]}, "stretches or mirrors"),
         ({"rvec": [0, 0, 1]}, "only one of rvec and tvec"),
+        ({"rvec": [114.3, 0, 0], "tvec": [0, 0, 1]}, "in degrees or no rotation vector"),
+        ({"extrinsic_parameters": [[0, 90, 0, 0, 0, 1]]}, "in degrees or no rotation vector"),
+        ({"distortion_model": "radtan", "distortion_coefficients": [0.1] * 5}, "file has 5"),
         ({"rvec": [0, 1], "tvec": [0, 0, 1]}, "rvec has 2 numbers instead of 3 or 9"),
     ],
 )
@@ -140,11 +176,15 @@ def test_wrong_files_are_refused(tmp_path: Path, changes: dict[str, Any], messag
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "neither YAML nor JSON"),
-        ("a: [1, 2", "neither YAML nor JSON"),
-        ("a: !!python/object/apply:os.getcwd []", "neither YAML nor JSON"),
+        ("{", "neither YAML, XML nor JSON"),
+        ("a: [1, 2", "neither YAML, XML nor JSON"),
+        ("a: !!python/object/apply:os.getcwd []", "neither YAML, XML nor JSON"),
         ("just words", "holds no named values"),
-        ("<?xml version='1.0'?><opencv_storage/>", "is XML, which is not read"),
+        ("<?xml version='1.0'?><opencv_storage/>", "camera_matrix is missing"),
+        ("<?xml version='1.0'?><calibration><f>3650</f></calibration>", "and not OpenCV's <opencv"),
+        ("<?xml version='1.0'?><opencv_storage>", "neither YAML, XML nor JSON"),
+        ("<!DOCTYPE a [<!ENTITY b 'c'>]><opencv_storage/>", "entities, which no calibration"),
+        ("a: 1\n---\na: 2\n", "2 documents instead of one"),
         ("", "holds no named values"),
     ],
 )

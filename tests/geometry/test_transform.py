@@ -38,7 +38,13 @@ def test_the_left_step_comes_first():
     assert_array_equal(moved, [(0, 2, 0)])
 
 
-@given(st.sampled_from("xyz"), st.floats(-720.0, 720.0))
+def in_radians(angle: float) -> bool:
+    """Whether it is some quarter turns in radians, which is refused."""
+    turns = angle / (np.pi / 2)
+    return bool(0 < abs(round(turns)) < 5 and abs(turns - round(turns)) < 1e-3)
+
+
+@given(st.sampled_from("xyz"), st.floats(-720.0, 720.0).filter(lambda x: not in_radians(x)))
 def test_rotations_are_those_of_scipy(axis, angle):
     expected = Rotation.from_euler(axis, angle, degrees=True).as_matrix()
     assert_allclose(parse_transform(f"rotate {axis} {angle!r}")[:3, :3], expected, atol=1e-12)
@@ -68,11 +74,23 @@ def test_numbers_and_files_hold_a_matrix_row_by_row(tmp_path):
         ("1 2 3", "3 numbers"),
         ("1 0 0 0 0 1 0 0 0 0 1 0 5 6 7 1", "transposed"),
         ("no_such_file.txt", "not known"),
+        ("rotate x 1.5708", "is 90 degrees in radians"),
+        ("rotate z -3.14159", "is -180 degrees in radians"),
+        # A shear, a mirror, and one column of a rotation twice as long.
+        ("1 0.1 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "mirrors, shears or scales"),
+        ("1 0 0 0 0 1 0 0 0 0 -1 0 0 0 0 1", "mirrors, shears or scales"),
+        ("0 -1 0 5 2 0 0 6 0 0 1 7 0 0 0 1", r"from 1 to 2\); correct it"),
     ],
 )
 def test_wrong_transforms_are_refused(text, message):
     with pytest.raises(InputError, match=message):
         parse_transform(text)
+
+
+def test_a_matrix_may_change_the_unit():
+    scaled = parse_transform("rotate x 30, scale 1000")
+    text = " ".join(map(repr, scaled.ravel().tolist()))
+    assert_array_equal(parse_transform(text), scaled)
 
 
 def test_files_that_hold_something_else_are_refused(tmp_path):

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from attrs import evolve
 
 from iriftrace.camera.camera import Camera
+from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
@@ -305,6 +307,20 @@ def test_rows_that_were_not_measured_do_not_hide_the_others(scan: Scan, scene: L
     with pytest.warns(IriftraceWarning, match="20% of the points are far from the part"):
         found = correct(points, scene, *DEVICES, system=scan.system)
     assert np.mean(found.to_part < 0.1) == pytest.approx(0.8, abs=0.02)
+
+
+def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: LoadedScene) -> None:
+    """Behind a device, or so far beside its picture that the lens distortion folds there."""
+    lens = Distortion(k1=-0.2)
+    camera, second = (evolve(device, distortion=lens) for device in DEVICES)
+    outliers = [(0.0, -300.0, -200.0), (2000.0, 0.0, 0.0)]
+    points = np.vstack((scan.points[::20], outliers))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        found = correct(points, scene, camera, second, system=scan.system)
+    assert (found.status[-2:] == CorrectionStatus.FAR_FROM_PART).all()
+    assert (found.status[:-2] == CorrectionStatus.CORRECTED).mean() > 0.9
+    np.testing.assert_array_equal(found.points[-2:], outliers)
 
 
 @pytest.mark.parametrize(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pye57
 import pytest
 
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.triangulation import e57
 from iriftrace.triangulation.cloud import read_cloud
 
@@ -27,10 +28,26 @@ def write(path: Path, scans: int = 1, **pose: np.ndarray) -> Path:
     return path
 
 
-@pytest.mark.parametrize("unit", ["mm", "m"])
-def test_points_come_in_millimetres_whatever_unit_is_given(tmp_path: Path, unit: str) -> None:
+@pytest.mark.parametrize(("unit", "factor"), [(None, 1.0), ("m", 1.0), ("mm", 1e-3)])
+def test_points_are_in_metres_unless_told_otherwise(
+    tmp_path: Path, unit: str | None, factor: float
+) -> None:
     read = read_cloud(write(tmp_path / "c.e57"), length_unit=unit)
-    np.testing.assert_allclose(read, POINTS, atol=SINGLE_MM)
+    np.testing.assert_allclose(read, factor * POINTS, atol=SINGLE_MM)
+
+
+def test_points_at_the_scanners_origin_were_not_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = POINTS.copy()
+    rows[[3, 40, 41]] = 0.0
+    monkeypatch.setattr(sys.modules[__name__], "POINTS", rows)
+    pose = {"rotation": np.array([1.0, 0, 0, 0]), "translation": np.array([0.01, 0, 0])}
+    file = write(tmp_path / "c.e57", **pose)
+    with pytest.warns(IriftraceWarning, match="3 of 500 points .* left out"):
+        read = read_cloud(file)
+    shifted = np.delete(rows, [3, 40, 41], axis=0) + np.array((10.0, 0.0, 0.0))
+    np.testing.assert_allclose(read, shifted, atol=SINGLE_MM)
 
 
 def test_pose_of_the_scan_is_applied(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from iriftrace.triangulation.features import (
     feature_table,
     fit_feature,
     found_features,
+    inliers,
     surface_kind,
 )
 
@@ -226,3 +227,64 @@ def test_a_strip_that_is_nearly_flat_leaves_the_diameter_uncertain() -> None:
     points = middle[face] + np.random.default_rng(2).normal(0, 0.02, (len(face), 3))
     with pytest.warns(IriftraceWarning, match="span too little of a cylinder"):
         feature_table({"measured": points}, face, part, ["cylinder:lateral"])
+
+
+@pytest.mark.parametrize("kind", ["plane", "circle", "sphere", "cylinder"])
+@pytest.mark.parametrize("share", [0.03, 0.1])
+def test_outliers_are_left_out(kind: str, share: float) -> None:
+    """Noise of 10 um and outliers of 0.5 mm: within 3 u of the true size (U is 2 u).
+
+    Of the outliers those below 3.5 standard deviations of the noise stay, 6 % of them.
+    """
+    rng = np.random.default_rng(3)
+    exact = np.repeat(placed(grid(kind)), 4, axis=0)
+    points = exact + rng.normal(0, 0.01, exact.shape)
+    wrong = rng.random(len(points)) < share
+    points[wrong] += rng.normal(0, 0.5, (wrong.sum(), 3))
+    kept = inliers(points, kind, 3.5)
+    assert 0.8 * wrong.mean() < np.mean(~kept) < 1.1 * wrong.mean()
+    assert np.mean(kept[~wrong]) > 0.998
+    found = fit_feature(points[kept], kind)
+    if kind == "plane":
+        assert np.sqrt(np.mean(found.residuals**2)) == pytest.approx(0.01, rel=0.1)
+        assert abs(found.direction @ AXIS) > 1 - 1e-8
+        return
+    assert 2 * found.u_size_mm < 2e-3
+    assert abs(found.size_mm - 15.0) < 3 * found.u_size_mm
+    assert fit_feature(points, kind).u_size_mm > 4 * found.u_size_mm
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_points_without_outliers_all_stay(kind: str) -> None:
+    """Exact ones, of which rounding is no outlier, in single precision too; and with no gate."""
+    points = placed(grid(kind, 0.3))
+    assert inliers(points, kind, 3.5).all()
+    assert inliers(points.astype(np.float32).astype(np.float64), kind, 3.5).all()
+    assert inliers(points + np.random.default_rng(1).normal(0, 1, points.shape), kind, None).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_distances_are_the_residuals(kind: str) -> None:
+    points = placed(grid(kind) + np.random.default_rng(2).normal(0, 0.01, grid(kind).shape))
+    found = fit_feature(points, kind)
+    np.testing.assert_allclose(found.distances(points), found.residuals, atol=1e-9)
+
+
+def test_a_table_leaves_the_same_points_out_of_all_clouds() -> None:
+    """Those of the measured cloud, and says how many; all are fitted without a gate."""
+    part = read_part(folder_of("cylinder") / "part.ply")
+    face = np.flatnonzero(part.region_of_face == part.region_names.index("lateral"))
+    cold = part.vertices[part.faces].mean(axis=1)[face]
+    hot = cold.copy()
+    hot[::50] += 0.5 * part.face_normals[face[::50]]
+    clouds = {"cold": cold, "measured": hot}
+    (row,) = feature_table(clouds, face, part, ["cylinder:lateral"])
+    count = len(hot[::50])
+    assert (row["points"], row["left_out"]) == (len(face) - count, count)
+    assert row["size_mm"]["measured"] == pytest.approx(row["size_mm"]["cold"], abs=1e-9)
+    (row,) = feature_table(clouds, face, part, ["cylinder:lateral"], gate=None)
+    assert (row["points"], row["left_out"]) == (len(face), 0)
+    assert row["size_mm"]["measured"] > row["size_mm"]["cold"] + 0.01
+    for gate in (0.5, float("nan")):
+        with pytest.raises(InputError, match="at least 1, or none"):
+            feature_table(clouds, face, part, ["cylinder:lateral"], gate=gate)

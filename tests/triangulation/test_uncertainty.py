@@ -22,6 +22,7 @@ from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.correct import CorrectionStatus, correct
+from iriftrace.triangulation.field_state import field_state
 from iriftrace.triangulation.scan import ScanStatus, measure
 from validation.inputs import hot_block
 from validation.inputs.shell_fields import scaled
@@ -134,7 +135,7 @@ def test_a_diameter_has_the_uncertainty_of_its_correction(
     words = ["correct", str(scan), str(xml), "-o", str(corrected)]
     assert main(words) == 0
     said = capsys.readouterr().out
-    assert "No uncertainty is stated" in said
+    assert "No uncertainty of the correction is stated" in said
     for file in (scan, corrected):
         numbers = json.loads(file.with_suffix(".json").read_text())
         assert numbers["field"]["sha256"]
@@ -149,11 +150,101 @@ def test_a_diameter_has_the_uncertainty_of_its_correction(
     )
     air = row["size_mm"]["corrected"] - row["size_mm"]["measured"]
     assert row["size_uncertainty_mm"] == pytest.approx(2 * 0.05 * abs(air), rel=1e-9)
-    assert f"U = {1e3 * row['size_uncertainty_mm']:.3g} um (k = 2)" in said
+    assert f"U = {1e3 * row['size_uncertainty_mm']:.3g} um (k = 2) of the air" in said
+    fit = 2 * row["u_size_mm"]["corrected"]
+    assert row["fit_uncertainty_mm"] == pytest.approx(fit, rel=1e-9)
+    total = np.hypot(row["size_uncertainty_mm"], fit)
+    assert row["total_uncertainty_mm"] == pytest.approx(total, rel=1e-9)
+    assert f"{1e3 * total:.3g} um together" in said
+    assert "more than the air's effect" not in said
     assert pv.read(corrected).point_data["u_normal"].max() > 0
     assert main([*words, "--field-uncertainty=150 %"]) == 2
     assert main([*words, "--field-uncertainty=much"]) == 2
     assert 'write "5 %" or 0.05' in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_correction_smaller_than_the_fits_uncertainty_is_said_to_be_so(
+    tmp_path: Path, capsys: Printed, variant: str
+) -> None:
+    """Noise of 0.2 mm, of which 150 points leave more of the diameter than air does."""
+    xml = folder_of("fringe_cylinder") / "scene.xml"
+    scan = measure(load_scene(xml, {"scale": 0.1}, variant=variant))
+    rng = np.random.default_rng(1)
+    chosen = rng.choice(len(scan.points), 400, replace=False)
+    points = scan.points[chosen] + rng.normal(0, 0.2, (400, 3))
+    points[:8] += 0.7 * scan.normal[chosen[:8]]
+    cloud = tmp_path / "cloud.xyz"
+    np.savetxt(cloud, points, "%.9g")
+    words = ["correct", str(cloud), str(xml), "-o", str(tmp_path / "c.vtp")]
+    words += ["--feature=cylinder:lateral", "--field-uncertainty=5 %"]
+    assert main(words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "together, more than the air's effect; form deviation" in said
+    assert main([*words, "--gate=2"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "points lie beyond 2 robust standard deviations and are left out" in said
+    assert main([*words, "--gate=none"]) == 0
+    assert "left out" not in capsys.readouterr().out
+    assert main([*words, "--gate=0.1"]) == 2
+    assert "at least 1, or none for all points" in " ".join(capsys.readouterr().err.split())
+
+
+def with_origin(scene: LoadedScene, origin: str) -> LoadedScene:
+    """A scene whose field states another origin."""
+    source = dict(scene.shells_table["source"] or {}, origin=origin)
+    return evolve(scene, shells_table=scene.shells_table | {"source": source})
+
+
+def test_air_from_formulas_has_no_uncertainty(
+    tmp_path: Path, capsys: Printed, variant: str
+) -> None:
+    """Of a size, whatever is stated of the field: it is null, and said to be missing."""
+    part, field = tmp_path / "part.ply", tmp_path / "field.vtu"
+    view = ["--origin=0,-150,120", "--target=0,0,0", "--second=60,-150,120", "--focus=10:500"]
+    xml, scan = tmp_path / "s" / "scene.xml", tmp_path / "scan.vtp"
+    for words in (
+        ["part", "cylinder", "-o", str(part)],
+        ["field", "synthetic", str(part), "-o", str(field), "--cell-size=5 mm"],
+        ["scene", str(field), str(part), "-o", str(xml), *view],
+        ["measure", str(xml), "-o", str(scan), "-D", "scale=0.1", "--no-figures"],
+        ["correct", str(scan), str(xml), "-o", str(tmp_path / "c.vtp"), "--field-uncertainty=5 %"],
+    ):
+        assert main(words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "no uncertainty: synthetic air; U = " in said
+    assert "of the air," not in said
+    assert "use a flow solution" in said
+    (row, *_) = [
+        row
+        for row in json.loads((tmp_path / "c.json").read_text())["features"]
+        if row["kind"] == "cylinder"
+    ]
+    assert row["size_uncertainty_mm"] is row["total_uncertainty_mm"] is None
+    assert row["fit_uncertainty_mm"] > 0
+
+
+@pytest.mark.parametrize(
+    ("origin", "unsteadiness"),
+    [
+        ("OpenFOAM, steady (heat flow varies by 0.1%, plume by 1 K)", 0.0),
+        ("OpenFOAM, NOT STEADY (heat flow varies by 12.0%, plume by 27 K)", 0.12 / np.sqrt(12)),
+        ("OpenFOAM, NOT STEADY (heat flow varies by 2.1%, plume by 180 K)", 0.2 / np.sqrt(12)),
+        ("another program, NOT STEADY", None),
+        ("", 0.0),
+    ],
+)
+def test_air_that_changes_in_time_is_uncertain(
+    three: LoadedScene, origin: str, unsteadiness: float | None
+) -> None:
+    """Of a range of 20 % the standard deviation is 20 % / root 12, as of a rectangular one."""
+    scene = with_origin(member(three, 2), origin)
+    shells = [row | {"temperature_k": 1193.15} for row in scene.shells_table["shells"]]
+    air = {"temperature_k": 293.15}
+    scene = evolve(scene, shells_table=scene.shells_table | {"shells": shells, "air": air})
+    assert field_state(scene).unsteadiness == pytest.approx(unsteadiness)
+    found = correct(measure(scene).points, scene, field_uncertainty=0.05)
+    assert found.u_contrast == pytest.approx(np.hypot(0.05, unsteadiness or 0.0))
+    assert found.as_dict()["unsteadiness"] == found.state.unsteadiness
 
 
 @pytest.mark.usefixtures("variant")

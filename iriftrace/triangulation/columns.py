@@ -1,0 +1,217 @@
+"""Columns of a table of points by their names: which of them are x, y and z."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from attrs import frozen
+
+from iriftrace.core.errors import InputError
+
+MARKS = "#/%*!"
+"""Signs at the beginning of a comment."""
+
+_MOST_LISTED = 20
+
+_UNITS = {
+    **dict.fromkeys(("um", "µm", "μm", "micrometer", "micrometre"), "um"),
+    **dict.fromkeys(("mm", "millimeter", "millimetre", "millimeters", "millimetres"), "mm"),
+    **dict.fromkeys(("cm", "centimeter", "centimetre"), "cm"),
+    **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), "m"),
+    **dict.fromkeys(("in", "inch", "inches"), "inch"),
+}
+_BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
+_SUFFIX = re.compile(r"[\s_/,.-]+(?:in\s+)?(um|µm|μm|mm|cm|m|inch)$")
+_STATED_UNIT = re.compile(r"\bunits?\s*[:=]\s*[\[(]?([a-zµμ]+)", re.IGNORECASE)
+
+_AXES = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
+_FORMS = tuple(
+    map(
+        re.compile,
+        (
+            r"(?P<axis>[xyz])(?:[\s_:.-]+(?P<what>.+))?",
+            r"(?P<what>.+?)[\s_:.-]+(?P<axis>[xyz0-2])",
+            r"(?P<axis>[xyz])(?P<what>[^\W\d_]+)",
+            r"(?P<what>[^\W\d_]+)(?P<axis>[xyz])",
+        ),
+    )
+)
+"""Names with an axis: "x", "X-Koordinate", "x_true"; "Points:0", "Actual X"; "xcoord"; "nx"."""
+
+_MEANS_POINT = frozenset(
+    "point points pt pts coord coords coordinate coordinates koord koordinate koordinaten "
+    "cartesian position pos location vertex vertices punkt axis achse value wert".split()
+)
+"""Words that say no more of a coordinate than that it is one."""
+
+_CORRECTED = re.compile(r"(?:^|[^a-z_]|scalar_)correction[ _:.]?[xyz0-2](?![a-z])")
+
+
+@frozen
+class Axis:
+    """A column that is a coordinate of something.
+
+    `what` is "" for the points themselves, and such as "true" or "n" else; `number` is 0, 1 or 2;
+    `unit` is "" where the name has none.
+    """
+
+    what: str
+    number: int
+    unit: str
+
+
+def axis_of(name: str) -> Axis | None:
+    """The coordinate that a column's name says it is; None for another quantity."""
+    text, unit = name.strip(f"{MARKS} \t\"'").casefold(), ""
+    in_brackets = _BRACKETS.search(text)
+    if in_brackets:
+        unit, text = _UNITS.get(in_brackets[1], ""), _BRACKETS.sub("", text)
+    elif suffix := _SUFFIX.search(text):
+        unit, text = _UNITS[suffix[1]], text[: suffix.start()]
+    for form in _FORMS:
+        if match := form.fullmatch(text.strip()):
+            words = re.split(r"[\s_:.-]+", match["what"] or "")
+            what = " ".join(word for word in words if word not in _MEANS_POINT)
+            return Axis(what, _AXES[match["axis"]], unit)
+    return None
+
+
+def coordinate_columns(names: Sequence[str]) -> list[int] | None:
+    """Numbers of the columns x, y and z of the points; None where they are not one each."""
+    axes = [(number, axis_of(name)) for number, name in enumerate(names)]
+    points = [(axis.number, number) for number, axis in axes if axis and not axis.what]
+    if sorted(axis for axis, _ in points) != [0, 1, 2]:
+        return None
+    return [number for _, number in sorted(points)]
+
+
+def chosen_columns(
+    names: Sequence[str], chosen: Sequence[str], count: int, file: Path
+) -> list[int]:
+    """Numbers of three columns that were chosen by name, or by number from 1.
+
+    `count` is the number of columns, which have no `names` where that is empty.
+    """
+    if len(chosen) != 3 or len(set(chosen)) != 3:
+        raise InputError(
+            f"The columns {', '.join(chosen)} are not three; give those of x, y and z (--columns "
+            "A,B,C)."
+        )
+    bare = [name.strip(f"{MARKS} \t\"'") for name in names]
+    found = []
+    for word in (name.strip() for name in chosen):
+        same = [i for i, name in enumerate(bare) if name == word]
+        same = same or [i for i, name in enumerate(bare) if name.casefold() == word.casefold()]
+        if not same and word.isdecimal() and 1 <= int(word) <= count:
+            same = [int(word) - 1]
+        if len(same) != 1:
+            there = f"the columns {listed(names)}" if names else f"{count} columns without names"
+            raise InputError(
+                f"{file} has {'no' if not same else 'more than one'} column {word!r} (--columns); "
+                f"it has {there}: choose by name, or by number from 1."
+            )
+        found += same
+    return found
+
+
+def columns_of_points(
+    names: Sequence[str], count: int, chosen: Sequence[str] | None, file: Path
+) -> list[int]:
+    """Numbers of the columns that are x, y and z, chosen or by their names.
+
+    The first three of a table without names.
+
+    Raises
+    ------
+    InputError
+        The names do not say which three of the `count` columns are x, y and z.
+    """
+    if chosen is not None:
+        return chosen_columns(names, chosen, count, file)
+    if not names:
+        return [0, 1, 2]
+    found = coordinate_columns(names) if len(names) == count else None
+    if found is None:
+        numbers = "" if len(names) == count else f" over {count} columns of numbers"
+        raise InputError(
+            f"{file} has the columns {listed(names)}{numbers}, which do not say which three are "
+            "the measured x, y and z; choose them by name, or by number from 1 (--columns A,B,C)."
+        )
+    return found
+
+
+def header_of(lines: Iterable[str], count: int) -> list[str]:
+    """Names of a table's columns in the lines before its numbers; empty where none names them.
+
+    The last line that names x, y and z; else the last one that names as many columns as there are
+    (`count`), or x, y and z among others. A sentence of as many words is no header.
+    """
+    tables = [words_of(line, count) for line in lines][::-1]
+    for words in tables:
+        if len(words) == count and coordinate_columns(words):
+            return words
+    return next((words for words in tables if _may_be_names(words, count)), [])
+
+
+def _may_be_names(words: Sequence[str], count: int) -> bool:
+    """Whether words are names of columns, none or not all of which are known."""
+    axes = [axis for axis in map(axis_of, words) if axis]
+    if {axis.number for axis in axes if not axis.what} == {0, 1, 2}:
+        return True
+    if len(words) != count or any(re.fullmatch(r"[\d.:,/-]+", word) for word in words):
+        return False
+    # Three columns are x, y and z, but for names that say otherwise.
+    units = [word for word in words if word.strip(" []()<>").casefold() in _UNITS]
+    return bool(axes) or (count > 3 and not units)
+
+
+def words_of(line: str, count: int) -> list[str]:
+    """Words of a line, by the separator that makes as many of them as there are columns."""
+    text = line.strip().lstrip(f"{MARKS} ")
+    # "Columns: x y z" names three.
+    options = [*_splits(text), *_splits(text.partition(": ")[2])]
+    for words in options:
+        while len(words) > count and not words[-1]:
+            words.pop()
+    return next((words for words in options if len(words) == count), max(options, key=len))
+
+
+def _splits(text: str) -> Iterator[list[str]]:
+    for mark in (mark for mark in ";\t," if mark in text):
+        yield [word.strip() for word in next(csv.reader([text], delimiter=mark))]
+    yield [word.strip("\"'") for word in re.split(r"\s{2,}|\t", text)]
+    # "X [mm]" is one name.
+    joined = re.sub(r"\s+(?=[\[(])", "", text)
+    yield [word.strip("\"'") for word in re.findall(r"\"[^\"]*\"|'[^']*'|[^\s,;]+", joined)]
+
+
+def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], count: int) -> str:
+    """Length unit that names, a row of units or a remark state for some columns; "" for none."""
+    axes = [axis_of(names[i]) if i < len(names) else None for i in chosen]
+    units = {axis.unit for axis in axes if axis}
+    if len(units) == 1 and (unit := units.pop()):
+        return unit
+    for line in lines:
+        words = [word.strip(" []()<>").casefold() for word in words_of(line, count)]
+        if len(words) == count and all(words[i] in _UNITS for i in chosen):
+            return _UNITS[words[chosen[0]]]
+        if stated := _STATED_UNIT.search(line):
+            return _UNITS.get(stated[1].casefold(), "")
+    return ""
+
+
+def is_corrected(text: str) -> bool:
+    """Whether a column's name, or a line of names, is of a correction that `correct` wrote.
+
+    CloudCompare writes ``scalar_correction_x``.
+    """
+    return _CORRECTED.search(text.casefold()) is not None
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first names, between commas."""
+    rest = [f"and {len(names) - _MOST_LISTED} more"] if len(names) > _MOST_LISTED else []
+    return ", ".join([*(name or '""' for name in names[:_MOST_LISTED]), *rest])

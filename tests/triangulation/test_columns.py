@@ -1,0 +1,185 @@
+"""Which columns of a table are the measured points: read by their names, or refused with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.triangulation.cloud import read_cloud
+from iriftrace.triangulation.columns import axis_of, is_corrected
+
+POINTS = np.random.default_rng(1).uniform(-100, 100, (20, 10))
+"""Coordinates in the first three columns, other quantities in the rest."""
+
+
+def write(
+    path: Path, header: str, columns: list[int], mark: str = ",", encoding: str = "utf-8"
+) -> Path:
+    """A table of some columns of `POINTS` under a header."""
+    np.savetxt(
+        path, POINTS[:, columns], "%.17g", mark, header=header, comments="", encoding=encoding
+    )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "mark"),
+    [
+        ('"error_normal","gap","Points:0","Points:1","Points:2"', [3, 4, 0, 1, 2], ","),
+        ("true_x,true_y,true_z,Points_0,Points_1,Points_2", [3, 4, 5, 0, 1, 2], ","),
+        ("id,x_mm,y_mm,z_mm", [3, 0, 1, 2], ","),
+        ("Nr;X-Koordinate;Y-Koordinate;Z-Koordinate", [3, 0, 1, 2], ";"),
+        ("id,x,y,z\n,[mm],[mm],[mm]", [3, 0, 1, 2], ","),
+        ("# id x y z\n# exported 2024", [3, 0, 1, 2], " "),
+        ("#x,#y,#z,i", [0, 1, 2, 3], ","),
+        ("Nr\tX Axis (mm)\tY Axis (mm)\tZ Axis (mm)", [3, 0, 1, 2], "\t"),
+        ("id X [mm] Y [mm] Z [mm]", [3, 0, 1, 2], " "),
+        ("Point ID   X/mm   Z/mm   Y/mm", [3, 0, 2, 1], " "),
+        ("# Columns: i x y z", [3, 0, 1, 2], " "),
+        ('"i", "x", "y", "z"', [3, 0, 1, 2], ","),
+        ("n;cartesianX;cartesianY;cartesianZ;nx;ny;nz", [3, 0, 1, 2, 4, 5, 6], ";"),
+        ("x_true,y_true,z_true,x,y,z", [3, 4, 5, 0, 1, 2], ","),
+        ("x,y,z,x.1,y.1,z.1", [0, 1, 2, 3, 4, 5], ","),
+        ("POINT_X;POINT_Y;POINT_Z;", [0, 1, 2], ";"),
+        ("Scan 12 January", [0, 1, 2], " "),
+        ("measured on Tuesday by the night shift", [0, 1, 2, 3], " "),
+    ],
+)
+def test_coordinates_are_read_by_their_names(
+    header: str, columns: list[int], mark: str, tmp_path: Path
+) -> None:
+    cloud = write(tmp_path / "cloud.csv", header, columns, mark)
+    np.testing.assert_array_equal(read_cloud(cloud), POINTS[:, :3])
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_marks_of_the_byte_order_are_no_part_of_a_name(encoding: str, tmp_path: Path) -> None:
+    cloud = write(tmp_path / "cloud.txt", "z;y;x", [2, 1, 0], ";", encoding)
+    np.testing.assert_array_equal(read_cloud(cloud), POINTS[:, :3])
+
+
+@pytest.mark.parametrize(
+    ("header", "count", "said"),
+    [
+        ("Nominal X,Nominal Y,Nominal Z,Actual X,Actual Y,Actual Z", 6, "Nominal X, Nominal Y"),
+        ("true_x,true_y,true_z", 3, "true_x, true_y, true_z, which do not say"),
+        ("Ist X;Ist Y;Ist Z;Abweichung", 4, "Ist X, Ist Y"),
+        ("nx ny nz", 3, "nx, ny, nz"),
+        ("x,y,intensity", 3, "x, y, intensity"),
+        ("x,y,z,x,y,z", 6, "x, y, z, x, y, z"),
+        ("x,y,z,Points:0,Points:1,Points:2", 6, "Points:0"),
+        ("u,v,depth,grey", 4, "u, v, depth, grey"),
+        ("Point ID X Y Z", 4, "Point, ID, X, Y, Z over 4 columns"),
+        ("x y z", 4, "x, y, z over 4 columns"),
+        ("Nominal X Nominal Y Nominal Z Actual X Actual Y Actual Z", 6, "over 6 columns"),
+    ],
+)
+def test_names_that_do_not_tell_are_refused(
+    header: str, count: int, said: str, tmp_path: Path
+) -> None:
+    mark = next((mark for mark in ";," if mark in header), " ")
+    cloud = write(tmp_path / "cloud.csv", header, list(range(count)), mark)
+    with pytest.raises(InputError, match=f"{said}.*--columns A,B,C"):
+        read_cloud(cloud)
+
+
+def test_a_first_column_that_counts_the_rows_is_no_coordinate(tmp_path: Path) -> None:
+    rows = np.column_stack((np.arange(1, 21), POINTS[:, :3]))
+    np.savetxt(tmp_path / "cloud.xyz", rows, "%.17g")
+    with pytest.raises(InputError, match=r"counts the rows.*--columns 2,3,4"):
+        read_cloud(tmp_path / "cloud.xyz")
+    read = read_cloud(tmp_path / "cloud.xyz", columns=("2", "3", "4"))
+    np.testing.assert_array_equal(read, POINTS[:, :3])
+
+
+def test_columns_are_chosen_by_name_or_number(tmp_path: Path) -> None:
+    names = "Nominal X;Nominal Y;Nominal Z;Actual X [mm];actual y [mm];Actual Z [mm]"
+    cloud = write(tmp_path / "cloud.csv", names, [3, 4, 5, 0, 1, 2], ";")
+    for chosen in (["Actual X [mm]", " Actual Y [mm]", "actual z [mm]"], ["4", "5", "6"]):
+        np.testing.assert_array_equal(read_cloud(cloud, columns=chosen), POINTS[:, :3])
+    with pytest.raises(InputError, match=r"no column 'Actual X' .*; it has the columns Nominal X"):
+        read_cloud(cloud, columns=["Actual X", "Actual Y", "Actual Z"])
+    for chosen in (["4", "5"], ["4", "5", "5"]):
+        with pytest.raises(InputError, match="are not three"):
+            read_cloud(cloud, columns=chosen)
+
+
+@pytest.mark.parametrize("ending", ["vtp", "ply"])
+def test_columns_of_meshes_are_chosen_too(ending: str, tmp_path: Path) -> None:
+    from iriftrace.triangulation.cloud import save_cloud
+
+    columns = {f"mean_{axis}": POINTS[:, i] for i, axis in enumerate("xyz")}
+    values = {"schema": "", "assumptions": {"field_origin": ""}}
+    cloud, _ = save_cloud(tmp_path / f"cloud.{ending}", POINTS[:, 3:6], columns, values)
+    np.testing.assert_array_equal(read_cloud(cloud), POINTS[:, 3:6])
+    np.testing.assert_array_equal(read_cloud(cloud, columns=list(columns)), POINTS[:, :3])
+    with pytest.raises(InputError, match=r"no column 'true_x' .*mean_x, mean_y, mean_z"):
+        read_cloud(cloud, columns=("true_x", "mean_y", "mean_z"))
+
+
+@pytest.mark.parametrize(
+    "header", ["x [m],y [m],z [m]", "x_m,y_m,z_m", "x,y,z\nm,m,m", "# unit: m\n# x y z"]
+)
+def test_a_unit_beside_the_names_is_that_of_the_numbers(header: str, tmp_path: Path) -> None:
+    mark = "," if "," in header else " "
+    cloud = write(tmp_path / "cloud.csv", header, [0, 1, 2], mark)
+    np.testing.assert_allclose(read_cloud(cloud), 1e3 * POINTS[:, :3], rtol=1e-15)
+    np.testing.assert_allclose(read_cloud(cloud, length_unit="m"), 1e3 * POINTS[:, :3], rtol=1e-15)
+    with pytest.raises(InputError, match=r"states its coordinates in m, but .* in mm"):
+        read_cloud(cloud, length_unit="mm")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "//X Y Z correction_x correction_y correction_z status",
+        "x,y,z,scalar_correction_x,scalar_correction_y,scalar_correction_z,i",
+        "x;y;z;correction:0;correction:1;correction:2;i",
+    ],
+)
+def test_a_table_that_was_corrected_is_refused(header: str, tmp_path: Path) -> None:
+    mark = next((mark for mark in ";," if mark in header), " ")
+    cloud = write(tmp_path / "cloud.csv", header, list(range(7)), mark)
+    with pytest.raises(InputError, match="corrected already"):
+        read_cloud(cloud)
+
+
+def test_a_cloud_that_cloudcompare_saved_again_is_refused(tmp_path: Path) -> None:
+    data = pv.PolyData(POINTS[:, :3])
+    data.point_data["scalar_correction_x"] = POINTS[:, 3]
+    data.save(tmp_path / "cloud.vtp")
+    with pytest.raises(InputError, match="corrected already"):
+        read_cloud(tmp_path / "cloud.vtp")
+    header = "ply\nformat ascii 1.0\nelement vertex 1\n"
+    names = ("x", "y", "z", "scalar_correction_x", "scalar_correction_y", "scalar_correction_z")
+    properties = "".join(f"property float {name}\n" for name in names)
+    (tmp_path / "cc.ply").write_text(f"{header}{properties}end_header\n1 2 3 4 5 6\n")
+    with pytest.raises(InputError, match="corrected already"):
+        read_cloud(tmp_path / "cc.ply")
+
+
+def test_names_of_other_corrections_are_none() -> None:
+    assert is_corrected("Scalar_Correction_X")
+    assert not is_corrected("distortion_correction_x")
+    assert not is_corrected("# after correction for the lens")
+
+
+@pytest.mark.parametrize("name", ["index", "intensity", "Deviation[mm]", "R", "Point ID"])
+def test_other_quantities_are_no_coordinates_of_points(name: str) -> None:
+    axis = axis_of(name)
+    assert axis is None or axis.what
+
+
+def test_points_at_zero_were_not_measured(tmp_path: Path) -> None:
+    """Sensors write their own origin for pixels without a point."""
+    rows = POINTS[:, :3].copy()
+    rows[[2, 5]] = 0.0
+    rows[7, :2] = 0.0
+    np.savetxt(tmp_path / "cloud.xyz", rows, "%.17g")
+    with pytest.warns(IriftraceWarning, match=r"2 of 20 points .* \(0, 0, 0\).*left out"):
+        read = read_cloud(tmp_path / "cloud.xyz")
+    np.testing.assert_array_equal(read, np.delete(rows, [2, 5], axis=0))
