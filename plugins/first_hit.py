@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+from iriftrace.core.errors import InputError
 from iriftrace.plugins.aov_integrator import integrator_class
 from iriftrace.plugins.kernels.layers import AtShells, InLayers
 from iriftrace.plugins.kernels.ledger import index_check
@@ -53,6 +54,13 @@ def plugin_class(variant: str) -> type:
         sensor. The channels are those of ``CHANNELS``; quantities that do not exist are 0 and
         ``status.code`` says why.
 
+        The derivatives of the index are vertex attributes of the shells' meshes, over the shell's
+        step of the index: ``vertex_gradient`` (3 values a vertex, 1/mm) and ``vertex_hessian_xx``,
+        ``_yy``, ``_zz``, ``_yz``, ``_xz``, ``_xy`` (1 each, 1/mm^2). Of a PLY, Mitsuba makes them
+        from the columns ``gradient_1`` to ``gradient_3`` and ``hessian_xx_1`` ...; to a ``mi.Mesh``
+        they are given by ``add_attribute``. Some of them, or other names, are refused. The text of
+        the integrator (``str``) states the bending in force once it has rendered.
+
         Limits: geometrical optics, one ray a pixel, no moving shapes, no instances. ``gradient``
         needs vertex normals in the shells' files: Mitsuba invents its own for a PLY without.
 
@@ -77,7 +85,15 @@ def plugin_class(variant: str) -> type:
             self._fewer: tuple[PreparedScene, PreparedScene | None] | None = None
 
         def to_string(self) -> str:
-            return f"FirstHit[normals={self.normals}, max_crossings={self.max_crossings}]"
+            bending = self.bending
+            if self._prepared is not None:
+                # What is in force: shells without derivatives bend rays at themselves alone.
+                bends = self.bends_in_layers(self._prepared.tables)
+                bending = "layers" if bends else "shells"
+            return (
+                f"FirstHit[normals={self.normals}, bending={bending}, "
+                f"max_crossings={self.max_crossings}]"
+            )
 
         def forget(self) -> None:
             """Let go of the scene, also of the one with fewer shells."""
@@ -86,8 +102,17 @@ def plugin_class(variant: str) -> type:
 
         def bends_in_layers(self, tables: SceneTables) -> bool:
             """True if rays turn all along the layers of a scene, not at its shells alone."""
-            wanted = self.bending == "layers" and self.normals == "gradient"
-            return wanted and tables.knows_derivatives
+            if self.bending != "layers" or self.normals != "gradient":
+                return False
+            without, shells = tables.without_derivatives, tables.shell_shapes
+            if without and len(without) < len(shells) and not tables.stock_shells:
+                raise InputError(
+                    f"{len(without)} of {len(shells)} shells have no derivatives of the index "
+                    f"({', '.join(without[:3])}{', ...' if len(without) > 3 else ''}), so rays "
+                    "cannot be bent all along the layers; give them to all shells, or set bending "
+                    'to "shells".'
+                )
+            return tables.knows_derivatives
 
         def rule(self, tables: SceneTables) -> AtShells | InLayers:
             """The rule by which rays are bent in a scene."""

@@ -23,12 +23,30 @@ from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 
 
 def has_derivatives(shape: Any) -> bool:
-    """True if a shell's file has the derivatives of the index at its vertices."""
+    """True if a shell has the derivatives of the index at its vertices, False if it has none.
+
+    InputError for some of them, or under other names: they would be ignored in silence.
+    """
     import mitsuba as mi
 
     values, count = mi.traverse(shape), shape.vertex_count()
-    known = {name: values.get(f"vertex_{name}", ()) for name in PLY_COLUMNS}
-    return all(len(known[name]) == size * count for name, size in PLY_COLUMNS.items())
+    given = {
+        name: len(values[name]) // count
+        for name, _ in values
+        if name.startswith("vertex_") and ("gradient" in name.lower() or "hessian" in name.lower())
+    }
+    expected = {f"vertex_{name}": size for name, size in PLY_COLUMNS.items()}
+    if given and given != expected:
+        raise InputError(
+            f"Shell '{shape.id()}' has the vertex attributes {_listed(given)}, but the derivatives "
+            f"of the index are {_listed(expected)}; give all of them by these names, or none "
+            "(a PLY's columns gradient_1, gradient_2, gradient_3 become vertex_gradient)."
+        )
+    return bool(given)
+
+
+def _listed(attributes: dict[str, int]) -> str:
+    return ", ".join(f"{name} ({size})" for name, size in sorted(attributes.items()))
 
 
 def shell_derivatives(shape: Any, normals: NDArray[np.floating], step: float) -> FloatArray:
@@ -326,6 +344,7 @@ class SceneTables:
         self.half_step = min((step for step in steps if step > 0), default=1e-9) / 2
         self.open_step = max(steps, default=1e-9) / 2
         known = bool(shells) and all(row.derived for row in shells)
+        self.without_derivatives = [row.shape.id() for row in shells if not row.derived]
         # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
         self.knows_derivatives = known and not self.stock_shells
         meshes = [row for row in rows if row.kind != BLOCKER]

@@ -10,6 +10,8 @@ from validation.sections.readers import compare
 
 
 @pytest.mark.usefixtures("variant")
+# Shells of the .vti end a cell before the wall, so their steps do not add up there.
+@pytest.mark.filterwarnings("ignore:.*have no reliable refracted ray")
 def test_displacement_maps_differ_by_the_interpolation_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

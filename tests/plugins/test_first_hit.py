@@ -449,3 +449,56 @@ def test_surroundings_of_a_sensor(
     loaded = scene(shapes)
     sensor = sensor_of(camera_in_numpy().at(look_at(origin, (0.0, 50.0, 0.0))))
     assert loaded.integrator().surroundings(loaded, sensor) == where
+
+
+def with_attributes(loaded: Any, attributes: dict[str, int], shells: tuple[str, ...]) -> Any:
+    """The scene whose shells got further vertex attributes, zeros of so many values."""
+    import mitsuba as mi
+
+    for shape in loaded.shapes():
+        if shape.id() in shells:
+            for name, size in attributes.items():
+                values = np.zeros(size * shape.vertex_count(), dtype=np.float32)
+                shape.add_attribute(name, size, mi.Float(aligned(values)))
+    return loaded
+
+
+DERIVATIVES = {
+    "vertex_gradient": 3,
+    **{f"vertex_hessian_{axes}": 1 for axes in ("xx", "yy", "zz", "yz", "xz", "xy")},
+}
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        {"vertex_gradient": 3},
+        {f"vertex_gradient_{k}": 1 for k in (1, 2, 3)},
+        {**DERIVATIVES, "vertex_gradient": 1},
+        {name.upper().replace("VERTEX", "vertex"): size for name, size in DERIVATIVES.items()},
+    ],
+)
+def test_derivatives_by_halves_or_other_names_are_refused(
+    shapes: dict[str, Any], attributes: dict[str, int]
+) -> None:
+    """Ignored in silence, rays would be bent at the shells alone."""
+    loaded = scene(shapes)
+    ids = tuple(shape.id() for shape in loaded.shapes() if shape.id() != "part")
+    with pytest.raises(InputError, match=r"vertex_gradient \(3\), vertex_hessian_xx \(1\)"):
+        channels(with_attributes(loaded, attributes, ids))
+
+
+def test_derivatives_of_some_shells_are_refused_and_the_bending_in_force_is_said(
+    shapes: dict[str, Any],
+) -> None:
+    loaded = scene(shapes)
+    ids = tuple(shape.id() for shape in loaded.shapes() if shape.id() != "part")
+    assert "bending=layers" in str(loaded.integrator())
+    with pytest.raises(InputError, match="2 of 3 shells have no derivatives"):
+        channels(with_attributes(loaded, DERIVATIVES, ids[:1]))
+    loaded = scene(shapes)
+    channels(loaded)
+    assert "bending=shells" in str(loaded.integrator())
+    loaded = with_attributes(scene(shapes), DERIVATIVES, ids)
+    channels(loaded)
+    assert "bending=layers" in str(loaded.integrator())
