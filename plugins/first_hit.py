@@ -104,10 +104,10 @@ def plugin_class(variant: str) -> type:
             """True if rays turn all along the layers of a scene, not at its shells alone."""
             if self.bending != "layers" or self.normals != "gradient":
                 return False
-            without, shells = tables.without_derivatives, tables.shell_shapes
-            if without and len(without) < len(shells) and not tables.stock_shells:
+            without, count = tables.without_derivatives, len(tables.shell_shapes)
+            if without and tables.with_derivatives and not tables.stock_shells:
                 raise InputError(
-                    f"{len(without)} of {len(shells)} shells have no derivatives of the index "
+                    f"{len(without)} of {count} shells have no derivatives of the index "
                     f"({', '.join(without[:3])}{', ...' if len(without) > 3 else ''}), so rays "
                     "cannot be bent all along the layers; give them to all shells, or set bending "
                     'to "shells".'
