@@ -61,7 +61,8 @@ def plugin_class(variant: str) -> type:
         they are given by ``add_attribute``. Some of them, or other names, are refused. The text of
         the integrator (``str``) states the bending in force once it has rendered.
 
-        Limits: geometrical optics, one ray a pixel, no moving shapes, no instances. ``gradient``
+        Limits: geometrical optics, one ray a pixel, no moving shapes, no instances; not
+        differentiable, use central differences of ``iriftrace.trace_rays``. ``gradient``
         needs vertex normals in the shells' files: Mitsuba invents its own for a PLY without.
 
         .. code-block:: xml
