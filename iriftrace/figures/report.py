@@ -80,7 +80,8 @@ class ReportContent:
     """The report's text; rows are of name and value.
 
     Rows of the varied weights: metric; rank of the best pose and winner with the smaller weight;
-    the same with the larger. Of the rays: what became of them, their number, their fraction of the hits.
+    the same with the larger. Of the rays: what became of them, their number, their fraction of the
+    hits.
     """
 
     title: str
