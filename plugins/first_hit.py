@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from iriftrace.core.errors import InputError
 from iriftrace.plugins.aov_integrator import integrator_class
 from iriftrace.plugins.kernels.layers import AtShells, InLayers
 from iriftrace.plugins.kernels.ledger import index_check
@@ -58,8 +57,9 @@ def plugin_class(variant: str) -> type:
         step of the index: ``vertex_gradient`` (3 values a vertex, 1/mm) and ``vertex_hessian_xx``,
         ``_yy``, ``_zz``, ``_yz``, ``_xz``, ``_xy`` (1 each, 1/mm^2). Of a PLY, Mitsuba makes them
         from the columns ``gradient_1`` to ``gradient_3`` and ``hessian_xx_1`` ...; to a ``mi.Mesh``
-        they are given by ``add_attribute``. Some of them, or other names, are refused. The text of
-        the integrator (``str``) states the bending in force once it has rendered.
+        they are given by ``add_attribute``. Some of them, or other names, are refused; a shell
+        without any makes rays bend at the shells alone. The text of the integrator (``str``)
+        states the bending in force once it has rendered.
 
         Limits: geometrical optics, one ray a pixel, no moving shapes, no instances; not
         differentiable, use central differences of ``iriftrace.trace_rays``. ``gradient``
@@ -103,17 +103,8 @@ def plugin_class(variant: str) -> type:
 
         def bends_in_layers(self, tables: SceneTables) -> bool:
             """True if rays turn all along the layers of a scene, not at its shells alone."""
-            if self.bending != "layers" or self.normals != "gradient":
-                return False
-            without, count = tables.without_derivatives, len(tables.shell_shapes)
-            if without and tables.with_derivatives and not tables.stock_shells:
-                raise InputError(
-                    f"{len(without)} of {count} shells have no derivatives of the index "
-                    f"({', '.join(without[:3])}{', ...' if len(without) > 3 else ''}), so rays "
-                    "cannot be bent all along the layers; give them to all shells, or set bending "
-                    'to "shells".'
-                )
-            return tables.knows_derivatives
+            wanted = self.bending == "layers" and self.normals == "gradient"
+            return wanted and tables.knows_derivatives
 
         def rule(self, tables: SceneTables) -> AtShells | InLayers:
             """The rule by which rays are bent in a scene."""

@@ -12,7 +12,7 @@ from attrs import evolve
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
@@ -96,13 +96,13 @@ def test_one_shell_without_derivatives_keeps_all_from_it(tmp_path: Path, stack: 
 
 
 @pytest.mark.parametrize("column", ["gradient", "hessian_xx", "hessian_xy"])
-def test_one_shell_without_a_column_keeps_all_from_it(xml: Path, column: str) -> None:
+def test_a_shell_without_a_column_is_refused(xml: Path, column: str) -> None:
     """As of files that other versions or programs wrote."""
     mesh = xml.parent / "shells/shell_02.ply"
     old, new = f" {column}_".encode(), f" {column[::-1]}_".encode()
     mesh.write_bytes(mesh.read_bytes().replace(old, new, 3))
-    with pytest.warns(IriftraceWarning, match="is not of the shells"):
-        assert said(xml) == NO_DERIVATIVES
+    with pytest.raises(InputError, match="but the derivatives of the index are"):
+        said(xml)
 
 
 def test_mitsuba_reads_all_that_the_shells_know(xml: Path, stack: ShellStack) -> None:
