@@ -262,7 +262,7 @@ def integrator_class(variant: str) -> type:
             report : dict
                 ``time_s`` per stage, ``counts`` (``open_boundary`` rays,
                 ``shell_triangles_in_view`` where shells bend) and ``camera`` of the crop window
-                (as of ``iriftrace.camera.Camera.as_dict``), and ``straight`` (StraightHits).
+                (as of ``iriftrace.Camera.as_dict``), and ``straight`` (StraightHits).
             """
             pixels_of, rays = self.pixel_rays(sensor)
             film, camera = sensor.film(), camera_of(sensor)

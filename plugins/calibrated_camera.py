@@ -163,7 +163,7 @@ def plugin_class(variant: str) -> type:
             parameters.update()
 
         def description(self) -> dict[str, Any]:
-            """The camera as ``iriftrace.camera.Camera.as_dict`` gives it."""
+            """The camera as ``iriftrace.Camera.as_dict`` gives it."""
             return self._description.as_dict()
 
         def full_resolution(self) -> tuple[int, ...]:

@@ -61,7 +61,8 @@ def plugin_class(variant: str) -> type:
         they are given by ``add_attribute``. Some of them, or other names, are refused. The text of
         the integrator (``str``) states the bending in force once it has rendered.
 
-        Limits: geometrical optics, one ray a pixel, no moving shapes, no instances. ``gradient``
+        Limits: geometrical optics, one ray a pixel, no moving shapes, no instances; not
+        differentiable, use central differences of ``iriftrace.trace_rays``. ``gradient``
         needs vertex normals in the shells' files: Mitsuba invents its own for a PLY without.
 
         .. code-block:: xml
@@ -104,10 +105,10 @@ def plugin_class(variant: str) -> type:
             """True if rays turn all along the layers of a scene, not at its shells alone."""
             if self.bending != "layers" or self.normals != "gradient":
                 return False
-            without, shells = tables.without_derivatives, tables.shell_shapes
-            if without and len(without) < len(shells) and not tables.stock_shells:
+            without, count = tables.without_derivatives, len(tables.shell_shapes)
+            if without and tables.with_derivatives and not tables.stock_shells:
                 raise InputError(
-                    f"{len(without)} of {len(shells)} shells have no derivatives of the index "
+                    f"{len(without)} of {count} shells have no derivatives of the index "
                     f"({', '.join(without[:3])}{', ...' if len(without) > 3 else ''}), so rays "
                     "cannot be bent all along the layers; give them to all shells, or set bending "
                     'to "shells".'

@@ -65,7 +65,7 @@ class StockSensor:
         self._projection = Projection(self._description)
 
     def description(self) -> dict[str, Any]:
-        """The camera as ``iriftrace.camera.Camera.as_dict`` gives it."""
+        """The camera as ``iriftrace.Camera.as_dict`` gives it."""
         return self._description
 
     def full_resolution(self) -> tuple[int, ...]:

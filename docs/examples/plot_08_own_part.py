@@ -14,14 +14,16 @@ import numpy as np
 import trimesh
 
 import iriftrace
-from iriftrace.cfd import AirMesh, synthetic_air, synthetic_field
 
 folder = Path(tempfile.mkdtemp())
 trimesh.creation.annulus(r_min=25.0, r_max=60.0, height=18.0, sections=96).export(
     folder / "flange.stl"
 )
 part = iriftrace.read_part(folder / "flange.stl")
-field = synthetic_field(synthetic_air(part), AirMesh(cell_mm=3.0, sides_mm=30.0, height_mm=80.0))
+field = iriftrace.synthetic_field(
+    iriftrace.synthetic_air(part),
+    iriftrace.AirMesh(cell_mm=3.0, sides_mm=30.0, height_mm=80.0),
+)
 camera = iriftrace.Camera(
     focal_length_mm=10.0,
     sensor_mm=(6.7, 5.6),

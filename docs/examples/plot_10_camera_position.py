@@ -13,14 +13,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import iriftrace
-from iriftrace.camera.orbit import Orbit, orbit_poses, semi_axes
 from iriftrace.planning.criteria import THE_PAPERS
 from iriftrace.scenes import folder_of
 
 scene = iriftrace.load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
-orbit = Orbit(centre=(0.0, 0.0, 0.0), semi_axes_mm=semi_axes(scene.part, 225.0))
+orbit = iriftrace.Orbit(centre=(0.0, 0.0, 0.0), semi_axes_mm=iriftrace.semi_axes(scene.part, 225.0))
 azimuths = np.linspace(0.0, 90.0, 10)
-poses = orbit_poses(orbit, azimuths, [0.0])
+poses = iriftrace.orbit_poses(orbit, azimuths, [0.0])
 sweep = iriftrace.run_sweep(scene, poses, f"{tempfile.mkdtemp()}/sweep.nc")
 best = iriftrace.plan(sweep, THE_PAPERS).summary.plan.best
 

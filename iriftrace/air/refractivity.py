@@ -260,7 +260,7 @@ def _positive(value: ArrayLike, name: str, unit: str) -> FloatArray:
 
 
 def dispersion(air: Mapping[str, Any], wavelength_nm: float) -> float:
-    """By how much n - 1 of an air (`iriftrace.air.Air.as_dict`) is larger at another wavelength.
+    """By how much n - 1 of an air (`iriftrace.Air.as_dict`) is larger at another wavelength.
 
     Raises
     ------

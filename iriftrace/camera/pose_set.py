@@ -13,7 +13,7 @@ from iriftrace.core.errors import InputError
 
 _FARTHEST_PUSH_MM = 10_000.0
 _STEP_MM = 5.0
-_RIGID_TOLERANCE = 1e-6  # that of iriftrace.camera.Camera
+_RIGID_TOLERANCE = 1e-6  # that of iriftrace.Camera
 
 
 def fixed(value: ArrayLike) -> FloatArray:

@@ -3,7 +3,3 @@
 Readers of every format, the index with its gradient and second derivatives at the solver's own
 points, the wall where the part sits, and how well field and part lie on each other.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -3,7 +3,3 @@
 Functions take results and return Matplotlib figures; ``write_figure`` writes them as PNG or PDF.
 Nothing is computed here that a result does not hold already.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -80,7 +80,8 @@ class ReportContent:
     """The report's text; rows are of name and value.
 
     Rows of the varied weights: metric; rank of the best pose and winner with the smaller weight;
-    the same with the larger. Of the rays: what became of them, their number, their share.
+    the same with the larger. Of the rays: what became of them, their number, their fraction of the
+    hits.
     """
 
     title: str
@@ -323,9 +324,13 @@ def _rays(dataset: xr.Dataset) -> Rows:
     counts = {
         status: int(np.maximum(whole[f"rays_{status.key}"].values, 0).sum()) for status in Status
     }
-    total = max(1, sum(counts.values()))
+    hits = max(1, int(np.maximum(whole["rays_hit"].values, 0).sum()))
+
+    def fraction(status: Status, count: int) -> str:
+        return "" if status is Status.MISSED else f"{100 * count / hits:.3g} %"
+
     return tuple(
-        (status.text.capitalize(), f"{count:,}", f"{100 * count / total:.3g} %")
+        (status.text.capitalize(), f"{count:,}", fraction(status, count))
         for status, count in counts.items()
         if count
     )

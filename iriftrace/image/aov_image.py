@@ -122,8 +122,8 @@ _OUTCOMES = {
     Status.OUT_OF_FOCUS: "out of focus",
     Status.REFRACTED_MISSED: "only the straight ray hit",
     Status.ONLY_REFRACTED: "only the refracted ray hit",
-    Status.INDEX_MISMATCH: "inconsistent index steps or deflection",
-    Status.GAVE_UP: "gave up (lost on the way)",
+    Status.INDEX_MISMATCH: "inconsistent deflection",
+    Status.GAVE_UP: "lost on the way",
     Status.BLOCKED: "another object in the way",
 }
 

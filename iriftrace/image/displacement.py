@@ -57,7 +57,8 @@ def good_mask(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> Boo
         good |= status == int(code)
     if Status.INDEX_MISMATCH in include:
         # Such rays may also miss the part.
-        good &= (image.channels["part.face"] > 0) & (image.channels["path.length"] > 0)
+        hit = (image.channels["part.face"] > 0) & (image.channels["path.length"] > 0)
+        good &= hit | (status != Status.INDEX_MISMATCH)
     return good
 
 

@@ -3,7 +3,3 @@
 Read from any mesh file (`read_part`), made from arrays (`part_of_mesh`) or by its sizes
 (`cylinder`, `bevel_gear`, `wishbone`), and written with its regions (`save_part`).
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

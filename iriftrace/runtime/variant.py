@@ -109,7 +109,7 @@ def ensure(variant: str | None = None) -> str:
             raise SetupError(
                 f"Mitsuba was imported earlier and has loaded LLVM {'.'.join(map(str, version))}, "
                 f"and versions before {OLDEST_MAJOR} can abort the whole process; restart Python "
-                "and call iriftrace.runtime.ensure() before importing mitsuba, or set "
+                "and call iriftrace.runtime.variant.ensure() before importing mitsuba, or set "
                 f"{PATH_VARIABLE} first."
             )
     refuse_foreign_plugins(Path.cwd())
@@ -190,8 +190,8 @@ def _set_variant(name: str) -> None:
             require_llvm()  # says what to install, should there still be none
             raise SetupError(
                 f"Mitsuba was imported before it could find a usable LLVM and cannot look again "
-                f"({cause}); restart Python and call iriftrace.runtime.ensure() before importing "
-                "mitsuba."
+                f"({cause}); restart Python and call iriftrace.runtime.variant.ensure() before "
+                "importing mitsuba."
             ) from error
         raise SetupError(f"Mitsuba cannot work with {name}: {cause}") from error
 

@@ -31,7 +31,7 @@ class FieldMember:
     number: int  # from 1
     label: str  # what tells it from the others: a time step, a parameter, a file's name
     time: float | None  # in the file's own unit, where it states one
-    source: dict[str, Any]  # its file; see `iriftrace.index_field.FieldSource`
+    source: dict[str, Any]  # its file; see `iriftrace.FieldSource`
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

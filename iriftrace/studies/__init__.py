@@ -3,7 +3,3 @@
 Each study traces one camera's picture many times, compares the refracted hits or the times, and
 writes a netCDF file. They repeat Section 4.1 of Kern et al. (2025) in our mode and in the paper's.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

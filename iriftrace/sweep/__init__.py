@@ -3,7 +3,3 @@
 Poses of one scene or several are rendered here or by workers on other machines; a sweep that was
 killed goes on where it stopped. The result is one netCDF file.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -21,7 +21,7 @@ def warn_of_lost_rays(rays: RayCounts) -> None:
     if rays.lost_fraction > LIMIT:
         warnings.warn(
             f"{rays.lost:,} of {rays.hit:,} hits ({rays.lost_fraction:.1%}) have no reliable "
-            f"refracted ray ({rays.index_mismatch:,} with inconsistent index steps or deflection, "
+            f"refracted ray ({rays.index_mismatch:,} with inconsistent deflection, "
             f"status 5; {rays.gave_up:,} lost on the way, status 6), so these pixels have no "
             f"displacement; {REMEDY}.",
             IriftraceWarning,

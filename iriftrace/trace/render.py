@@ -41,7 +41,7 @@ class Rendering:
     def save(self, path: str | Path, *, rgb: str | None = None) -> tuple[Path, Path]:
         """Write the AOV EXR and, beside it, the metrics JSON; returns both names.
 
-        ``rgb`` is that of :func:`iriftrace.image.write_exr`.
+        ``rgb`` is that of :func:`iriftrace.write_exr`.
         """
         exr = Path(path)
         started = time.perf_counter()

@@ -3,7 +3,3 @@
 `measure` computes the cloud of points of a stereo, fringe or laser sensor and its error; `correct`
 takes the air's share out of a cloud that was measured.
 """
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -24,7 +24,7 @@ def flip_axes(matrix: ArrayLike) -> NDArray[np.float64]:
 class Projection:
     """Rays through image positions and image positions of points.
 
-    The description has the values of ``iriftrace.camera.Camera.as_dict``: projection,
+    The description has the values of ``iriftrace.Camera.as_dict``: projection,
     focal_length_mm, sensor_mm, resolution, principal_point_px, matrix (camera to world), distortion
     (none by default).
     """

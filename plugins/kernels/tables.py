@@ -344,7 +344,10 @@ class SceneTables:
         self.half_step = min((step for step in steps if step > 0), default=1e-9) / 2
         self.open_step = max(steps, default=1e-9) / 2
         known = bool(shells) and all(row.derived for row in shells)
-        self.without_derivatives = [row.shape.id() for row in shells if not row.derived]
+        # Of those with normals; a shell without bends rays at its facets in any case.
+        smooth = [row for row in shells if row.smooth]
+        self.without_derivatives = [row.shape.id() for row in smooth if not row.derived]
+        self.with_derivatives = len(smooth) - len(self.without_derivatives)
         # The ratio that Mitsuba's dielectric knows is no index by which layers could be joined.
         self.knows_derivatives = known and not self.stock_shells
         meshes = [row for row in rows if row.kind != BLOCKER]

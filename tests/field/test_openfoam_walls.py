@@ -111,6 +111,22 @@ def test_binary_lists_may_hold_any_byte(tmp_path: Path) -> None:
     assert boundary_entries(file)["outside"]["type"] == "fixedValue"
 
 
+@pytest.mark.parametrize("binary", [False, True])
+def test_vectors_beside_a_gradient_are_passed_over(tmp_path: Path, binary: bool) -> None:
+    """Solvers list velocities and momenta of patches; in binary they may hold any byte."""
+    vectors = np.arange(6.0).reshape(2, 3)
+    listed = vectors.tobytes() if binary else b"(0 1 2) (3 4 5)"
+    file = tmp_path / "U"
+    form = b"binary" if binary else b"ascii"
+    file.write_bytes(
+        b"FoamFile { format " + form + b"; }\nboundaryField { wall { type calculated; value "
+        b"nonuniform List<vector> 2\n(" + listed + b"); } top { type zeroGradient; } }"
+    )
+    found = boundary_entries(file)
+    assert_allclose(found["wall"]["value"], vectors)
+    assert found["top"]["type"] == "zeroGradient"
+
+
 NEITHER = "type externalWallHeatFluxTemperature; mode flux; q uniform 5000;"
 
 

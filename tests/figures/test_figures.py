@@ -165,6 +165,7 @@ def test_included_status_is_plotted_too() -> None:
     """`include` counts as it does for the metrics, so that both describe the same rays."""
     image = synthetic_image()
     image.channels["displacement.norm"][20, 20] = 0.007
+    image.channels["path.length"][20, 20] = 100.0
     plotted = displacement_figure(image, (0, 5)).axes[0].images[-1].get_array()
     assert plotted[20, 20] == pytest.approx(7.0)
 
@@ -260,7 +261,7 @@ def test_legend_counts_the_pixels_without_displacement() -> None:
     legend = displacement_figure(synthetic_image()).legends[0]
     assert [text.get_text() for text in legend.get_texts()] == [
         "Out of focus: 40 px (4.2 %)",
-        "Index steps do not add up: 1 px (0.1 %)",
+        "Inconsistent deflection: 1 px (0.1 %)",
     ]
 
 

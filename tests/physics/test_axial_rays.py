@@ -27,7 +27,7 @@ def test_views_along_the_axes_lose_no_ray(origin: tuple[float, float, float]) ->
         resolution=(245, 205),
         matrix=look_at(origin, (0.0, 0.0, 0.0)),
     )
-    image = render_scene(scene, camera=camera).image
+    image = render_scene(scene, camera=camera, check_shells=0).image
     single = trace_rays(scene, *camera.rays())
     hit = image.channels["part.face"].ravel() > 0
     np.testing.assert_array_equal(hit, single.face >= 0)

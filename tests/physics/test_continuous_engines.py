@@ -50,10 +50,12 @@ def images(variant: str, tmp_path_factory: pytest.TempPathFactory, field: IndexF
             stack = contour_shells(cut, layers)
             volume = field if layers == LAYERS[0] else None
             xml = write_scene(folder, part, stack, CAMERA, paraview=False, field=volume)
-            found[layers, normals] = render_scene(load_scene(xml, {"normals": normals})).image
+            found[layers, normals] = render_scene(
+                load_scene(xml, {"normals": normals}), check_shells=0
+            ).image
             if volume is not None:
                 scene = load_scene(xml, {"normals": normals}, engine="continuous")
-                found["continuous", normals] = render_scene(scene).image
+                found["continuous", normals] = render_scene(scene, check_shells=0).image
     return found
 
 
@@ -85,7 +87,9 @@ def test_thirteen_gradient_shells_agree_with_the_continuous_solution(
     both_engines: dict[str, LoadedScene], origin: tuple[float, float, float]
 ) -> None:
     camera = CAMERA.at(look_at(origin, (0.0, 0.0, 0.0)))
-    shells, field = (render_scene(scene, camera=camera).image for scene in both_engines.values())
+    shells, field = (
+        render_scene(scene, camera=camera, check_shells=0).image for scene in both_engines.values()
+    )
     good = (shells.status == Status.GOOD) & (field.status == Status.GOOD)
     exact = field.vector("displacement", good)
     norm = np.linalg.norm(exact, axis=1)

@@ -33,7 +33,9 @@ def test_trimming_changes_no_pixel(tmp_path: Path) -> None:
     assert trimmed.triangles < 0.5 * whole.triangles
     part = read_part(bundled / "part.ply")
     images = [
-        render_scene(load_scene(write_scene(tmp_path / name, part, shells, camera))).image
+        render_scene(
+            load_scene(write_scene(tmp_path / name, part, shells, camera)), check_shells=0
+        ).image
         for name, shells in (("whole", whole), ("trimmed", trimmed))
     ]
     np.testing.assert_array_equal(images[0].status, images[1].status)

@@ -1,4 +1,4 @@
-"""The sensor calibrated_camera against the pinhole's closed form and iriftrace.camera.Camera."""
+"""The sensor calibrated_camera against the pinhole's closed form and iriftrace.Camera."""
 
 from __future__ import annotations
 

@@ -201,7 +201,9 @@ def test_shells_can_be_dropped_by_hand(xml: Path) -> None:
     with pytest.warns(IriftraceWarning, match="that were made for it"):
         edited = load_scene(xml, {"scale": 0.25})
     assert edited.index_rule.startswith("edited")
-    fewer = render_scene(edited).image
+    # Rays that ended between the shells that are left do not know in which layer.
+    with pytest.warns(IriftraceWarning, match="inconsistent deflection"):
+        fewer = render_scene(edited).image
     good = (whole.status == 0) & (fewer.status == 0) & (whole.channels["path.crossings"] == 4)
     assert good.sum() > 50
     np.testing.assert_array_equal(fewer.channels["path.crossings"][good], 3)

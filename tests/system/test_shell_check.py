@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from attrs import evolve
 from conftest import Failing
-from rich.console import Console
 
 from iriftrace.cli import main
-from iriftrace.cli.output import print_summary
-from iriftrace.image.aov_image import read_exr
-from iriftrace.image.metrics import pose_metrics
 from iriftrace.scene.load import load_scene
 from iriftrace.trace import field_reference as shell_check
 from iriftrace.trace.field_reference import ShellError, shell_error
@@ -32,7 +26,7 @@ def test_it_is_the_difference_of_two_renderings(hot: HotBlock) -> None:
     width, height = shells.camera.resolution
     found = shell_error(shells, sample=width * height)
     images = [
-        render_scene(load_scene(hot.scene, engine=engine)).image
+        render_scene(load_scene(hot.scene, engine=engine), check_shells=0).image
         for engine in ("shells", "continuous")
     ]
     good = [image.status == 0 for image in images]
@@ -76,18 +70,6 @@ def test_render_says_it_and_metrics_keeps_it(
     assert ("--engine continuous" in said) == (not enough)
     assert main(["metrics", str(exr)]) == 0
     assert json.loads(report.read_text())[KEY] == values
-
-
-@pytest.mark.parametrize(("mismatches", "said"), [(900, False), (1100, True)])
-def test_a_summary_says_when_more_than_single_rays_do_not_add_up(
-    hot: HotBlock, mismatches: int, said: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    metrics = pose_metrics(read_exr(hot.image))
-    rays = evolve(metrics.rays, hit=100_000, index_mismatch=mismatches)
-    text = io.StringIO()
-    monkeypatch.setattr("iriftrace.cli.output.out", Console(file=text, width=200))
-    print_summary(evolve(metrics, rays=rays))
-    assert ("shells have holes or are another field's" in text.getvalue()) == said
 
 
 def test_either_share_alone_is_too_much() -> None:

@@ -24,6 +24,8 @@ from iriftrace.cli import main
 from iriftrace.core.errors import SetupError
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
+from iriftrace.scene.load import load_scene
+from validation.lost_rays import lost_in
 
 pytestmark = pytest.mark.slow
 
@@ -166,6 +168,18 @@ def test_field_becomes_shells(simulated: Run, tmp_path: Path) -> None:
     arguments = ["shells", str(field), "-o", str(tmp_path), "--part", str(simulated.part)]
     assert main([*arguments, "--layers=5"]) == 0
     assert len(list(tmp_path.glob("*.ply"))) == 5
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("engine", ["shells", "continuous"])
+def test_no_ray_through_the_field_is_lost(simulated: Run, tmp_path: Path, engine: str) -> None:
+    """From all around to the part and past it: 60 % were, in cells at refinement levels."""
+    xml = tmp_path / "scene.xml"
+    words = ["scene", str(simulated.case / "field.vtu"), str(simulated.part), "-o", str(xml)]
+    assert main([*words, "--origin=150,-100,120", "--focus=0:inf"]) == 0
+    hits, lost = lost_in(load_scene(xml, engine=engine), 100_000)
+    assert hits > 50_000
+    assert lost == []
 
 
 def test_each_face_of_the_wall_has_the_temperature_of_its_region(

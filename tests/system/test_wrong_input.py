@@ -277,7 +277,6 @@ FIELDS: dict[str, tuple[Callable[[], pv.DataSet], str]] = {
     "no temperature": (lambda: with_arrays(U=1.0, p=2.0), "no array.*U, p"),
     "ambiguous": (lambda: with_arrays(Temp=None, temperature=None), "Temp, temperature"),
     "ambiguous to the eye": (lambda: with_arrays(T_old=None, T_new=None), "T_old, T_new"),
-    "not a number": (lambda: with_arrays(T=somewhere(np.nan)), "not a finite number at 1 of"),
     "infinite": (lambda: with_arrays(T=somewhere(np.inf)), "not a finite number at 1 of"),
     "negative": (lambda: with_arrays(T=somewhere(-5.0)), "-5 K.*positive"),
     "zero": (lambda: with_arrays(T=somewhere(0.0)), "0 K.*positive"),

@@ -31,6 +31,9 @@ _OF_THE_CELL = {"zeroGradient", "slip"}
 _MIXED = ("refValue", "refGradient", "valueFraction")
 """What a mixed condition states: value = f refValue + (1 - f) (cell + refGradient distance)."""
 
+_COMPONENTS = {b"vector": 3, b"symmTensor": 6, b"tensor": 9}
+"""Numbers of an entry of a list, one for all other kinds."""
+
 _TOKEN = re.compile(
     rb"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/|\#[^\n]*)
     |(?P<list>List<(?P<kind>\w+)>\s*(?P<count>\d+)\s*(?P<open>[({]))
@@ -80,22 +83,35 @@ def _bytes_of_scalars(data: bytes) -> int:
 
 
 def _tokens(data: bytes, width: int) -> Iterator[str | FloatArray]:
-    """Words, signs and lists of scalars of a dictionary."""
+    """Words, signs and lists of scalars, (n,), or vectors, (n, 3), of a dictionary."""
     place = 0
     while place < len(data) and (found := _TOKEN.match(data, place)):
         place = found.end()
         if found["word"]:
             yield found["word"].decode(errors="replace")
         elif found["list"]:
-            count, place, end = int(found["count"]), place, place
-            if found["open"] == b"{" or not width or found["kind"] != b"scalar":
-                end = data.index(b"}" if found["open"] == b"{" else b")", place)
-                values = np.array(data[place:end].split(), dtype=np.float64)
-                yield np.broadcast_to(values[0], count) if found["open"] == b"{" else values
+            count, size = int(found["count"]), _COMPONENTS.get(found["kind"], 1)
+            one_for_all = found["open"] == b"{"
+            if one_for_all or not width:
+                end = data.index(b"}", place) if one_for_all else _closing(data, place)
+                numbers = data[place:end].translate(None, b"()").split()
+                values = np.array(numbers, dtype=np.float64)
             else:
-                end = place + count * width
-                yield np.frombuffer(data[place:end], dtype=f"<f{width}").astype(np.float64)
+                end = place + count * size * width
+                values = np.frombuffer(data[place:end], dtype=f"<f{width}").astype(np.float64)
+            values = values.reshape(-1, size) if size > 1 else values
+            yield np.broadcast_to(values[0], (count, *values.shape[1:])) if one_for_all else values
             place = end + 1
+
+
+def _closing(data: bytes, place: int) -> int:
+    """Place of the parenthesis that closes the list whose first entry begins at a place."""
+    depth = 1
+    for sign in re.finditer(rb"[()]", data[place:]):
+        depth += 1 if sign[0] == b"(" else -1
+        if depth == 0:
+            return place + sign.start()
+    raise ValueError("a list without an end")
 
 
 def _dictionary(tokens: Iterator[str | FloatArray]) -> Entries:

@@ -1,9 +1,0 @@
-from .part import Part as Part
-from .part import part_of_mesh as part_of_mesh
-from .part import read_part as read_part
-from .part import save_part as save_part
-from .regions import Regions as Regions
-from .shapes.bevel_gear import bevel_gear as bevel_gear
-from .shapes.cylinder import cylinder as cylinder
-from .shapes.cylinder import hybrid_cylinder as hybrid_cylinder
-from .shapes.wishbone import wishbone as wishbone

@@ -1,9 +1,0 @@
-from .build import BuiltEnsemble as BuiltEnsemble
-from .build import BuiltScene as BuiltScene
-from .build import build_ensemble as build_ensemble
-from .build import build_scene as build_scene
-from .load import LoadedScene as LoadedScene
-from .load import load_scene as load_scene
-from .write import write_scene as write_scene
-from .write_ensemble import MemberAir as MemberAir
-from .write_ensemble import write_ensemble_scene as write_ensemble_scene

@@ -1,0 +1,71 @@
+"""The public surface: what `import iriftrace` offers, and what texts say that it offers."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import iriftrace
+
+CHECKOUT = Path(__file__).parents[2]
+EXPORTS = set(iriftrace.__all__) - {"__version__"}
+# Neither a schema (iriftrace.pose/1, or "iriftrace.pose" in code) nor a file or an address.
+DOTTED = re.compile(r"(?<![\w\"/.-])iriftrace(?:\.[A-Za-z_]\w*)+(?![\w/-])")
+KEYS_OF_FILES = {"iriftrace.rgb"}
+TEXTS = sorted(
+    path
+    for pattern in ("*.md", "docs/*.md", "docs/examples/*", "iriftrace/**/*.py", "plugins/**/*.py")
+    for path in CHECKOUT.glob(pattern)
+)
+
+
+def resolve(name: str) -> Any:
+    """Import what a dotted name means; ModuleNotFoundError or AttributeError if it is stale."""
+    module, *rest = name.split(".")
+    found: Any = import_module(module)
+    for part in rest:
+        if not hasattr(found, part):
+            if not inspect.ismodule(found):
+                raise AttributeError(name)
+            import_module(f"{found.__name__}.{part}")
+        found = getattr(found, part)
+    return found
+
+
+def test_reference_lists_every_exported_name() -> None:
+    page = (CHECKOUT / "docs" / "reference_api.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^   (\w+)$", page, re.MULTILINE)
+    assert len(listed) == len(set(listed))
+    assert set(listed) == EXPORTS
+
+
+def test_exported_functions_take_exported_classes() -> None:
+    classes = {
+        node.name
+        for path in (CHECKOUT / "iriftrace").rglob("*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    }
+    missing = {
+        f"{name}({parameter}: {annotation})"
+        for name in EXPORTS
+        if inspect.isfunction(function := getattr(iriftrace, name))
+        for parameter, annotation in function.__annotations__.items()
+        if classes.intersection(re.findall(r"\w+", str(annotation))) - EXPORTS
+    }
+    assert missing == set()
+
+
+def test_dotted_names_in_texts_exist() -> None:
+    stale = []
+    for path in TEXTS:
+        for name in sorted(set(DOTTED.findall(path.read_text(encoding="utf-8"))) - KEYS_OF_FILES):
+            try:
+                resolve(name.removesuffix(".py"))
+            except (ModuleNotFoundError, AttributeError):
+                stale.append(f"{path.relative_to(CHECKOUT)}: {name}")
+    assert stale == []
