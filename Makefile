@@ -19,7 +19,7 @@ help:
 	@echo 'make bench-gpu  print the times of poses on a CUDA device, as a table to send in'
 	@echo 'make bench-scaling  draw the time over rays, triangles and cells: docs/scaling.png'
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
-	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and mend it where needed'
+	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and repair it where needed'
 	@echo 'make statements  compute docs/parts.md anew: what the paper says of its components'
 	@echo 'make attack  damage files of every format and count what readers make of them: docs/reliability.md'
 	@echo 'make clean   remove build folders and caches; .venv and out/ stay'
@@ -109,7 +109,7 @@ $(VENV)/drawing: $(VENV)/installed
 	    echo 'No OpenGL driver: 3-D pictures are left out (iriftrace doctor says how to mend it)' >&2
 	@touch $@
 
-# Debian 12's solvers are miscompiled: then one of them is built anew from the package's source, into
+# Debian 12's solvers are miscompiled: then one of them is built again from the package's source, into
 # the user's own data folder. The package itself says whether that is needed.
 FINDS_FOAM = $(BIN)/python -c 'from iriftrace.cfd.openfoam.programs import find_openfoam as f; f()'
 COMPUTES_RIGHT = $(BIN)/iriftrace field doctor >/dev/null 2>&1
@@ -119,5 +119,6 @@ openfoam: $(VENV)/installed $(VENV)/drawing llvm
 	    echo 'OpenFOAM is missing and cannot be installed here with apt: sudo apt-get install openfoam,' \
 	        'or a package of openfoam.com' >&2; exit 1; }
 	@$(COMPUTES_RIGHT) || command -v g++ >/dev/null || $(call apt_install,g++) || { \
-	    echo 'g++ is missing, which builds the solver anew: sudo apt-get install g++' >&2; exit 1; }
-	@$(BIN)/iriftrace field doctor --mend
+	    echo 'g++ is missing, which builds the solver again: sudo apt-get install g++' >&2; exit 1; }
+	@$(COMPUTES_RIGHT) || $(BIN)/python tools/openfoam/build_solver.py
+	@$(BIN)/iriftrace field doctor

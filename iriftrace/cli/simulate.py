@@ -12,7 +12,7 @@ from attrs import evolve, frozen
 from cyclopts import Group, Parameter
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
-from iriftrace.cli.console import notes, out, say, say_finding, working
+from iriftrace.cli.console import notes, out, say, say_finding
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
 from iriftrace.cli.options import (
@@ -31,7 +31,6 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.case import Case
-    from iriftrace.cfd.openfoam.programs import Installation
     from iriftrace.cfd.openfoam.run import State
     from iriftrace.cfd.openfoam.simulate import Display, Simulation
     from iriftrace.part.part import Part
@@ -215,49 +214,27 @@ def simulate(
     _print_simulation(result, part, hot, simulation)
 
 
-def doctor(*, mend: Annotated[bool, Parameter(negative=())] = False) -> None:
-    """Find the OpenFOAM of this machine, test whether its solvers compute right, say what to do.
+def doctor() -> None:
+    """Find the OpenFOAM of this machine, test whether its solver computes right, say what to do.
 
-    The test are three time steps on a tiny mesh with inclined faces. The solver of Debian 12's
-    package fails it: it is miscompiled.
+    The test is three time steps on a tiny mesh with inclined faces. The solver of Debian 12's
+    package fails it: it is miscompiled. ``make openfoam`` builds a repaired one.
 
     Example: ``iriftrace field doctor``
-
-    Parameters
-    ----------
-    mend
-        Where the solver computes wrong, build this one program anew from the source of the
-        installed package, into your own data folder; the package and apt's lists stay as they are.
     """
-    from iriftrace.cfd.openfoam.programs import MEND, find_openfoam, mended_solver
-    from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, build_solver
+    from iriftrace.cfd.openfoam.programs import REPAIR, find_openfoam
+    from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, try_solver
 
     installation = find_openfoam()
     say_finding("ok", "OpenFOAM", installation.folder or "on the search path")
-    verdict = _try_solver(installation)
-    if verdict != TRIAL_PASSED and mend:
-        target = mended_solver(installation.installed)
-        say(f"Building it anew as {target}")
-        with working("Fetching the source and compiling"):
-            build_solver(target)
-        verdict = _try_solver(find_openfoam())
-    if verdict != TRIAL_PASSED:
-        advice = "nor does one that was built anew; install a newer OpenFOAM from openfoam.com"
-        raise SetupError(
-            "the solver computes wrong, "
-            + (advice if mend else f"as that of Debian 12's package does; to mend it: {MEND}.")
-        )
-
-
-def _try_solver(installation: Installation) -> str:
-    """Try the solver and print the verdict, which is returned."""
-    from iriftrace.cfd.openfoam.solver_check import try_solver
-
     verdict = try_solver(installation)
     said = verdict or "three steps on a mesh with inclined faces came out right"
-    built = f", built in place of {installation.installed}" if installation.mended else ""
+    built = f", built in place of {installation.installed}" if installation.repaired else ""
     say_finding("error" if verdict else "ok", "solver", f"{installation.solver}{built}: {said}")
-    return verdict
+    if verdict != TRIAL_PASSED:
+        raise SetupError(
+            f"the solver computes wrong, as that of Debian 12's package does; {REPAIR}."
+        )
 
 
 def _print_case(case: Case) -> None:

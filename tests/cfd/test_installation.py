@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from iriftrace.cfd.openfoam import programs as installation
-from iriftrace.cfd.openfoam import solver_check as mend
-from iriftrace.cfd.openfoam.programs import SOLVER, TOOLS, find_openfoam, mended_solver
+from iriftrace.cfd.openfoam.programs import SOLVER, TOOLS, find_openfoam, repaired_solver
 from iriftrace.cfd.openfoam.solver_check import TRIAL_PASSED, judge, try_solver
 from iriftrace.cli import main
 from iriftrace.core.errors import SetupError
@@ -51,16 +50,16 @@ def program(path: Path, script: str) -> None:
 def test_programs_on_the_search_path_are_found(programs: Path) -> None:
     found = find_openfoam()
     assert found.solver == found.installed == str(programs / SOLVER)
-    assert not found.mended
+    assert not found.repaired
     assert found.program("blockMesh") == str(programs / "blockMesh")
 
 
-def test_mended_solver_takes_the_place_of_the_one_it_was_built_for(programs: Path) -> None:
+def test_repaired_solver_takes_the_place_of_the_one_it_was_built_for(programs: Path) -> None:
     """And no longer after an upgrade, when another program is installed."""
-    program(mended_solver(str(programs / SOLVER)), "exit 0")
-    assert find_openfoam().mended
+    program(repaired_solver(str(programs / SOLVER)), "exit 0")
+    assert find_openfoam().repaired
     program(programs / SOLVER, "echo newer")
-    assert not find_openfoam().mended
+    assert not find_openfoam().repaired
 
 
 def test_no_openfoam(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -132,33 +131,22 @@ def test_solver_that_passed_is_not_tried_again(programs: Path) -> None:
     assert try_solver(found) != TRIAL_PASSED
 
 
-def test_doctor_says_what_mends_a_wrong_solver(
+def test_doctor_says_what_repairs_a_wrong_solver(
     programs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     program(programs / SOLVER, "exit 136")
     assert main(["field", "doctor"]) == 2
     said = capsys.readouterr()
     assert "stopped in the first time steps" in said.out
-    assert "iriftrace field doctor --mend" in said.err
+    assert "make openfoam" in said.err
 
 
-def test_doctor_mends_by_building_and_trying_again(
-    programs: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_doctor_tries_the_repaired_solver_like_any_other(
+    programs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What the build gives is tried like any other solver."""
     good = STEPS.format(0, 0.006, 0.009).replace("\n", "\\n")
     program(programs / SOLVER, "exit 136")
     for script, code in (("exit 136", 2), (f"printf '{good}'", 0)):
-        monkeypatch.setattr(mend, "build_solver", lambda target, s=script: program(target, s))
-        assert main(["field", "doctor", "--mend"]) == code
+        program(repaired_solver(str(programs / SOLVER)), script)
+        assert main(["field", "doctor"]) == code
         assert "built in place of" in capsys.readouterr().out
-        mended_solver(str(programs / SOLVER)).unlink()
-
-
-def test_nothing_is_built_where_the_solver_computes_right(
-    programs: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    good = STEPS.format(0, 0.006, 0.009).replace("\n", "\\n")
-    program(programs / SOLVER, f"printf '{good}'")
-    monkeypatch.setattr(mend, "build_solver", lambda target: pytest.fail("it was built"))
-    assert main(["field", "doctor", "--mend"]) == 0

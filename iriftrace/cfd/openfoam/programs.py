@@ -24,7 +24,11 @@ TOOLS = ("blockMesh", "surfaceFeatureExtract", "snappyHexMesh", "checkMesh")
 
 INSTALL = "make openfoam (in a clone of the repository), or: sudo apt-get install openfoam"
 
-MEND = "iriftrace field doctor --mend, which takes a minute and leaves the package as it is"
+REPAIR = (
+    "make openfoam (in a clone of the repository) builds a repaired one in a minute, or install a "
+    "newer OpenFOAM from openfoam.com"
+)
+"""What to do about a solver that computes wrong."""
 
 # Where the packages of openfoam.com put their versions.
 _BASHRCS = ("/usr/lib/openfoam/openfoam*/etc/bashrc", "/opt/openfoam*/etc/bashrc")
@@ -46,7 +50,7 @@ class Installation:
     environment: dict[str, str] = field(repr=False)  # for all programs
 
     @property
-    def mended(self) -> bool:
+    def repaired(self) -> bool:
         """True for a solver built in place of the package's."""
         return self.solver != self.installed
 
@@ -63,8 +67,8 @@ class Installation:
 def find_openfoam() -> Installation:
     """Find OpenFOAM: on the search path, or where the packages of openfoam.com put it.
 
-    A solver that `iriftrace.cfd.openfoam.solver_check` has built in place of the installed
-    one is preferred. A SetupError if there is none, or a program of it is missing.
+    A repaired solver in the user's data folder is preferred to the installed one. A SetupError if
+    there is no OpenFOAM, or a program of it is missing.
     """
     environment = _environment()
     missing = [name for name in (*TOOLS, SOLVER) if _which(name, environment) is None]
@@ -76,17 +80,17 @@ def find_openfoam() -> Installation:
             f"all of them: {INSTALL}."
         )
     installed = str(_which(SOLVER, environment))
-    mended = mended_solver(installed)
+    repaired = repaired_solver(installed)
     return Installation(
         folder=environment.get("WM_PROJECT_DIR", ""),
         installed=installed,
-        solver=str(mended) if mended.is_file() else installed,
+        solver=str(repaired) if repaired.is_file() else installed,
         environment=environment,
     )
 
 
-def mended_solver(installed: str) -> Path:
-    """Where the solver built in place of an installed one lies, in the user's own data folder.
+def repaired_solver(installed: str) -> Path:
+    """Path at which a solver built in place of an installed one is looked for, in the user's data.
 
     The folder is named after the installed program's content: after an upgrade the new one counts.
     """

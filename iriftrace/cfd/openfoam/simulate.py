@@ -13,7 +13,7 @@ from attrs import frozen
 from iriftrace.cfd.openfoam.case import Case, is_stored, keep_record
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.mesh import make_mesh
-from iriftrace.cfd.openfoam.programs import MEND, Installation
+from iriftrace.cfd.openfoam.programs import REPAIR, Installation
 from iriftrace.cfd.openfoam.result import write_mean, write_snapshots
 from iriftrace.cfd.openfoam.run import (
     State,
@@ -119,7 +119,7 @@ def check_solver(installation: Installation) -> None:
     if verdict != TRIAL_PASSED:
         raise SetupError(
             f"{installation.solver} computes wrong ({verdict}), as Debian 12's miscompiled package "
-            f"does; to mend it: {MEND}."
+            f"does; {REPAIR}."
         )
 
 

@@ -1,4 +1,4 @@
-"""Building the solver anew from the distribution's source package."""
+"""Building the solver again from the distribution's source package."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from iriftrace.cfd.openfoam import solver_check as mend
 from iriftrace.cfd.openfoam.programs import SOLVER
+from tools.openfoam import build_solver
 
 OPTIONS = """\
 EXE_INC = \\
@@ -46,7 +46,7 @@ def archive(tmp_path: Path) -> Path:
 
 
 def test_only_sources_are_unpacked(archive: Path, tmp_path: Path) -> None:
-    source = mend._unpacked(archive, tmp_path / "source")
+    source = build_solver._unpacked(archive, tmp_path / "source")
     assert (source / "src/sampling/probes/probes.C").is_file()
     assert (source / f"applications/solvers/heatTransfer/{SOLVER}/Make/options").is_file()
     assert not (source / "tutorials").exists()
@@ -56,8 +56,8 @@ def test_compiler_is_called_without_the_promise_that_pointers_keep(
     archive: Path, tmp_path: Path
 ) -> None:
     """Against the headers and libraries that the solver's own options name, and no others."""
-    source = mend._unpacked(archive, tmp_path / "source")
-    command = mend.compile_command(source, tmp_path / "solver")
+    source = build_solver._unpacked(archive, tmp_path / "source")
+    command = build_solver.compile_command(source, tmp_path / "solver")
     assert "-fno-strict-aliasing" in command
     assert "-D__restrict__=" in command
     folders = [Path(word[2:]) for word in command if word.startswith("-I")]
@@ -71,8 +71,8 @@ def test_compiler_is_called_without_the_promise_that_pointers_keep(
 
 def test_sources_come_from_where_the_packages_come_from(monkeypatch: pytest.MonkeyPatch) -> None:
     listed = "http://deb.debian.org/debian/ bookworm main\n" * 2 + "http://x/ bookworm contrib\n"
-    monkeypatch.setattr(mend, "_output", lambda command: listed)
-    assert mend.source_lines() == [
+    monkeypatch.setattr(build_solver, "_output", lambda command: listed)
+    assert build_solver.source_lines() == [
         "deb-src http://deb.debian.org/debian/ bookworm main",
         "deb-src http://x/ bookworm contrib",
     ]
