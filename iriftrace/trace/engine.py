@@ -1,4 +1,4 @@
-"""What bends a view's rays: the scene's shells, or its field where they do not resolve the view.
+"""Choice of the engine for a view: the scene's shells, or its field where they are too coarse.
 
 There is one test (`iriftrace.trace.shell_convergence`) on one sample of rays: those of the devices'
 own pictures that hit the part in focus. So a picture, a measurement and a correction with the same

@@ -59,15 +59,27 @@ def split_from_corners(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     return split
 
 
-@pytest.fixture(scope="module", params=["case", "polyhedra", "split by VTK", "split from corners"])
-def quarter(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+OFF_AT_THE_WALL = {"case": 0.0, "polyhedra": 1e-3, "split by VTK": 0.02, "split from corners": 1e-3}
+"""Fractions of the hits that may have status 5 with shells. Averaging cells to points, as others do
+it, makes the wall of 1323 K 754 to 1269 K warm, so that shells end on it; where the pieces of
+neighbours do not fit, shells have cracks besides. The field has no such limit."""
+
+
+@pytest.fixture(scope="module", params=list(OFF_AT_THE_WALL))
+def written(request: pytest.FixtureRequest) -> str:
+    """Who wrote the field."""
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def quarter(written: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same solution, as a case and as files that others have written."""
-    if request.param == "case":
+    if written == "case":
         return CASE
     grid = as_read_by_others()
-    if request.param == "split by VTK":
+    if written == "split by VTK":
         grid = grid.triangulate()
-    elif request.param == "split from corners":
+    elif written == "split from corners":
         grid = split_from_corners(grid)
     path = tmp_path_factory.mktemp("field") / "field.vtu"
     grid.save(path)
@@ -104,17 +116,15 @@ def bundle(loaded: LoadedScene) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("engine", ["continuous", "shells"])
-def test_no_ray_is_lost(scene: Path, engine: str) -> None:
-    """Three hits of 100,000 may be: where VTK's pieces overlap, a ray can come to no end."""
+def test_no_ray_is_lost(scene: Path, written: str, engine: str) -> None:
+    """Of over 20,000 hits: one would be five times what is allowed."""
     loaded = load_scene(scene, engine=engine)
-    hits = trace_rays(loaded, *bundle(loaded))
-    lost = np.isin(hits.status, [code for code in Status if code.lost])
-    if engine == "shells":
-        # Shells of values that were averaged at the wall do not end where the wall is.
-        lost = hits.status == Status.GAVE_UP
-    on_part = hits.status != Status.MISSED
-    assert on_part.sum() > 20_000
-    assert lost.sum() <= 3e-5 * on_part.sum()
+    status = trace_rays(loaded, *bundle(loaded)).status
+    hits = int((status != Status.MISSED).sum())
+    assert hits > 20_000
+    assert (status == Status.GAVE_UP).sum() == 0
+    allowed = OFF_AT_THE_WALL[written] * hits if engine == "shells" else 0
+    assert (status == Status.INDEX_MISMATCH).sum() <= allowed
 
 
 def quality(points: np.ndarray, corners: np.ndarray) -> np.ndarray:

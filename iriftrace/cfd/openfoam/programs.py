@@ -28,7 +28,7 @@ REPAIR = (
     "make openfoam (in a clone of the repository) builds a repaired one in a minute, or install a "
     "newer OpenFOAM from openfoam.com"
 )
-"""What to do about a solver that computes wrong."""
+"""Remedy for a solver that computes wrong."""
 
 # Where the packages of openfoam.com put their versions.
 _BASHRCS = ("/usr/lib/openfoam/openfoam*/etc/bashrc", "/opt/openfoam*/etc/bashrc")

@@ -29,7 +29,7 @@ _OF_THE_CELL = {"zeroGradient", "slip"}
 """Types of patches whose faces have the value of the cell."""
 
 _MIXED = ("refValue", "refGradient", "valueFraction")
-"""What a mixed condition states: value = f refValue + (1 - f) (cell + refGradient distance)."""
+"""Entries of a mixed condition: value = f refValue + (1 - f) (cell + refGradient distance)."""
 
 _COMPONENTS = {b"vector": 3, b"symmTensor": 6, b"tensor": 9}
 """Numbers of an entry of a list, one for all other kinds."""
