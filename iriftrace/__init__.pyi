@@ -77,8 +77,10 @@ from .scene.build import BuiltEnsemble as BuiltEnsemble
 from .scene.build import BuiltScene as BuiltScene
 from .scene.build import build_ensemble as build_ensemble
 from .scene.build import build_scene as build_scene
+from .scene.hot_air import HotAir as HotAir
 from .scene.load import LoadedScene as LoadedScene
 from .scene.load import load_scene as load_scene
+from .scene.scene import Scene as Scene
 from .scene.write import write_scene as write_scene
 from .scene.write_ensemble import MemberAir as MemberAir
 from .shells.contour import contour_shells as contour_shells

@@ -96,8 +96,13 @@ def plugin_class(variant: str) -> type:
                 cells = load_field_file(self.field)
                 if self.wavelength_nm is not None:
                     cells = cells.at_wavelength(self.wavelength_nm)
-                self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
+                self.use(cells)
+            assert self._air is not None
             return self._air
+
+        def use(self, cells: FieldCells) -> None:
+            """Trace through these cells, in place of the file's."""
+            self._air = TetrahedralAir(cells, recovered=self.gradient == "recovered")
 
         @property
         def cells(self) -> FieldCells:

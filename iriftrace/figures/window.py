@@ -132,7 +132,7 @@ def _scene(path: Path) -> Draw:
 
     scene = load_scene(path)
     first = scene if scene.ensemble is None else next(iter(scene.ensemble.scenes()))
-    files = read_scene_file(first.path, first.variables).shell_paths
+    files = read_scene_file(path, first.variables).shell_paths
     shells = load_shells(files[0].parent) if files else None
 
     def draw(plotter: pv.Plotter) -> None:

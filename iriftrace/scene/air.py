@@ -89,12 +89,12 @@ def warn_of_another_part(file: SceneFile, part: Part, table: dict[str, Any]) -> 
         )
 
 
-def field_table(cells: Any, shells: dict[str, Any], path: Path) -> dict[str, Any]:
+def field_table(cells: Any, shells: dict[str, Any], name: str) -> dict[str, Any]:
     """Air and source as the field's file states them; notes and part as beside the shells."""
     theirs = (shells.get("source") or {}).get("sha256", cells.source["sha256"])
     if theirs != cells.source["sha256"]:
         warnings.warn(
-            f"The shells of {path} were made from another field than its field file, so the two "
+            f"The shells of {name} were made from another field than its field file, so the two "
             "engines trace different air; write the scene again.",
             IriftraceWarning,
             stacklevel=3,
@@ -123,7 +123,7 @@ def stated_bending(integrator: Any, tables: Any) -> str:
     return "at the shells alone"
 
 
-def stated_index_rule(path: Path, table: dict[str, Any], tables: Any, others: Sequence[str]) -> str:
+def stated_index_rule(name: str, table: dict[str, Any], tables: Any, others: Sequence[str]) -> str:
     """The table's rule, as long as the scene has the table's shells and none of `others`."""
     rule: str | None = table.get("rule")
     if rule is None:
@@ -136,7 +136,7 @@ def stated_index_rule(path: Path, table: dict[str, Any], tables: Any, others: Se
     if kept == len(listed) == len(pairs):
         return f"edited: {len(others)} of {len(pairs)} {rule} shells changed" if others else rule
     warnings.warn(
-        f"{path} has {len(pairs)} shells, {kept} of the {len(listed)} that were made for it, so "
+        f"{name} has {len(pairs)} shells, {kept} of the {len(listed)} that were made for it, so "
         "the air is cut into other layers than the field asks for; results say that it was edited.",
         IriftraceWarning,
         stacklevel=3,

@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import Factory, evolve, field, frozen
+from attrs import Factory, asdict, evolve, field, frozen
 from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import dispersion
@@ -20,7 +20,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import check_readable
 from iriftrace.core.units import parse_quantity
-from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.field.path_data import FIELD_FILE, FieldCells
 from iriftrace.geometry.ply import read_ply
 from iriftrace.part.part import Part, read_part
 from iriftrace.runtime import variant as runtime
@@ -36,7 +36,12 @@ from iriftrace.scene.air import (
 )
 from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, members_of
 from iriftrace.scene.file import read_scene_file, readable
+from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
 from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells, table_at
+from iriftrace.shells.files import table_of
+
+if TYPE_CHECKING:
+    from iriftrace.scene.scene import Scene
 
 KEPT_TRIANGLES = 10_000_000
 """Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
@@ -64,8 +69,8 @@ class LoadedScene:
 
     Attributes
     ----------
-    path : Path
-        The XML file.
+    path : Path or None
+        The XML file; None of a scene of objects (`iriftrace.Scene`).
     part : Part
         The measured part, mm, world.
     part_to_world : (4, 4) array
@@ -101,7 +106,7 @@ class LoadedScene:
         was chosen. All else is then that of the first member.
     """
 
-    path: Path
+    path: Path | None
     part: Part
     part_to_world: NDArray[np.float64]
     camera: Camera
@@ -121,6 +126,7 @@ class LoadedScene:
     second: Camera | None = None
     second_id: str = ""
     ensemble: LoadedEnsemble | None = field(default=None, repr=False)
+    _cells: Callable[[], FieldCells] | None = field(default=None, repr=False)
     _lease: _Lease = field(
         repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
     )
@@ -129,9 +135,14 @@ class LoadedScene:
         width, height = self.camera.resolution
         fields = "" if self.ensemble is None else f", {len(self.ensemble)} fields"
         return (
-            f"LoadedScene({self.path}: {self.part!r}, {width} x {height} px, engine {self.engine}"
+            f"LoadedScene({self.name}: {self.part!r}, {width} x {height} px, engine {self.engine}"
             f"{fields}, {self.variant})"
         )
+
+    @property
+    def name(self) -> str:
+        """What messages call the scene."""
+        return "the scene" if self.path is None else str(self.path)
 
     @cached_property
     def through_field(self) -> LoadedScene | None:
@@ -142,22 +153,34 @@ class LoadedScene:
         """
         if self.wanted_engine is not None or self.bending != IN_LAYERS or self.ensemble is not None:
             return None
-        started = time.perf_counter()
-        with runtime.using(self.variant), warnings.catch_warnings():
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore", IriftraceWarning)
-            field_file = _field_file(self.path, self.variables)
-            integrator = _integrator(self.integrator, "continuous", self.path, field_file)
-            _set_wavelength(integrator, self.variables)
             try:
-                integrator.prepare_as(self.integrator)
-                stated = _stated_of_field(integrator, self.shells_table, self.path)
+                found = self.with_cells()
             except InputError:
                 return None
-        own, its = (
-            table.get("source") or {} for table in (self.shells_table, stated["shells_table"])
-        )
-        if own.get("sha256") != its.get("sha256"):
-            return None
+        own, its = (one.shells_table.get("source") or {} for one in (self, found))
+        return found if own.get("sha256") == its.get("sha256") else None
+
+    def with_cells(self) -> LoadedScene:
+        """The same scene with the continuous engine in place of its shells.
+
+        InputError where there is no field, or an ensemble has several.
+        """
+        if self.ensemble is not None:
+            raise InputError(f"{self.name} has several fields; choose one of them.")
+        started = time.perf_counter()
+        with runtime.using(self.variant):
+            if self.path is not None:
+                field_file = _field_file(self.path, self.variables)
+                integrator = _integrator(self.integrator, "continuous", self.name, field_file)
+                _set_wavelength(integrator, self.variables)
+            else:
+                assert self._cells is not None
+                integrator = _integrator(self.integrator, "continuous", self.name, Path(FIELD_FILE))
+                integrator.use(self._cells())
+            integrator.prepare_as(self.integrator)
+            stated = _stated_of_field(integrator, self.shells_table, self.name)
         return evolve(
             self,
             wanted_engine="continuous",
@@ -277,7 +300,7 @@ def _load_one(
         runtime.refuse_gpu_without_optix(error)
         raise InputError(readable(error)) from error
     loaded = time.perf_counter()
-    integrator = _integrator(scene.integrator(), engine, path, _field_file(path, values))
+    integrator = _integrator(scene.integrator(), engine, str(path), _field_file(path, values))
     sensors = scene.sensors()
     if not sensors:
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
@@ -294,17 +317,10 @@ def _load_one(
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
     if integrator.engine == "continuous":
-        stated = _stated_of_field(integrator, table, path)
+        stated = _stated_of_field(integrator, table, str(path))
     else:
-        stated = {
-            "engine": integrator.engine,
-            "normals": stated_normals(integrator.normals, prepared.tables),
-            "bending": stated_bending(integrator, prepared.tables),
-            "index_rule": stated_index_rule(
-                path, table, prepared.tables, other_shells(file, table)
-            ),
-            "shells_table": table,
-        }
+        others = other_shells(file, table)
+        stated = _stated_of_shells(integrator, table, prepared.tables, str(path), others)
     return LoadedScene(
         path=path,
         part=part,
@@ -324,14 +340,93 @@ def _load_one(
     )
 
 
-def _stated_of_field(integrator: Any, shells_table: dict[str, Any], path: Path) -> dict[str, Any]:
+def load_objects(scene: Scene) -> LoadedScene:
+    """Make a scene of objects ready for tracing, without any file; as `load_scene`."""
+    states = scene.air.states
+    if len(states) == 1:
+        return _load_objects(scene, 0)
+    members = tuple(
+        FieldMember(number, state.label, state.time, asdict(state.shells.source))
+        for number, state in enumerate(states, start=1)
+        if state.shells.source is not None
+    )
+    ensemble = LoadedEnsemble(members, lambda number: _load_objects(scene, number - 1))
+    return evolve(next(ensemble.scenes()), ensemble=ensemble)
+
+
+def _load_objects(scene: Scene, number: int) -> LoadedScene:
+    """A scene of objects with one state of its air."""
+    chosen = runtime.ensure(scene.variant)
+    air, state = scene.air, scene.air.states[number]
+    started = time.perf_counter()
+    part, camera = kept_part(scene.part), kept_camera(scene.camera)
+    second = None if scene.second is None else kept_camera(scene.second)
+    notes = {**air.notes, **scene.notes_of_fit(number)}
+    if len(air.states) > 1:
+        notes["member"] = f"{number + 1}: {state.label}"
+    table = table_of(state.shells, notes)
+    devices = {"camera": camera} | ({} if second is None else {scene.second_id: second})
+    found = mitsuba_scene(
+        part, state.shells, devices, normals=air.normals, inside_hit=air.inside_hit
+    )
+    if scene.wavelength_nm is not None:
+        set_shells(found, dispersion(table["air"], scene.wavelength_nm))
+        table = table_at(table, scene.wavelength_nm)
+    loaded = time.perf_counter()
+    integrator = found.integrator()
+    prepared = integrator.prepare(found)
+
+    def cells() -> FieldCells:
+        if state.cells is None:
+            raise InputError(
+                "The air of the scene has ready-made shells and no field, so there are no cells to "
+                "trace through; give HotAir the field."
+            )
+        light = scene.wavelength_nm
+        return state.cells if light is None else state.cells.at_wavelength(light)
+
+    shells = LoadedScene(
+        path=None,
+        part=part,
+        part_to_world=np.eye(4),
+        camera=camera,
+        full_resolution=camera.resolution,
+        variables={},
+        wanted_engine=scene.engine,
+        load_s=loaded - started,
+        build_s=time.perf_counter() - loaded,
+        variant=chosen,
+        mitsuba_scene=found,
+        integrator=integrator,
+        second=second,
+        second_id="" if second is None else scene.second_id,
+        cells=cells,
+        **_stated_of_shells(integrator, table, prepared.tables, "the scene"),
+    )
+    return shells.with_cells() if scene.engine == "continuous" else shells
+
+
+def _stated_of_shells(
+    integrator: Any, table: dict[str, Any], tables: Any, name: str, others: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """What a `LoadedScene` states of the air of its shells; `others` are not those of the table."""
+    return {
+        "engine": integrator.engine,
+        "normals": stated_normals(integrator.normals, tables),
+        "bending": stated_bending(integrator, tables),
+        "index_rule": stated_index_rule(name, table, tables, others),
+        "shells_table": table,
+    }
+
+
+def _stated_of_field(integrator: Any, shells_table: dict[str, Any], name: str) -> dict[str, Any]:
     """What a `LoadedScene` states of the continuous engine's air."""
     return {
         "engine": "continuous",
         "normals": f"none, {integrator.gradient} gradient",
         "bending": "continuously",
         "index_rule": "none, linear in each tetrahedron",
-        "shells_table": field_table(integrator.air.cells, shells_table, path),
+        "shells_table": field_table(integrator.air.cells, shells_table, name),
     }
 
 
@@ -370,15 +465,14 @@ def _camera(sensor: Any) -> Camera:
     return camera.cropped(int(left), int(top), int(width), int(height))
 
 
-def _integrator(own: Any, engine: str | None, path: Path, field_file: Path) -> Any:
+def _integrator(own: Any, engine: str | None, name: str, field_file: Path) -> Any:
     """The scene's own integrator, or one for the engine that is asked for."""
     import mitsuba as mi
 
-    if engine is not None and engine not in ENGINES:
-        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(ENGINES)}.")
+    check_engine(engine)
     if not hasattr(own, "image"):
         raise InputError(
-            f"{path} has the integrator {own.class_name()}, which computes light and not hits; use "
+            f"{name} has the integrator {own.class_name()}, which computes light and not hits; use "
             '<integrator type="first_hit"/>.'
         )
     if engine is None or engine == own.engine:
@@ -394,6 +488,12 @@ def _integrator(own: Any, engine: str | None, path: Path, field_file: Path) -> A
             "gradient": "recovered" if smooth else "constant",
         }
     return mi.load_dict({**chosen, "trace_all": own.trace_all})
+
+
+def check_engine(engine: str | None) -> None:
+    """Refuse an engine that does not exist; None is for what the scene says."""
+    if engine is not None and engine not in ENGINES:
+        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(ENGINES)}.")
 
 
 def _text(value: Any) -> str:

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.field.path_data import FIELD_FILE, save_field_file
 from iriftrace.part.part import Part, save_part
+from iriftrace.scene.objects import lookat
 from iriftrace.shells.files import PartFile, remove_stale, save_shells
-from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.shells.stack import ShellStack
 
 if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField
@@ -263,7 +263,7 @@ def scene_xml(
 def sensor_lines(camera: Camera, name: str) -> list[str]:
     """Lines of a camera with the id `name`, and an empty one."""
     near, far = camera.focus_mm
-    distance = max(1.0, float(np.linalg.norm(camera.origin)))
+    pose = {key: ", ".join(map(repr, vector)) for key, vector in lookat(camera).items()}
     return [
         f'    <sensor type="calibrated_camera" id="{name}">',
         f'        <float name="focal_length" value="{camera.focal_length_mm!r}"/>',
@@ -280,9 +280,9 @@ def sensor_lines(camera: Camera, name: str) -> list[str]:
         *([f'        <float name="focus_far" value="{far!r}"/>'] if np.isfinite(far) else []),
         '        <float name="scale" value="$scale"/>',
         '        <transform name="to_world">',
-        f'            <lookat origin="{_vector(camera.origin)}"',
-        f'                    target="{_vector(camera.origin + distance * camera.forward)}"',
-        f'                    up="{_vector(-camera.matrix[:3, 1])}"/>',
+        f'            <lookat origin="{pose["origin"]}"',
+        f'                    target="{pose["target"]}"',
+        f'                    up="{pose["up"]}"/>',
         "        </transform>",
         '        <film type="hdrfilm">',
         f'            <integer name="width" value="{camera.resolution[0]}"/>',
@@ -314,7 +314,7 @@ def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list
             f'            <float name="int_ior" value="{float(1 + shell.int_)!r}"/>',
             *(
                 [f'            <float name="iso_ior" value="{float(1 + shell.refractivity)!r}"/>']
-                if _off_the_middle(shell)
+                if shell.off_the_middle
                 else []
             ),
             f'            <string name="layer" value="{shell.layer}"/>',
@@ -324,18 +324,7 @@ def shell_shapes(stack: ShellStack, meshes: Sequence[Path], folder: str) -> list
     return lines
 
 
-def _off_the_middle(shell: Shell) -> bool:
-    """True if the air on the surface is not that midway between its two sides."""
-    middle = 0.5 * (shell.ext + shell.int_)
-    return abs(shell.refractivity - middle) > 1e-9 * abs(shell.ext - shell.int_)
-
-
 def included_xml(shapes: Sequence[str]) -> str:
     """XML of a file that scenes include."""
     head = ['<?xml version="1.0" encoding="utf-8"?>', '<scene version="3.0.0">']
     return "\n".join([*head, *shapes, "</scene>", ""])
-
-
-def _vector(values: NDArray[np.float64]) -> str:
-    # Rounded far below what matters, so that an edited file shows 0 and not 1e-14.
-    return ", ".join(repr(round(float(v), 12) + 0.0) for v in values)

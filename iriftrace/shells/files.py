@@ -18,7 +18,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import is_number, sha256_of, whole_file
 from iriftrace.geometry import ply
 from iriftrace.geometry.triangles import polydata
-from iriftrace.shells.hessian import PLY_COLUMNS
+from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
 
 if TYPE_CHECKING:
@@ -97,7 +97,11 @@ def save_shells(
     if paraview:
         written.append(_write_paraview(folder, stack))
     remove_stale(folder, stack, paraview)
-    table = {**_table(stack, written, report, notes or {}), "part": None}
+    table = {**table_of(stack, notes or {}, report), "part": None}
+    table["shells"] = [
+        {"file": path.name, "sha256": sha256_of(path), **row}
+        for path, row in zip(written, table["shells"], strict=False)
+    ]
     if part is not None:
         place = Path(os.path.relpath(part.path, folder)).as_posix()
         table["part"] = {"file": place, "sha256": part.sha256, "source": part.source}
@@ -167,6 +171,22 @@ def _stem(shell: Shell) -> str:
     return f"shell_{shell.layer:02d}"
 
 
+def vertex_columns(
+    normals: Float32Array | None, derivatives: Float32Array | None
+) -> dict[str, Float32Array]:
+    """What Mitsuba knows at the n vertices of a shell, (n, 1) or (n, 3) each, by its names."""
+    if normals is None:
+        return {}
+    found = {"normal": normals}
+    if derivatives is not None:
+        found["gradient"] = normals * derivatives[:, :1]
+        found |= {
+            name: derivatives[:, column : column + 1]
+            for column, name in enumerate(HESSIAN_AXES, start=1)
+        }
+    return found
+
+
 def write_ply(
     path: str | Path,
     vertices: Float32Array,
@@ -175,12 +195,11 @@ def write_ply(
     derivatives: Float32Array | None = None,
 ) -> None:
     """Write triangles as PLY: with normals, if given, and with them the index's derivatives."""
-    columns = [] if normals is None else [normals]
     names: tuple[str, ...] = () if normals is None else _NORMAL
     if normals is not None and derivatives is not None:
-        columns += [normals * derivatives[:, :1], derivatives[:, 1:]]
         names += _DERIVATIVES
-    further = dict(zip(names, np.hstack(columns).T, strict=True)) if columns else None
+    columns = np.hstack(list(vertex_columns(normals, derivatives).values())).T if names else ()
+    further = dict(zip(names, columns, strict=True)) if names else None
     ply.write_ply(path, vertices, faces, comments=["iriftrace shell, mm"], vertex_columns=further)
 
 
@@ -215,19 +234,15 @@ def _damaged(path: Path) -> InputError:
     )
 
 
-def _table(
-    stack: ShellStack,
-    files: Sequence[Path],
-    report: Sequence[ShellReport] | None,
-    notes: Mapping[str, str],
+def table_of(
+    stack: ShellStack, notes: Mapping[str, str], report: Sequence[ShellReport] | None = None
 ) -> dict[str, Any]:
+    """What the table beside the shells' files states, but for the files."""
     rows = []
     temperatures = stack.temperature_k.tolist()
     for i, (shell, temperature) in enumerate(zip(stack.shells, temperatures, strict=True)):
         row = {
             "layer": shell.layer,
-            "file": files[i].name,
-            "sha256": sha256_of(files[i]),
             "refractivity": shell.refractivity,
             "ext": shell.ext,
             "int": shell.int_,

@@ -121,6 +121,12 @@ class Shell:
                 "numbers and a normal for each vertex, or no derivatives."
             )
 
+    @property
+    def off_the_middle(self) -> bool:
+        """True if the air on the surface is not that midway between its two sides."""
+        middle = 0.5 * (self.ext + self.int_)
+        return abs(self.refractivity - middle) > 1e-9 * abs(self.ext - self.int_)
+
 
 class SmallComponents(NamedTuple):
     """Components of one shell that were left out for their size."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -109,12 +110,17 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
 def check_comparable(series: Sequence[Series]) -> None:
     """Refuse, with InputError, series whose poses could not be ranked together.
 
-    These have no pose, an orthographic camera, or different parts, variants, wavelengths or
-    cameras; only focal length and pose of the camera may differ.
+    These have no pose or no file, an orthographic camera, or different parts, variants,
+    wavelengths or cameras; only focal length and pose of the camera may differ.
     """
     if sum(len(one.poses) for one in series) == 0:
         raise InputError("The sweep has no pose; give angles or a list of poses.")
     first = series[0]
+    if any(one.scene.path is None for one in series):
+        raise InputError(
+            "A sweep can go on after a break, so it needs the files of its scenes; write the scene "
+            "first (Scene.save) and sweep the file."
+        )
     first.camera.check_movable()
     for one in series[1:]:
         names = f"{first.scene.path} and {one.scene.path}"
@@ -147,11 +153,17 @@ def _sensor(camera: Camera) -> dict[str, Any]:
     return {key: value for key, value in camera.as_dict().items() if key not in varied}
 
 
+def file_of(scene: LoadedScene) -> Path:
+    """The file of a scene, which `check_comparable` has seen to be there."""
+    assert scene.path is not None
+    return scene.path
+
+
 def sources_of(series: Sequence[Series]) -> list[SceneSource]:
     """Where the scene of each series lies; each scene is read once."""
     scenes = {id(one.scene): one.scene for one in series}
     known = {
-        key: source_of(scene.path, scene.variables, scene.variant, scene.wanted_engine)
+        key: source_of(file_of(scene), scene.variables, scene.variant, scene.wanted_engine)
         for key, scene in scenes.items()
     }
     return [known[id(one.scene)] for one in series]
@@ -192,7 +204,7 @@ def scenes_attribute(
         scenes[name] = {
             "scene": name,
             "path": source.path,
-            "sha256": sha256_of(scene.path),
+            "sha256": sha256_of(file_of(scene)),
             "files": source.files,
             "variables": scene.variables,
             "variant": scene.variant,

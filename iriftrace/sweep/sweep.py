@@ -18,7 +18,7 @@ from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.metrics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.sweep.journal import Journal, Progress, Work
 from iriftrace.sweep.measures import metric_variables
 from iriftrace.sweep.pose import PoseTask, SceneSource, fingerprint
@@ -64,7 +64,7 @@ STANDARD = SweepOptions()
 
 
 def run_sweep(
-    scenes: LoadedScene | str | Path | Sequence[LoadedScene | str | Path],
+    scenes: AnyScene | Sequence[AnyScene],
     poses: PoseSet | Mapping[float, PoseSet],
     path: str | Path,
     *,
@@ -127,7 +127,7 @@ def run_sweep(
         and if there are poses for whose single rays the shells are too few.
     """
     several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
-    loaded = [one if isinstance(one, LoadedScene) else load_scene(one) for one in several]
+    loaded = [loaded_scene(one) for one in several]
     series = all_series(loaded, poses, focal_lengths_mm, move_out=move_out)
     return run_series(
         series, path, target=target, options=options, progress=progress, render=render

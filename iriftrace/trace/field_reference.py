@@ -8,7 +8,7 @@ from attrs import asdict, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.shell_convergence import FEWEST
 
@@ -49,25 +49,25 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
     """Trace a coarser picture through the shells and through the field itself, and compare.
 
     The scene's engine is ``"shells"``, and the field file that `write_scene` puts beside the XML is
-    there; the other engine loads it anew, which takes longer than the comparison. The pictures have
+    there; The pictures have
     about `sample` pixels.
     """
     if scene.engine != "shells":
         raise InputError(
-            f"{scene.path} is traced through the field itself, so there are no shells to check; "
+            f"{scene.name} is traced through the field itself, so there are no shells to check; "
             "choose the engine shells."
         )
     if scene.ensemble is not None:
         raise InputError(
-            f"{scene.path} is an ensemble of {len(scene.ensemble)} fields, and the shells of one "
+            f"{scene.name} is an ensemble of {len(scene.ensemble)} fields, and the shells of one "
             'are checked at a time; choose one, "-D member=1" for example.'
         )
-    continuous = load_scene(scene.path, scene.variables, variant=scene.variant, engine="continuous")
+    continuous = scene.with_cells()
     tables = (scene.shells_table, continuous.shells_table)
     own, other = ((table.get("source") or {}).get("sha256") for table in tables)
     if own != other:
         raise InputError(
-            f"The shells of {scene.path} were cut from another field than its field file, so their "
+            f"The shells of {scene.name} were cut from another field than its field file, so their "
             "difference is no error of theirs; write the scene again."
         )
     here, reference = (_sampled(each, sample) for each in (scene, continuous))
@@ -80,7 +80,7 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
     size = own_size(reference)
     if not size["displacement_median"] > 0.0:
         raise InputError(
-            f"The air of {scene.path} bends no ray, so the shells' error is no share of anything; "
+            f"The air of {scene.name} bends no ray, so the shells' error is no share of anything; "
             "check the field."
         )
     return ShellError(

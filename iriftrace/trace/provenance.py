@@ -32,8 +32,8 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
     return {
         "version": version("iriftrace"),
         "scene": {
-            "path": str(scene.path.resolve()),
-            "sha256": sha256_of(scene.path),
+            "path": None if scene.path is None else str(scene.path.resolve()),
+            "sha256": None if scene.path is None else sha256_of(scene.path),
             "variables": scene.variables,
         },
         "engine": scene.engine,

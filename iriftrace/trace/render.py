@@ -19,7 +19,8 @@ from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import AovImage, Status, write_exr
 from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.field_reference import shell_error
 from iriftrace.trace.lost import warn_of_lost_rays
@@ -97,7 +98,7 @@ class RayHits:
 
 
 def render_scene(
-    scene: LoadedScene | str | Path,
+    scene: AnyScene,
     *,
     camera: Camera | None = None,
     include: Collection[int] = (0,),
@@ -113,7 +114,7 @@ def render_scene(
 
     Parameters
     ----------
-    scene : LoadedScene or path
+    scene : Scene, LoadedScene or path
         A path is loaded first; load once to render many poses.
     camera : Camera, optional
         Takes the place of the scene's own sensor.
@@ -147,7 +148,7 @@ def render_scene(
     IriftraceWarning
         The shells are too few for the view, or over 0.5 % of its hits are lost (status 5 or 6).
     """
-    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    loaded = loaded_scene(scene)
     began = time.perf_counter()
     against_field = shell_error(loaded).as_dict() if check_field else None
     tested, choice = NOT_TESTED, None
@@ -208,7 +209,7 @@ def keep_checks(metrics: PoseMetrics, earlier: Mapping[str, Any]) -> PoseMetrics
 
 
 def trace_rays(
-    scene: LoadedScene | str | Path,
+    scene: AnyScene,
     origins: ArrayLike,
     directions: ArrayLike,
     *,
@@ -222,7 +223,7 @@ def trace_rays(
 
     Parameters
     ----------
-    scene : LoadedScene or path
+    scene : Scene, LoadedScene or path
     origins : (n, 3) array, mm, world
     directions : (n, 3) array, world
         Need not have length one.
@@ -244,10 +245,10 @@ def trace_rays(
         an ensemble.
     """
     start, heading = _bundle(origins, directions)
-    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    loaded = loaded_scene(scene)
     if loaded.ensemble is not None:
         raise InputError(
-            f"{loaded.path} is an ensemble of {len(loaded.ensemble)} fields, and a bundle of rays "
+            f"{loaded.name} is an ensemble of {len(loaded.ensemble)} fields, and a bundle of rays "
             'is traced through one of them; load it with {"member": 1}, for example.'
         )
     with runtime.using(loaded.variant):

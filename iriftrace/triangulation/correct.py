@@ -26,6 +26,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
@@ -258,7 +259,7 @@ class Correction:
 
 def correct(
     points: ArrayLike,
-    scene: LoadedScene | str | Path,
+    scene: AnyScene,
     camera: Camera | None = None,
     second: Camera | None = None,
     *,
@@ -274,7 +275,7 @@ def correct(
     ----------
     points : (n, 3) array, mm, world
         Of one scan by these devices, before it was merged with others or aligned.
-    scene : LoadedScene or path
+    scene : Scene, LoadedScene or path
     camera, second, system, phase
         As for `iriftrace.measure`. A laser's sheet is taken to pass through each point.
     field_uncertainty : float

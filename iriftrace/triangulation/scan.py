@@ -25,7 +25,8 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
@@ -232,7 +233,7 @@ class Scan:
 
 
 def measure(
-    scene: LoadedScene | str | Path,
+    scene: AnyScene,
     camera: Camera | None = None,
     second: Camera | None = None,
     *,
@@ -255,7 +256,7 @@ def measure(
 
     Parameters
     ----------
-    scene : LoadedScene or path
+    scene : Scene, LoadedScene or path
     camera, second : Camera, optional
         The scene's own two sensors by default.
     system : str, optional
@@ -325,19 +326,19 @@ def _together(scans: Sequence[Scan]) -> Scan:
 
 
 def devices_of(
-    scene: LoadedScene | str | Path,
+    scene: AnyScene,
     camera: Camera | None,
     second: Camera | None,
     system: System | None,
     phase: Phase | None,
 ) -> tuple[LoadedScene, Camera, Camera, System, Phase]:
     """The scene, its two devices and the kind of sensor, with the defaults of `measure`."""
-    loaded = scene if isinstance(scene, LoadedScene) else load_scene(scene)
+    loaded = loaded_scene(scene)
     camera = loaded.camera if camera is None else camera
     second = loaded.second if second is None else second
     if second is None:
         raise InputError(
-            f"{loaded.path} has no second device, so there is nothing to triangulate with; write "
+            f"{loaded.name} has no second device, so there is nothing to triangulate with; write "
             "it with one (iriftrace scene --second X,Y,Z), or give second=Camera(...) from Python."
         )
     if system is None:

@@ -49,12 +49,16 @@ def _listed(attributes: dict[str, int]) -> str:
     return ", ".join(f"{name} ({size})" for name, size in sorted(attributes.items()))
 
 
-def shell_derivatives(shape: Any, normals: NDArray[np.floating], step: float) -> FloatArray:
-    """Derivatives of the index at the vertices of a shell that has them, (n, 7).
+def shell_derivatives(
+    shape: Any, normals: NDArray[np.floating], step: float
+) -> tuple[FloatArray, FloatArray]:
+    """Normals, (n, 3), and derivatives of the index, (n, 7), at the vertices of a shell with them.
 
-    Magnitude of the gradient, 1/mm, and the Hessian xx, yy, zz, yz, xz, xy, 1/mm^2. The mesh's
-    vertex normals (n, 3) are along the gradient, 0 where there is none. The step is the index
-    outside less that inside; the file counts in these steps, so a shell without one bends nothing.
+    Normals are along the gradient, as the mesh's own vertex normals (n, 3) are but for single
+    precision, or these where there is no gradient or the mesh was turned. Derivatives are the
+    magnitude of the gradient, 1/mm, and the Hessian xx, yy, zz, yz, xz, xy, 1/mm^2. The step is the
+    index outside less that inside; the file counts in these steps, so a shell without one bends
+    nothing.
     """
     import mitsuba as mi
 
@@ -65,9 +69,11 @@ def shell_derivatives(shape: Any, normals: NDArray[np.floating], step: float) ->
     )
     hessian = np.hstack(others)
     length = np.linalg.norm(gradient, axis=1, keepdims=True)
+    found = np.divide(gradient, length, out=np.array(normals, dtype=np.float64), where=length > 0)
     if np.abs(gradient - length * normals).sum() > 1e-5 * length.sum():
         hessian = _rotated(hessian, _rotation(gradient, normals))
-    return step * np.hstack((length, hessian))
+        found = np.asarray(normals, dtype=np.float64)
+    return found, step * np.hstack((length, hessian))
 
 
 def _rotation(before: FloatArray, after: FloatArray) -> FloatArray:
@@ -145,7 +151,7 @@ class VertexTable:
                 own[:, 4:7] = normals
                 if derivatives and mesh.kind == SHELL:
                     outside, inside = mesh.sides
-                    own[:, 7:14] = shell_derivatives(shape, normals, outside - inside)
+                    own[:, 4:7], own[:, 7:14] = shell_derivatives(shape, normals, outside - inside)
             faces = np.array(shape.faces_buffer()).reshape(-1, 3)
             # The first of a corner's rows.
             faces_left[: mesh.face_count, :3] = per_vertex * (faces + first_vertex)

@@ -1,0 +1,142 @@
+"""The hot air around a part: one field, or several of an ensemble, each with shells and cells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from attrs import frozen
+
+from iriftrace.core.errors import InputError
+from iriftrace.scene.write_ensemble import MemberAir
+
+if TYPE_CHECKING:
+    from iriftrace.field.index_field import IndexField
+    from iriftrace.field.path_data import FieldCells
+    from iriftrace.shells.stack import ShellStack
+
+
+@frozen(eq=False)
+class AirState:
+    """One state of the air; its shells and cells are made when they are first needed.
+
+    Attributes
+    ----------
+    field : IndexField or None
+        None where ready-made shells stand for it.
+    label : str
+        What tells it from the other states of an ensemble.
+    time : float or None
+        In the file's unit.
+    """
+
+    field: IndexField | None
+    label: str
+    time: float | None
+    _layers: int
+    _rule: str
+    _ready: ShellStack | None
+
+    @cached_property
+    def shells(self) -> ShellStack:
+        """Surfaces of equal index between layers of air."""
+        from iriftrace.shells.contour import contour_shells
+
+        if self._ready is not None:
+            return self._ready
+        assert self.field is not None
+        return contour_shells(self.field, self._layers, rule=self._rule)
+
+    @cached_property
+    def cells(self) -> FieldCells | None:
+        """Cells of the field with the index at their corners; None without a field."""
+        from iriftrace.field.path_data import cells_of
+
+        return None if self.field is None else cells_of(self.field)
+
+    def as_member(self) -> MemberAir:
+        """What the scene's file of an ensemble is written from."""
+        return MemberAir(self.label, self.time, self.shells, self.field)
+
+
+@frozen(eq=False)
+class HotAir:
+    """The hot air around a part, and how its shells bend rays.
+
+    It has two descriptions: nested shells of equal refractive index, and the cells of the field.
+    Which of them bends rays, `Scene.engine` says.
+
+    Attributes
+    ----------
+    states : tuple of AirState
+        One, or several of an ensemble.
+    normals, inside_hit : str
+        Of the shells: parameters of ``first_hit``.
+    notes : mapping of str
+        What is known of the field, such as ``{"time": "snapshot"}``; stated in every result.
+    wall_temperature_k : float or None, K
+        Temperature of the hot part; a field with another one at its wall is warned of.
+    """
+
+    states: tuple[AirState, ...]
+    normals: str
+    inside_hit: str
+    notes: Mapping[str, str]
+    wall_temperature_k: float | None
+
+    def __init__(
+        self,
+        field: IndexField | Sequence[IndexField] | None = None,
+        *,
+        layers: int = 13,
+        rule: str = "rim",
+        shells: ShellStack | None = None,
+        labels: Sequence[str] = (),
+        normals: str = "gradient",
+        inside_hit: str = "refract",
+        notes: Mapping[str, str] | None = None,
+        wall_temperature_k: float | None = None,
+    ) -> None:
+        """Take a field, or several of one part as an ensemble.
+
+        Parameters
+        ----------
+        field : IndexField, sequence of IndexField or None
+            None where ready-made `shells` stand for it (:func:`iriftrace.import_shells`).
+        layers : int
+            Number of shells.
+        rule : str
+            See :func:`iriftrace.contour_shells`.
+        shells : ShellStack, optional
+            In place of those that `layers` and `rule` give; of one field.
+        labels : sequence of str
+            Names of several fields; by default those of their files.
+        normals, inside_hit, notes, wall_temperature_k
+            See the attributes.
+
+        Raises
+        ------
+        InputError
+            There is neither a field nor shells, there are shells of several fields, or not as many
+            labels as fields.
+        """
+        several = isinstance(field, Sequence)
+        fields = list(field) if isinstance(field, Sequence) else [field]
+        if not fields or (fields[0] is None and shells is None):
+            raise InputError("A scene needs air that bends its rays; give a field, or shells.")
+        if several and shells is not None:
+            raise InputError(
+                "Ready-made shells are of one field, and several are given; leave out the shells."
+            )
+        names = list(labels) or ["" if one is None else f"{one.source.path}" for one in fields]
+        if len(names) != len(fields):
+            raise InputError(f"There are {len(names)} labels for {len(fields)} fields.")
+        states = tuple(
+            AirState(one, name, None, layers, rule, shells)
+            for one, name in zip(fields, names, strict=True)
+        )
+        self.__attrs_init__(states, normals, inside_hit, notes or {}, wall_temperature_k)  # type: ignore[attr-defined]
+
+    def __repr__(self) -> str:
+        return f"HotAir({', '.join(repr(s.field or s.shells) for s in self.states)})"

@@ -1,0 +1,150 @@
+"""A scene as a value: part, hot air and devices, in memory."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from attrs import Attribute, field, frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.errors import IriftraceWarning
+from iriftrace.field.part_fit import Fit, fit_part_to_field
+from iriftrace.part.part import Part
+from iriftrace.scene.build import SCALE, BuiltEnsemble, BuiltScene, build_ensemble, build_scene
+from iriftrace.scene.hot_air import HotAir
+from iriftrace.scene.load import LoadedScene, check_engine, load_objects, load_scene
+from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
+
+
+@frozen(eq=False)
+class Scene:
+    """A part in hot air, seen by one device or measured by two.
+
+    Nothing is written or read; `attrs.evolve` gives a scene with another camera, light or air.
+
+    Attributes
+    ----------
+    part : Part
+        The measured part, mm, world.
+    air : HotAir
+    camera : Camera
+    second : Camera or None
+        The device with which points are triangulated (:func:`iriftrace.measure`).
+    second_id : str
+        What it is: ``"projector"``, ``"camera_2"`` or ``"laser"``.
+    wavelength_nm : float or None, nm
+        Of the light in vacuum; by default that of the air.
+    engine : str or None
+        ``"shells"`` or ``"continuous"``; None for shells, and the continuous engine in views for
+        which they are too few (:func:`iriftrace.trace.engine.choose`).
+    variant : str or None
+        Mitsuba variant; see :func:`iriftrace.runtime.variant.ensure`.
+    """
+
+    part: Part
+    air: HotAir
+    camera: Camera
+    second: Camera | None = None
+    second_id: str = "projector"
+    wavelength_nm: float | None = None
+    engine: str | None = field(default=None)
+    variant: str | None = None
+
+    @engine.validator
+    def _check_engine(self, _: Attribute[str | None], engine: str | None) -> None:
+        check_engine(engine)
+
+    @cached_property
+    def loaded(self) -> LoadedScene:
+        """The scene in Mitsuba, ready to be traced; made at the first need.
+
+        Raises
+        ------
+        InputError
+            Field and part do not overlap, a device stands in the part or in hot air, or both stand
+            at one place.
+
+        Warns
+        -----
+        IriftraceWarning
+            Field and part do not fit together.
+        """
+        if self.second is not None:
+            refuse_one_place(self.camera, self.second)
+        for fit in filter(None, self._fits):
+            for message in fit.warnings:
+                warnings.warn(message, IriftraceWarning, stacklevel=2)
+        for device, name in ((self.camera, "camera"), (self.second, "second device")):
+            if device is not None:
+                for state in self.air.states:
+                    refuse_camera_inside(device.origin, self.part, state.shells, state.field, name)
+        return load_objects(self)
+
+    @cached_property
+    def _fits(self) -> tuple[Fit | None, ...]:
+        """How each field and the part lie on each other; None of ready-made shells."""
+        return tuple(
+            None
+            if state.field is None
+            else fit_part_to_field(
+                state.field, self.part, wall_temperature_k=self.air.wall_temperature_k
+            )
+            for state in self.air.states
+        )
+
+    def notes_of_fit(self, number: int) -> dict[str, str]:
+        """What does not fit of one state of the air, as a note that every result states."""
+        fit = self._fits[number]
+        return {"fit": " ".join(fit.warnings)} if fit is not None and fit.warnings else {}
+
+    def save(
+        self, path: str | PathLike[str], *, scale: float = SCALE, trim_mm: float | None = None
+    ) -> BuiltScene | BuiltEnsemble:
+        """Write the scene's folder, as ``iriftrace scene`` does; `iriftrace.load_scene` reads it.
+
+        Parameters
+        ----------
+        path : path
+            The scene's XML file; part, shells and field go beside it.
+        scale : float
+            Default of the file's parameter ``scale``, a factor on the resolution.
+        trim_mm : float, mm, optional
+            Shells are left out farther than this beside the camera's view; by default all are kept.
+
+        Raises
+        ------
+        InputError
+            As :func:`iriftrace.build_scene`.
+        """
+        settings: dict[str, Any] = {
+            "wall_temperature_k": self.air.wall_temperature_k,
+            "trim_mm": trim_mm,
+            "scale": scale,
+            "normals": self.air.normals,
+            "inside_hit": self.air.inside_hit,
+            "notes": self.air.notes,
+            "second": self.second,
+            "second_id": self.second_id,
+        }
+        if len(self.air.states) > 1:
+            members = (state.as_member() for state in self.air.states)
+            return build_ensemble(members, self.part, self.camera, Path(path), **settings)
+        one = self.air.states[0]
+        return build_scene(
+            one.field, self.part, self.camera, Path(path), shells=one.shells, **settings
+        )
+
+
+AnyScene = Scene | LoadedScene | str | PathLike[str]
+"""What is traced: a scene of objects, a scene of files that was loaded, or the name of its file."""
+
+
+def loaded_scene(scene: AnyScene) -> LoadedScene:
+    """A scene ready to be traced; a path is loaded first."""
+    if isinstance(scene, LoadedScene):
+        return scene
+    return scene.loaded if isinstance(scene, Scene) else load_scene(scene)

@@ -1,0 +1,139 @@
+"""A scene of objects in memory: the numbers of its files to the last bit, and no file.
+
+Expected values are those of the same scene written and loaded again.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import attrs
+import numpy as np
+import pytest
+
+import iriftrace
+from iriftrace.core.errors import InputError
+from validation.inputs import hot_block
+
+pytestmark = [
+    pytest.mark.usefixtures("variant"),
+    pytest.mark.filterwarnings("ignore:Hits of this view"),
+    pytest.mark.filterwarnings("ignore:.*rays fall on each visible face"),
+]
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> iriftrace.Scene:
+    """A hot block between two cameras, from files that are then gone."""
+    folder = tmp_path_factory.mktemp("user")
+    air, block = hot_block.save(folder)
+    part, field = iriftrace.read_part(block), iriftrace.read_field(air)
+    for file in folder.iterdir():
+        file.unlink()
+    camera = iriftrace.Camera(
+        focal_length_mm=20.0,
+        sensor_mm=(6.0, 5.0),
+        resolution=(121, 100),
+        focus_mm=(50.0, 250.0),
+        matrix=iriftrace.look_at(origin=(60.1, -45.3, 70.7), target=(0.2, 0.1, 0.0)),
+    )
+    second = camera.at(iriftrace.look_at(origin=(70.3, -15.2, 75.9), target=(0.0, 0.3, 0.1)))
+    return iriftrace.Scene(part, iriftrace.HotAir(field, layers=9), camera, second, "camera_2")
+
+
+@pytest.mark.parametrize("engine", ["shells", "continuous"])
+@pytest.mark.parametrize("wavelength", [None, 450.0])
+def test_same_numbers_as_from_files(
+    scene: iriftrace.Scene, tmp_path: Path, engine: str, wavelength: float | None
+) -> None:
+    path = scene.save(tmp_path / "scene.xml", scale=1.0)
+    values = {} if wavelength is None else {"wavelength": wavelength}
+    of_files = iriftrace.load_scene(path, values, engine=engine)
+    in_memory = attrs.evolve(scene, engine=engine, wavelength_nm=wavelength)
+
+    one, other = iriftrace.render_scene(of_files), iriftrace.render_scene(in_memory)
+    assert one.metrics.rays.good > 1000
+    for name, values_of_it in one.image.channels.items():
+        np.testing.assert_array_equal(other.image.channels[name], values_of_it, err_msg=name)
+    assert one.metrics.as_dict()["displacement_mm"] == other.metrics.as_dict()["displacement_mm"]
+    assert one.metrics.as_dict()["regions"] == other.metrics.as_dict()["regions"]
+
+    scan, same = iriftrace.measure(of_files), iriftrace.measure(in_memory)
+    np.testing.assert_array_equal(scan.points, same.points)
+    fixed, alike = (iriftrace.correct(scan.points, one) for one in (of_files, in_memory))
+    np.testing.assert_array_equal(fixed.points, alike.points)
+
+
+def test_nothing_is_written_or_read(
+    scene: iriftrace.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    watching = True
+
+    def watch(event: str, arguments: tuple[object, ...]) -> None:
+        if watching and event == "open" and isinstance(arguments[0], str | Path):
+            opened.append(str(arguments[0]))
+
+    monkeypatch.chdir(tmp_path)
+    tmp_path.chmod(0o500)
+    sys.addaudithook(watch)
+    moved = attrs.evolve(scene, air=iriftrace.HotAir(scene.air.states[0].field, layers=6))
+    rendering = iriftrace.render_scene(moved)
+    watching = False
+    tmp_path.chmod(0o700)
+    assert rendering.metrics.rays.good > 1000
+    # Python's own modules and the machine's limits may be read.
+    theirs = (
+        sys.prefix,
+        sys.base_prefix,
+        str(Path(iriftrace.__file__).parents[1]),
+        "/sys",
+        "/proc",
+    )
+    assert [path for path in opened if not path.startswith(theirs)] == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ensemble_of_fields(scene: iriftrace.Scene, tmp_path: Path) -> None:
+    field = scene.air.states[0].field
+    assert field is not None
+    weaker = attrs.evolve(
+        field,
+        refractivity=field.ambient_refractivity
+        + 0.9 * (field.refractivity - field.ambient_refractivity),
+    )
+    ensemble = attrs.evolve(
+        scene, air=iriftrace.HotAir([field, weaker], layers=9, labels=["as it is", "weaker"])
+    )
+    in_memory = iriftrace.render_scene(ensemble)
+    written = iriftrace.render_scene(ensemble.save(tmp_path / "scene.xml", scale=1.0))
+    assert in_memory.metrics.ensemble is not None
+    for name, values in written.image.channels.items():
+        np.testing.assert_array_equal(in_memory.image.channels[name], values, err_msg=name)
+
+
+def test_shells_alone_have_no_cells(scene: iriftrace.Scene) -> None:
+    shells = scene.air.states[0].shells
+    alone = attrs.evolve(scene, air=iriftrace.HotAir(shells=shells))
+    assert iriftrace.render_scene(alone).metrics.rays.good > 1000
+    with pytest.raises(InputError, match="no field, so there are no cells"):
+        iriftrace.render_scene(attrs.evolve(alone, engine="continuous"))
+
+
+def test_what_cannot_be_a_scene_is_refused(scene: iriftrace.Scene, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="needs air"):
+        iriftrace.HotAir()
+    field, shells = scene.air.states[0].field, scene.air.states[0].shells
+    with pytest.raises(InputError, match="Ready-made shells are of one field"):
+        iriftrace.HotAir([field, field], shells=shells)
+    with pytest.raises(InputError, match="1 labels for 2 fields"):
+        iriftrace.HotAir([field, field], labels=["one"])
+    with pytest.raises(InputError, match="no engine 'cells'"):
+        attrs.evolve(scene, engine="cells")
+    inside = scene.camera.at(iriftrace.look_at((0.0, 0.0, 0.1), (10.0, 0.0, 0.0)))
+    with pytest.raises(InputError, match="stands in the part"):
+        iriftrace.render_scene(attrs.evolve(scene, camera=inside))
+    poses = iriftrace.PoseSet(scene.camera.matrix[None], np.zeros(1), np.zeros(1))
+    with pytest.raises(InputError, match="write the scene first"):
+        iriftrace.run_sweep(scene, poses, tmp_path / "sweep.nc")
