@@ -132,12 +132,16 @@ def test_smoothed_shells_and_those_of_the_outer_rule_have_no_derivatives(
 def test_shells_alone_bend_as_if_they_had_no_derivatives(
     xml: Path, tmp_path: Path, stack: ShellStack
 ) -> None:
-    """The parameter takes what is known of the derivatives away, bit for bit, and does matter."""
+    """The parameter takes what is known of the derivatives away, and does matter.
+
+    Normals are the gradient's with derivatives and Mitsuba's without them, which rounds them to
+    single precision once more; so hits agree to 6e-11 mm and not to the last bit.
+    """
     bare = [evolve(shell, derivatives=None) for shell in stack.shells]
     plain = render_scene(written(tmp_path / "bare", evolve(stack, shells=bare))).image
     told = render_scene(load_scene(xml, {"bending": "shells"})).image
     for name, plane in plain.channels.items():
-        np.testing.assert_array_equal(plane, told.channels[name])
+        np.testing.assert_allclose(told.channels[name], plane, rtol=2e-7, atol=1e-9, err_msg=name)
     layers = render_scene(load_scene(xml)).image
     good = (plain.status == 0) & (layers.status == 0)
     size = plain.channels["displacement.norm"][good]
