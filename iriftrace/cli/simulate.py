@@ -13,6 +13,7 @@ from cyclopts import Group, Parameter
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
 from iriftrace.cli.console import notes, out, say, say_finding
+from iriftrace.cli.draught_options import DraughtOptions
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
 from iriftrace.cli.options import (
@@ -26,11 +27,13 @@ from iriftrace.cli.options import (
     check_output,
     region_temperatures,
 )
+from iriftrace.cli.simulate_family import family_cases, family_scene, simulate_family
 from iriftrace.core.errors import SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.case import Case
+    from iriftrace.cfd.openfoam.draught import Draught
     from iriftrace.cfd.openfoam.run import State
     from iriftrace.cfd.openfoam.simulate import Display, Simulation
     from iriftrace.part.part import Part
@@ -85,8 +88,19 @@ class SimulationOptions:
     average_time: Duration | None = None
     snapshots: Whole = 0
 
-    def case(self, part: Part, processes: int) -> Case:
-        """The case these options describe."""
+    def case(
+        self,
+        part: Part,
+        processes: int,
+        draught: Draught | None,
+        mirrors: str | None = None,
+        *,
+        moved: bool = False,
+    ) -> Case:
+        """The case these options describe in a draught, mirrored as they say or at `mirrors`.
+
+        It is `moved` where it starts in air that moves already.
+        """
         from iriftrace.cfd.openfoam.case import natural_case
         from iriftrace.cfd.openfoam.wall import WallTemperatures
 
@@ -102,10 +116,17 @@ class SimulationOptions:
             snapshots=self.snapshots,
             ambient_k=self.ambient,
             pressure_pa=self.pressure,
-            mirrors="" if self.symmetry == "none" else self.symmetry,
+            mirrors=self.mirrors if mirrors is None else mirrors,
             margin=self.margin,
             processes=processes,
+            draught=draught,
+            moved=moved,
         )
+
+    @property
+    def mirrors(self) -> str:
+        """Axes across which the field is mirrored."""
+        return "" if self.symmetry == "none" else self.symmetry
 
 
 @contextmanager
@@ -127,13 +148,16 @@ def simulation_progress() -> Iterator[Display]:
 
 def _say_expected(cells: int, seconds: float) -> None:
     """Say how large the mesh is and how long the solver will take."""
-    minutes = round(seconds / 60.0)
-    time = f"{seconds / 3600.0:.2g} hours" if minutes > 90 else f"some {minutes} minutes"
     if seconds > 0.0:
-        say(
-            f"{cells:,} cells; the solver takes {time if minutes > 1 else 'a minute or two'} "
-            "(right to a factor of two)."
-        )
+        say(f"{cells:,} cells; the solver takes {duration(seconds)} (right to a factor of two).")
+
+
+def duration(seconds: float) -> str:
+    """Time of the clock in words."""
+    minutes = round(seconds / 60.0)
+    if minutes > 90:
+        return f"{seconds / 3600.0:.2g} hours"
+    return f"some {minutes} minutes" if minutes > 1 else "a minute or two"
 
 
 def flow_text(state: State) -> str:
@@ -153,6 +177,7 @@ def simulate(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     simulation: SimulationOptions,
+    wind: DraughtOptions = DraughtOptions(),
     part_options: PartOptions = PartOptions(),
     field: Path | None = None,
     processes: Whole = 1,
@@ -166,6 +191,10 @@ def simulate(
     check` needs for a heat balance. A run that was interrupted goes on when the same command is
     given again. `iriftrace field doctor` checks the OpenFOAM of this machine.
 
+    With ``--draughts`` the folder gets a family: a field for each speed and direction, named so
+    that they sort, and family.json, which lists them. Members start from their neighbour's state,
+    mirror images are not solved, and the same command continues an interrupted family.
+
     Example: ``iriftrace field simulate part.stl -o case --wall-temperature "1100 degC"``
 
     Parameters
@@ -173,7 +202,7 @@ def simulate(
     part
         The part's closed surface (.stl .ply .obj .glb ...).
     output
-        Folder for the OpenFOAM case.
+        Folder for the OpenFOAM case, or for a family's fields and cases.
     field
         File for the field, .vtu; by default field.vtu in the case's folder.
     processes
@@ -189,6 +218,7 @@ def simulate(
     check_folder(output)
     target = output / "field.vtu" if field is None else field
     check_output(target, "field.vtu", make=True)
+    wind.check(field=field, write_only=write_only)
     installation = None
     if not write_only:
         # Before anything is written: a case is of no use where nothing can run it.
@@ -199,7 +229,13 @@ def simulate(
         # It has expanded as far as its wall is hot.
         hot = evolve(hot, hot_temperature=simulation.wall_temperature)
     measured = hot.read(part)
-    case = simulation.case(measured, processes)
+    if wind.draughts is not None and installation is not None:
+        members, cases = family_cases(measured, simulation, wind.family(), processes)
+        _print_case(cases[members[-1].name])
+        simulate_family(members, cases, output, installation, wind)
+        say(f"Family written; now run:  {family_scene(members, output, part, simulation, hot)}")
+        return
+    case = simulation.case(measured, processes, wind.single())
     _print_case(case)
     known = prepare(case, output)
     if installation is None:
@@ -247,6 +283,8 @@ def _print_case(case: Case) -> None:
         f"{case.size.wall:.2g} mm ({case.size.name}); {case.times.end:g} s, density averaged over "
         f"the last {case.times.averaging:g} s."
     )
+    if case.draught is not None:
+        say(f"  {case.draught.text}")
     wall = case.wall
     table = {name: wall.regions.get(name, wall.default) for name in case.part.region_names}
     for region, kelvin in (table if wall.regions else {"all": wall.default}).items():

@@ -196,7 +196,7 @@ class Failed:
     [
         (
             KilledWorker("pose", SimpleNamespace(address="tcp://10.0.0.9:1"), 3),
-            "4 workers died of the same pose, the last one at tcp://10.0.0.9:1;",
+            "4 workers died of the same task, the last one at tcp://10.0.0.9:1;",
         ),
         (CancelledError("pose"), "scheduler is gone"),
         (ModuleNotFoundError("No module named 'iriftrace'"), "cannot run iriftrace"),

@@ -9,8 +9,15 @@ from typing import Any
 import numpy as np
 from attrs import field, frozen
 
-from iriftrace.cfd.openfoam.domain import Domain, MeshSize, domain_around, mesh_size
-from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points
+from iriftrace.cfd.openfoam.domain import (
+    Domain,
+    MeshSize,
+    air_lengths,
+    domain_around,
+    mesh_size,
+)
+from iriftrace.cfd.openfoam.draught import Draught
+from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points, symmetric_axes
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
@@ -75,6 +82,8 @@ def natural_times(
     hottest_k: float,
     ambient_k: float,
     *,
+    crossing: float = 0.0,
+    moved: bool = False,
     end: float | None = None,
     averaging: float | None = None,
     snapshots: int = 0,
@@ -82,19 +91,26 @@ def natural_times(
     """Times for a part, where the user does not say otherwise.
 
     Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so parts of a larger longest extent
-    and cooler ones need longer; the paper's cylinder at 1100 degC needs 2 s. An InputError if the
-    air is not cooler than the wall, or as for `Times`.
+    and cooler ones need longer; the paper's cylinder at 1100 degC needs 2 s. A draught needs
+    besides, to bend the plume, the time of its `crossing` of the air, s, or as long again where
+    that is sooner: convection has then renewed the air. What is `moved` already starts in the
+    state of a similar draught and settles in half of that, so it is averaged over the same time and
+    not more. An InputError if the air is not cooler than the wall, or as for `Times`.
     """
     if not 0.0 < ambient_k < hottest_k:
         raise InputError(
             f"no air rises at a wall of {hottest_k:g} K in air of {ambient_k:g} K; check number "
             "and unit of both."
         )
-    if end is None:
-        heat = (hottest_k - ambient_k) / ambient_k
-        length = max(1.0, longest_mm / _REFERENCE_LENGTH)
-        end = round(_END * max(1.0, float(np.sqrt(length * _REFERENCE_HEAT / heat))), 2)
-    return Times(end, end * _AVERAGING_SHARE if averaging is None else averaging, snapshots)
+    heat = (hottest_k - ambient_k) / ambient_k
+    length = max(1.0, longest_mm / _REFERENCE_LENGTH)
+    rising = round(_END * max(1.0, float(np.sqrt(length * _REFERENCE_HEAT / heat))), 2)
+    bending = round(min(crossing, rising), 2)
+    whole = rising + bending if end is None else end
+    mean = whole * _AVERAGING_SHARE if averaging is None else averaging
+    if end is None and moved:
+        whole = 0.5 * bending + mean
+    return Times(whole, mean, snapshots)
 
 
 @frozen(eq=False)
@@ -110,6 +126,7 @@ class Case:
     mirrors: str = ""  # axes at whose centre plane the field is mirrored: "", "x", "y" or "xy"
     margin: float = 1.0  # factor on the air around the part
     processes: int = 1  # of the solver
+    draught: Draught | None = None  # None in still air
     domain: Domain = field(init=False)
 
     def __attrs_post_init__(self) -> None:
@@ -129,6 +146,8 @@ class Case:
             )
         self.wall.check(self.part, self.ambient_k)
         check_mirrors(self.part, self.mirrors)
+        if self.draught is not None:
+            _check_mirrored_draught(self.draught, self.mirrors)
         if self.mirrors and self.wall.regions:
             _check_mirrored_wall(self)
         domain = domain_around(self.part, self.size, self.mirrors, self.margin)
@@ -147,6 +166,7 @@ class Case:
             "background_mm": self.size.background,
             "mirrors": self.mirrors,
             "margin": self.margin,
+            "draught_m_s": None if self.draught is None else list(self.draught.velocity),
         }
 
 
@@ -160,26 +180,33 @@ def natural_case(
     averaging: float | None = None,
     snapshots: int = 0,
     ambient_k: float = 293.15,
+    draught: Draught | None = None,
+    moved: bool = False,
     **more: Any,
 ) -> Case:
     """Case of a part in air, with mesh and times that suit its size and temperature.
 
-    Resolution and background cells are those of `mesh_size`, times those of `natural_times`, the
-    rest that of `Case`; an InputError if it cannot be simulated.
+    Resolution and background cells are those of `mesh_size`, times those of `natural_times`, where
+    `moved` is explained, the rest that of `Case`; an InputError if it cannot be simulated.
     """
     refuse_unlikely_size(part)
     wall.check(part, ambient_k)
     extents = np.ptp(part.bounds, axis=0)
+    crossing = 0.0
+    if draught is not None:
+        crossing = draught.crossing(air_lengths(part, more.get("margin", 1.0)))
     times = natural_times(
         float(extents.max()),
         wall.hottest,
         ambient_k,
+        crossing=crossing,
+        moved=moved,
         end=end,
         averaging=averaging,
         snapshots=snapshots,
     )
     size = mesh_size(resolution, extents, background_mm)
-    return Case(part, wall, size, times, ambient_k=ambient_k, **more)
+    return Case(part, wall, size, times, ambient_k=ambient_k, draught=draught, **more)
 
 
 def is_stored(case: Case, folder: Path) -> bool:
@@ -253,15 +280,34 @@ def _check_range(value: float, limits: tuple[float, float], what: str, unit: str
         )
 
 
+def _check_mirrored_draught(draught: Draught, mirrors: str) -> None:
+    """Wind in a plane of symmetry leaves it one, across it does not."""
+    if crossed := draught.crossed(mirrors):
+        raise InputError(
+            f"the {draught.text} blows through the symmetry plane across {crossed[0]}, so half of "
+            f"the air is not enough; leave {crossed} out of --symmetry."
+        )
+
+
+def symmetric_case(case: Case) -> str:
+    """Axes of "xy" across which part and wall temperatures are their own mirror images."""
+    return "".join(n for n in symmetric_axes(case.part) if _has_mirrored_wall(case, n))
+
+
+def _has_mirrored_wall(case: Case, name: str) -> bool:
+    part, axis = case.part, "xy".index(name)
+    here = wall_temperature(case.wall, part, part.face_centres)
+    other = mirrored_points(part.face_centres, axis, part.centre[axis])
+    differs = np.abs(wall_temperature(case.wall, part, other) - here) > 1.0
+    return bool(part.face_areas[differs].sum() <= 0.01 * part.area)
+
+
 def _check_mirrored_wall(case: Case) -> None:
     """A mirrored half has mirrored temperatures."""
     part = case.part
-    here = wall_temperature(case.wall, part, part.face_centres)
     for name in case.mirrors:
-        axis = "xy".index(name)
-        other = mirrored_points(part.face_centres, axis, part.centre[axis])
-        share = part.face_areas[np.abs(wall_temperature(case.wall, part, other) - here) > 1.0].sum()
-        if share > 0.01 * part.area:
+        if not _has_mirrored_wall(case, name):
+            axis = "xy".index(name)
             raise InputError(
                 f"the wall's temperatures are not symmetric about {name} = "
                 f"{part.centre[axis]:g} mm, so the field is not; leave {name} out of --symmetry."

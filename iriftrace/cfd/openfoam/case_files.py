@@ -22,6 +22,7 @@ MESH_FILES = (
     "system/blockMeshDict",
     "system/surfaceFeatureExtractDict",
     "system/snappyHexMeshDict",
+    "system/mapFieldsDict",
 )
 AIR_FILES = (
     *(f"constant/{name}" for name in ("thermophysicalProperties", "g", "turbulenceProperties")),
@@ -44,6 +45,15 @@ DENSITY_RATE = "ddtRho"
 COURANT = 2
 """Largest Courant number of a step."""
 _METRES = 1e-3
+# The sides of the box and their corners in ``blockMeshDict``.
+_FACES = {
+    "xmin": "(0 4 7 3)",
+    "xmax": "(1 2 6 5)",
+    "ymin": "(0 1 5 4)",
+    "ymax": "(3 7 6 2)",
+    "bottom": "(0 3 2 1)",
+    "top": "(4 5 6 7)",
+}
 
 
 def gas_entries() -> dict[str, Any]:
@@ -135,15 +145,9 @@ def mesh_entries(case: Case) -> dict[str, Any]:
         "corners": [(x, y, z) for z in (z0, z1) for x, y in plan],
         "cells": domain.cells,
         "patches": [
-            {"name": name, "type": "symmetryPlane" if name[0] in domain.planes else "patch"}
+            {"name": name, "type": "symmetryPlane" if name in _planes(case) else "patch"}
             | {"faces": faces}
-            for name, faces in (
-                ("xmin", "(0 4 7 3)"),
-                ("ymin", "(0 1 5 4)"),
-                ("sides", "(1 2 6 5) (3 7 6 2)"),
-                ("bottom", "(0 3 2 1)"),
-                ("top", "(4 5 6 7)"),
-            )
+            for name, faces in _FACES.items()
         ],
         "boxes": [
             {"lower": _metres(b.lower), "upper": _metres(b.upper), "level": b.level}
@@ -157,12 +161,16 @@ def mesh_entries(case: Case) -> dict[str, Any]:
 
 def air_entries(case: Case) -> dict[str, Any]:
     """Entries of the files of air and boundaries."""
-    planes = "".join(f"{name}min {{ type symmetryPlane; }} " for name in case.domain.planes)
+    planes = _planes(case)
+    inlets = [] if case.draught is None else list(case.draught.inlets)
     return {
         **gas_entries(),
         "ambient_k": case.ambient_k,
         "pressure_pa": case.pressure_pa,
-        "symmetry_planes": planes.strip(),
+        "symmetry_planes": " ".join(f"{name} {{ type symmetryPlane; }}" for name in planes),
+        "inlets": inlets,
+        "free": [name for name in _FACES if name not in (*inlets, *planes)],
+        "draught": (0, 0, 0) if case.draught is None else case.draught.velocity,
         "outlet_level": f"{case.domain.upper[2] * _METRES:.9g}",
     }
 
@@ -176,6 +184,10 @@ def nonuniform(kelvins: NDArray[np.float64]) -> str:
     """A temperature for each face of the wall."""
     numbers = "\n".join(f"{kelvin:.9g}" for kelvin in kelvins)
     return f"nonuniform List<scalar>\n{len(kelvins)}\n(\n{numbers}\n)"
+
+
+def _planes(case: Case) -> tuple[str, ...]:
+    return tuple(f"{name}min" for name in case.domain.planes)
 
 
 def _metres(point: tuple[float, float, float]) -> list[str]:

@@ -135,6 +135,18 @@ class Domain:
     kept_upper: tuple[float, float, float]
 
 
+def air_lengths(part: Part, margin: float = 1.0) -> FloatArray:
+    """Width and depth of the air around a part, (2,) array, mm, before it is cut into cells."""
+    extents = np.ptp(part.bounds, axis=0)
+    lengths: FloatArray = extents[:2] + 2.0 * _SIDES * _scale(part, margin)
+    return lengths
+
+
+def _scale(part: Part, margin: float) -> float:
+    """Factor on the air around a part of the size of the paper's cylinder."""
+    return margin * max(1.0, float(np.ptp(part.bounds, axis=0).max()) / _REFERENCE_LENGTH)
+
+
 def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float = 1.0) -> Domain:
     """Lay out the air around a part, gravity along -z; an InputError if there are too many cells.
 
@@ -143,7 +155,7 @@ def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float =
     """
     low, high = part.bounds
     centre, half = part.centre, 0.5 * (high - low)
-    scale = margin * max(1.0, 2.0 * float(half.max()) / _REFERENCE_LENGTH)
+    scale = _scale(part, margin)
     h, wall = size.background, size.wall
     # Whole cells on both sides of the centre, so that a mirrored half has the same mesh.
     up = _whole(half + scale * np.array((_SIDES, _SIDES, _ABOVE)), h)

@@ -61,6 +61,24 @@ def mirrored_points(points: FloatArray, axis: int, position: float) -> FloatArra
     return image
 
 
+def reflected_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.UnstructuredGrid:
+    """Mirror image of a grid at the plane across an axis at a position, mm; cells as below."""
+    points = mirrored_points(np.array(grid.points, dtype=np.float64), axis, position)
+    cells = {
+        int(kind): np.asarray(corners, dtype=np.int64)[:, MIRRORED_CORNERS[int(kind)]]
+        for kind, corners in grid.cells_dict.items()
+    }
+    image = pv.UnstructuredGrid(cells, points.astype(grid.points.dtype))
+    for name in grid.point_data:
+        values = np.array(grid.point_data[name])
+        if values.ndim == 2:
+            values[:, axis] *= -1.0
+        image.point_data[name] = values
+    for name in grid.field_data:
+        image.field_data[name] = grid.field_data[name]
+    return image
+
+
 def mirrored_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.UnstructuredGrid:
     """A half and its mirror image as one grid, joined at the points in the plane at `position`, mm.
 

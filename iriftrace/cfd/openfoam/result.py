@@ -183,8 +183,10 @@ def _shortened(values: Float32Array) -> Float32Array:
 
 
 def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
-    mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
     parts = [f"OpenFOAM {SOLVER}", case.size.name, how]
+    if case.draught is not None:
+        parts.append(case.draught.text)
+    mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
     if mirrored:
         parts.append(f"mirrored at {' and '.join(mirrored)}")
     output = pv.UnstructuredGrid(
