@@ -94,13 +94,8 @@ class SimulationOptions:
         processes: int,
         draught: Draught | None,
         mirrors: str | None = None,
-        *,
-        moved: bool = False,
     ) -> Case:
-        """The case these options describe in a draught, mirrored as they say or at `mirrors`.
-
-        It is `moved` where it starts in air that moves already.
-        """
+        """The case these options describe in a draught, mirrored as they say or at `mirrors`."""
         from iriftrace.cfd.openfoam.case import natural_case
         from iriftrace.cfd.openfoam.wall import WallTemperatures
 
@@ -120,7 +115,6 @@ class SimulationOptions:
             margin=self.margin,
             processes=processes,
             draught=draught,
-            moved=moved,
         )
 
     @property
@@ -192,8 +186,8 @@ def simulate(
     given again. `iriftrace field doctor` checks the OpenFOAM of this machine.
 
     With ``--draughts`` the folder gets a family: a field for each speed and direction, named so
-    that they sort, and family.json, which lists them. Members start from their neighbour's state,
-    mirror images are not solved, and the same command continues an interrupted family.
+    that they sort, and family.json, which lists them. They share a mesh, mirror images are not
+    solved, and the same command continues an interrupted family.
 
     Example: ``iriftrace field simulate part.stl -o case --wall-temperature "1100 degC"``
 

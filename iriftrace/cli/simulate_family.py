@@ -42,9 +42,7 @@ def family_cases(
     still = simulation.case(part, processes, None)
     members = plan_family(*family, simulation.mirrors, symmetric_case(still))
     cases = {
-        member.name: simulation.case(
-            part, processes, member.draught, member.planes, moved=bool(member.after)
-        )
+        member.name: simulation.case(part, processes, member.draught, member.planes)
         for member in members
     }
     return members, cases
@@ -103,11 +101,9 @@ def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[d
 
 def _solve_on_workers(client: Any, tasks: Sequence[Task]) -> Iterable[dict[str, Any]]:
     from iriftrace.cfd.openfoam.family_run import solve_elsewhere
-    from iriftrace.sweep.workers import run_in_order
+    from iriftrace.sweep.workers import run_tasks
 
-    before = {task.member.name: task.member.after for task in tasks}
-    by_name = {task.member.name: task for task in tasks}
-    return run_in_order(client, solve_elsewhere, by_name, before)
+    return run_tasks(client, solve_elsewhere, tasks)
 
 
 def _step(text: str) -> None:

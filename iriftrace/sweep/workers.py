@@ -109,33 +109,14 @@ def scheduler_client(scheduler: str, count: int | None = None) -> Iterator[Any]:
         yield stack.enter_context(_local(count) if scheduler == LOCAL else _connected(scheduler))
 
 
-def run_in_order(
-    client: Any, work: Callable[..., Any], tasks: Mapping[str, Any], before: Mapping[str, str]
-) -> Iterator[Any]:
-    """Results of `work(task)` as they come.
-
-    Parameters
-    ----------
-    client
-        Of `scheduler_client`.
-    work
-        Function of a module, called with one task on a worker.
-    tasks
-        Tasks by name; one that is named in `before` stands behind the one it needs.
-    before
-        Of a task's name that of another one, which must be done before.
-    """
-    futures: dict[str, Any] = {}
+def run_tasks(client: Any, work: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Any]:
+    """Results of `work(task)` as they come, of a function of a module that runs on the workers."""
+    futures = [client.submit(work, task, pure=False) for task in tasks]
     try:
-        for name, task in tasks.items():
-            needed = futures.get(before.get(name, ""))
-            futures[name] = client.submit(work, task, needed, pure=False)
-        for future in import_module("distributed").as_completed(
-            list(futures.values()), loop=client.loop
-        ):
+        for future in import_module("distributed").as_completed(futures, loop=client.loop):
             yield _result(future)
     finally:
-        client.cancel(list(futures.values()))
+        client.cancel(futures)
 
 
 @contextmanager

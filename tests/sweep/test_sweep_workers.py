@@ -147,7 +147,7 @@ def test_local_workers_start_and_end(
         ("localhost", None, "no address"),
         ("tcp://", None, "no address"),
         ("http://here:8786", None, "no address"),
-        ("local", 0, "render nothing"),
+        ("local", 0, "do nothing"),
         ("tcp://127.0.0.1:8786", 2, "started by hand"),
     ],
 )

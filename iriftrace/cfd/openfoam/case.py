@@ -83,7 +83,6 @@ def natural_times(
     ambient_k: float,
     *,
     crossing: float = 0.0,
-    moved: bool = False,
     end: float | None = None,
     averaging: float | None = None,
     snapshots: int = 0,
@@ -93,9 +92,8 @@ def natural_times(
     Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so parts of a larger longest extent
     and cooler ones need longer; the paper's cylinder at 1100 degC needs 2 s. A draught needs
     besides, to bend the plume, the time of its `crossing` of the air, s, or as long again where
-    that is sooner: convection has then renewed the air. What is `moved` already starts in the
-    state of a similar draught and settles in half of that, so it is averaged over the same time and
-    not more. An InputError if the air is not cooler than the wall, or as for `Times`.
+    that is sooner: convection has then renewed the air. An InputError if the air is not cooler than
+    the wall, or as for `Times`.
     """
     if not 0.0 < ambient_k < hottest_k:
         raise InputError(
@@ -107,10 +105,7 @@ def natural_times(
     rising = round(_END * max(1.0, float(np.sqrt(length * _REFERENCE_HEAT / heat))), 2)
     bending = round(min(crossing, rising), 2)
     whole = rising + bending if end is None else end
-    mean = whole * _AVERAGING_SHARE if averaging is None else averaging
-    if end is None and moved:
-        whole = 0.5 * bending + mean
-    return Times(whole, mean, snapshots)
+    return Times(whole, whole * _AVERAGING_SHARE if averaging is None else averaging, snapshots)
 
 
 @frozen(eq=False)
@@ -181,13 +176,12 @@ def natural_case(
     snapshots: int = 0,
     ambient_k: float = 293.15,
     draught: Draught | None = None,
-    moved: bool = False,
     **more: Any,
 ) -> Case:
     """Case of a part in air, with mesh and times that suit its size and temperature.
 
-    Resolution and background cells are those of `mesh_size`, times those of `natural_times`, where
-    `moved` is explained, the rest that of `Case`; an InputError if it cannot be simulated.
+    Resolution and background cells are those of `mesh_size`, times those of `natural_times`, the
+    rest that of `Case`; an InputError if it cannot be simulated.
     """
     refuse_unlikely_size(part)
     wall.check(part, ambient_k)
@@ -200,7 +194,6 @@ def natural_case(
         wall.hottest,
         ambient_k,
         crossing=crossing,
-        moved=moved,
         end=end,
         averaging=averaging,
         snapshots=snapshots,

@@ -22,7 +22,6 @@ MESH_FILES = (
     "system/blockMeshDict",
     "system/surfaceFeatureExtractDict",
     "system/snappyHexMeshDict",
-    "system/mapFieldsDict",
 )
 AIR_FILES = (
     *(f"constant/{name}" for name in ("thermophysicalProperties", "g", "turbulenceProperties")),

@@ -22,7 +22,6 @@ class Member:
     name: str
     draught: Draught | None  # None in still air
     planes: str  # axes at whose centre plane it is mirrored, a half or a quarter being solved
-    after: str = ""  # name of the member with whose last state its solution starts
     image_of: str = ""  # name of the member whose mirror image it is, so that it is not solved
     across: str = ""  # axes across which it is mirrored to be that
 
@@ -63,7 +62,7 @@ def check_family(speeds: Sequence[float], directions: Sequence[float]) -> None:
 def plan_family(
     speeds: Sequence[float], directions: Sequence[float], planes: str, symmetric: str
 ) -> tuple[Member, ...]:
-    """Members of a family, each behind the ones that it needs.
+    """Members of a family, in the order of their names.
 
     Parameters
     ----------
@@ -84,26 +83,19 @@ def plan_family(
     turns = sorted(float(np.mod(direction, 360.0)) for direction in directions)
     originals = _originals(turns, symmetric)
     members: list[Member] = []
-    # Of each direction the member solved last, with which the next one starts.
-    last: dict[float, Member] = {}
     for speed in sorted(speeds):
         if speed == 0.0:
+            # On a mesh that others have too, and free to sway as they are.
             first = _left(planes, turns[0]) if turns else planes
             members.append(Member(f"at_{0.0:.{digits}f}", None, first))
-            last = {turn: members[0] for turn in turns if _left(planes, turn) == first}
             continue
         for turn in turns:
             name = f"at_{speed:.{digits}f}_from_{_degrees(turn)}"
             draught = draught_from(speed, (turn,))
             left = _left(planes, turn)
-            if turn in originals:
-                original, across = originals[turn]
-                image_of = f"at_{speed:.{digits}f}_from_{_degrees(original)}"
-                members.append(Member(name, draught, left, image_of=image_of, across=across))
-                continue
-            after = last[turn].name if turn in last else ""
-            last[turn] = Member(name, draught, left, after)
-            members.append(last[turn])
+            original, across = originals.get(turn, (turn, ""))
+            image_of = f"at_{speed:.{digits}f}_from_{_degrees(original)}" if across else ""
+            members.append(Member(name, draught, left, image_of, across))
     return tuple(members)
 
 

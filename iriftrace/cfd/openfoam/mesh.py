@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
-from attrs import frozen
 from vtkmodules.vtkIOGeometry import vtkOpenFOAMReader
 
 from iriftrace.cfd.openfoam.case import Case, read_record
-from iriftrace.cfd.openfoam.case_files import START_FILES, nonuniform, uniform, write_start
+from iriftrace.cfd.openfoam.case_files import nonuniform, uniform, write_start
 from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError, cell_count, run_program
 from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.files import whole_file
-from iriftrace.field.readers.openfoam import processor_folders
 
 _DONE = "mesh.json"
 
@@ -30,35 +28,27 @@ _STEPS = (
 )
 
 
-@frozen
-class Neighbour:
-    """Meshed case of the same part and air, with another draught."""
-
-    folder: Path
-    solved: bool = False  # its last state is where the solution starts, and not just its mesh
-
-
 def make_mesh(
     case: Case,
     folder: Path,
     installation: Installation,
     say: Callable[[str], None],
-    neighbour: Neighbour | None = None,
+    like: Path | None = None,
 ) -> int:
     """Make the mesh unless it is there, and the fields at time 0 on it; its number of cells.
 
-    `say` is told what is being done; the mesh is that of the `neighbour`, where there is one. An
+    `say` is told what is being done; `like` is the folder of a case whose mesh is copied. An
     OpenFoamError if the mesher failed, or lost the part.
     """
     done = folder / _DONE
     if done.is_file():
         return int(read_record(done)["cells"])
     shutil.rmtree(folder / "constant/polyMesh", ignore_errors=True)
-    if neighbour is None:
+    if like is None:
         cells = _new_mesh(folder, installation, say)
     else:
-        cells = int(read_record(neighbour.folder / _DONE)["cells"])
-        shutil.copytree(neighbour.folder / "constant/polyMesh", folder / "constant/polyMesh")
+        cells = int(read_record(like / _DONE)["cells"])
+        shutil.copytree(like / "constant/polyMesh", folder / "constant/polyMesh")
     wall = wall_patch(folder)
     if not cells or not wall.n_cells:
         raise OpenFoamError(
@@ -69,9 +59,6 @@ def make_mesh(
     kelvins = wall_temperature(case.wall, case.part, centres)
     same = len(case.wall.of_regions(case.part)) == 1
     write_start(case, folder, uniform(float(kelvins[0])) if same else nonuniform(kelvins))
-    if neighbour is not None and neighbour.solved:
-        say("State of the neighbour")
-        _map_state(neighbour.folder, folder, installation)
     with whole_file(done) as temporary:
         temporary.write_text(json.dumps({"cells": cells, "wall_faces": wall.n_cells}) + "\n")
     return cells
@@ -83,20 +70,6 @@ def _new_mesh(folder: Path, installation: Installation, say: Callable[[str], Non
         say(f"Mesh: {what}")
         log = run_program(installation, folder, program, *arguments)
     return cell_count(log.read_text(errors="replace")) or 0
-
-
-def _map_state(source: Path, folder: Path, installation: Installation) -> None:
-    """Replace the inner values of the fields at time 0 by a solved case's last ones.
-
-    Both have the same mesh, so each cell gets its own value; the boundaries stay as written.
-    """
-    pieces = ("-parallelSource",) if processor_folders(source) else ()
-    last = ("-sourceTime", "latestTime", "-mapMethod", "mapNearest", *pieces)
-    run_program(installation, folder, "mapFields", str(source.absolute()), *last)
-    # It maps averages and rates as well, which would be taken for those of this case.
-    for file in (folder / "0").iterdir():
-        if f"0/{file.name}" not in START_FILES:
-            file.unlink()
 
 
 def wall_patch(folder: Path) -> Any:

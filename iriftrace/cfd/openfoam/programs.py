@@ -19,7 +19,7 @@ from iriftrace.core.errors import SetupError
 from iriftrace.core.files import sha256_of
 
 SOLVER = "buoyantPimpleFoam"
-TOOLS = ("blockMesh", "surfaceFeatureExtract", "snappyHexMesh", "checkMesh", "mapFields")
+TOOLS = ("blockMesh", "surfaceFeatureExtract", "snappyHexMesh", "checkMesh")
 """The programs that are needed besides the solver."""
 
 INSTALL = "make openfoam (in a clone of the repository), or: sudo apt-get install openfoam"

@@ -12,7 +12,7 @@ from attrs import frozen
 
 from iriftrace.cfd.openfoam.case import Case, is_stored, keep_record
 from iriftrace.cfd.openfoam.case_files import write_case
-from iriftrace.cfd.openfoam.mesh import Neighbour, make_mesh
+from iriftrace.cfd.openfoam.mesh import make_mesh
 from iriftrace.cfd.openfoam.programs import REPAIR, Installation
 from iriftrace.cfd.openfoam.result import write_mean, write_snapshots
 from iriftrace.cfd.openfoam.run import (
@@ -72,7 +72,7 @@ def simulate(
     file: Path,
     installation: Installation,
     display: Display,
-    neighbour: Neighbour | None = None,
+    like: Path | None = None,
 ) -> Simulation:
     """Run a prepared case and write its field.
 
@@ -86,8 +86,8 @@ def simulate(
         OpenFOAM.
     display
         Is told how far it is.
-    neighbour
-        Case whose mesh, and last state if it is solved, are those to start with.
+    like
+        Folder of a case whose mesh is this one's too.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def simulate(
     """
     check_solver(installation)
     begun = time.monotonic()
-    cells = make_mesh(case, folder, installation, display.say, neighbour)
+    cells = make_mesh(case, folder, installation, display.say, like)
     display.expect(cells, expected_seconds(case, cells, last_time(pieces_of(folder))))
     display.say(f"Solver: {cells:,} cells")
     averaged = solve(case, folder, installation, display.watch)
