@@ -44,6 +44,11 @@ class DraughtOptions:
     scheduler: str | None = None
     workers: Whole | None = None
 
+    @property
+    def address(self) -> str | None:
+        """Scheduler of the workers; None where the members are solved here."""
+        return "local" if self.scheduler is None and self.workers is not None else self.scheduler
+
     def check(self, *, field: Path | None, write_only: bool) -> None:
         """Refuse options that do not go together, and a scheduler that cannot be one."""
         if self.draughts is None:
@@ -57,14 +62,10 @@ class DraughtOptions:
             {"--field": field, "--write-only": write_only or None},
             "is for one field, but --draughts makes a family; leave one of them out.",
         )
-        if self.scheduler is not None:
+        if self.address is not None:
             from iriftrace.sweep.workers import check_scheduler
 
-            check_scheduler(self.scheduler, self.workers)
-        elif self.workers is not None:
-            raise InputError(
-                "--workers needs --scheduler local, which starts them; give both, or neither."
-            )
+            check_scheduler(self.address, self.workers)
 
     def single(self) -> Draught | None:
         """The draught of one simulation; None in still air."""

@@ -225,7 +225,7 @@ def simulate(
     measured = hot.read(part)
     if wind.draughts is not None and installation is not None:
         members, cases = family_cases(measured, simulation, wind.family(), processes)
-        _print_case(cases[members[-1].name])
+        _print_case(cases[members[0].name])
         simulate_family(members, cases, output, installation, wind)
         say(f"Family written; now run:  {family_scene(members, output, part, simulation, hot)}")
         return

@@ -62,11 +62,18 @@ def simulate_family(
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         solve: Solve = partial(_solve_here, installation)
-        if wind.scheduler is not None:
-            client = stack.enter_context(scheduler_client(wind.scheduler, wind.workers))
+        if wind.address is not None:
+            client = stack.enter_context(scheduler_client(wind.address, wind.workers))
             solve = partial(_solve_on_workers, client)
+        status = stack.enter_context(notes.status("Mesh"))
+
+        def expect(cost: Cost) -> None:
+            # What follows has a display of its own.
+            status.stop()
+            _say_cost(cost)
+
         running = run_family(
-            members, cases, folder, installation, solve, say=_step, expect=_say_cost
+            members, cases, folder, installation, solve, say=status.update, expect=expect
         )
         for entry in running:
             out.print(_finished(entry))
@@ -104,10 +111,6 @@ def _solve_on_workers(client: Any, tasks: Sequence[Task]) -> Iterable[dict[str, 
     from iriftrace.sweep.workers import run_tasks
 
     return run_tasks(client, solve_elsewhere, tasks)
-
-
-def _step(text: str) -> None:
-    notes.log(text)
 
 
 def _say_cost(cost: Cost) -> None:
