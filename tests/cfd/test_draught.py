@@ -118,6 +118,17 @@ def test_time_until_the_plume_is_bent(cylinder: Part) -> None:
     assert natural_times(170.0, 1373.15, 293.15, crossing=9.0, end=1.0).end == 1.0
 
 
+def test_plume_is_watched_where_the_wind_carries_it(cylinder: Part) -> None:
+    """Above the part and leeward, inside the air that is solved."""
+    still, windy_case = windy(cylinder, None), windy(cylinder, wind(0.1, 90.0))
+    assert still.probes == still.domain.probes
+    points = np.array(windy_case.probes)
+    assert len(points) == 3 * len(still.probes)
+    assert points[:, 1].max() == pytest.approx(still.probes[0][1]), "none windward"
+    assert points[:, 1].min() < cylinder.bounds[0, 1] - 50.0
+    assert (points > windy_case.domain.lower).all()
+
+
 def test_mirror_image_of_a_draught() -> None:
     draught = wind(0.1, 30.0)
     for axes, degrees in (("x", 150.0), ("y", 330.0), ("xy", 210.0)):

@@ -30,6 +30,8 @@ _STAGES_WRITTEN = 4
 _MOST_SNAPSHOTS = 1000
 RECORD = "case.json"
 """In the case's folder: what was asked for, so that a later call goes on with the same."""
+# Sideways distances, as shares of the height, at which a leaning plume is looked for.
+_LEANS = (0.0, 0.25, 0.5)
 _SAME_MM = 1e-3
 AMBIENT_RANGE = (200.0, 400.0)  # K
 PRESSURE_RANGE = (60e3, 120e3)  # Pa
@@ -147,6 +149,16 @@ class Case:
             _check_mirrored_wall(self)
         domain = domain_around(self.part, self.size, self.mirrors, self.margin)
         object.__setattr__(self, "domain", domain)
+
+    @property
+    def probes(self) -> tuple[tuple[float, float, float], ...]:
+        """Points, mm, at which the plume's temperature is watched; in a draught leeward too."""
+        points = np.array(self.domain.probes)
+        if self.draught is not None:
+            wind = np.array((*self.draught.source[:2], 0.0))
+            heights = points[:, 2:] - self.part.bounds[1][2]
+            points = np.concatenate([points - lean * heights * wind for lean in _LEANS])
+        return tuple((float(x), float(y), float(z)) for x, y, z in points)
 
     def record(self) -> dict[str, Any]:
         """Values that flow and mesh depend on."""

@@ -107,7 +107,7 @@ def write_control(
         "averaging": averaging,
         "averaged": AVERAGED,
         "density_rate": DENSITY_RATE,
-        "probes": [_metres(point) for point in case.domain.probes],
+        "probes": [_metres(point) for point in case.probes],
         **(KEEPING_HEAT if averaging and not steady else CORRECTORS),
     }
     if not averaging and times.settled == 0.0:
