@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iriftrace.cfd.openfoam.case import RECORD, Case, natural_case, natural_times
+from iriftrace.cfd.openfoam.case import RECORD, Case, natural_case
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.draught import Draught, draught_from
 from iriftrace.cfd.openfoam.simulate import prepare
+from iriftrace.cfd.openfoam.times import natural_times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
