@@ -25,13 +25,15 @@ from iriftrace.cli.options import (
     check_folder,
     check_input,
     check_output,
+    quantity,
     region_temperatures,
 )
 from iriftrace.cli.simulate_family import family_cases, family_scene, simulate_family
-from iriftrace.core.errors import SetupError
+from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
+    from iriftrace.cfd.openfoam.bodies import Body
     from iriftrace.cfd.openfoam.case import Case
     from iriftrace.cfd.openfoam.draught import Draught
     from iriftrace.cfd.openfoam.run import State
@@ -65,6 +67,14 @@ class SimulationOptions:
     symmetry
         Compute a half or a quarter and mirror it at the part's centre; the field is then exactly
         symmetric, which a real plume is not.
+    body
+        Another closed surface in the air, such as a table or a support; repeatable. Its unit is
+        that of the part, and it may touch the part.
+    body_temperature
+        Temperature of the bodies' walls, "80 degC", or insulated (the default); one for all, or
+        one for each in their order; repeatable.
+    floor
+        Height z of a floor below the part, at the temperature of the air, "-16 mm".
     margin
         Factor on the air around the part.
     end_time
@@ -83,6 +93,9 @@ class SimulationOptions:
     resolution: Literal["coarse", "normal", "fine", "extra-fine"] = "normal"
     background_cell: Length | None = None
     symmetry: Literal["none", "x", "y", "xy"] = "none"
+    body: Annotated[list[Path] | None, Parameter(negative=())] = None
+    body_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
+    floor: Length | None = None
     margin: float = 1.0
     end_time: Duration | None = None
     average_time: Duration | None = None
@@ -115,12 +128,37 @@ class SimulationOptions:
             margin=self.margin,
             processes=processes,
             draught=draught,
+            bodies=self.bodies(part.length_unit),
+            floor=self.floor,
+        )
+
+    def bodies(self, length_unit: str) -> tuple[Body, ...]:
+        """Bodies in the air besides the part, read in its unit."""
+        from iriftrace.cfd.openfoam.bodies import Body
+        from iriftrace.part.part import read_part
+
+        files = self.body or []
+        kelvins = [_body_temperature(text) for text in self.body_temperature or ["insulated"]]
+        if len(kelvins) == 1:
+            kelvins *= len(files)
+        if len(kelvins) != len(files) or (self.body_temperature and not files):
+            raise InputError(
+                f"--body-temperature is given {len(self.body_temperature or ())} times for "
+                f"{len(files)} bodies (--body); give it once for all of them, or once for each."
+            )
+        return tuple(
+            Body(read_part(file, length_unit=length_unit), kelvin)
+            for file, kelvin in zip(files, kelvins, strict=True)
         )
 
     @property
     def mirrors(self) -> str:
         """Axes across which the field is mirrored."""
         return "" if self.symmetry == "none" else self.symmetry
+
+
+def _body_temperature(text: str) -> float | None:
+    return None if text == "insulated" else quantity(text, "kelvin", "--body-temperature")
 
 
 @contextmanager
@@ -268,7 +306,7 @@ def doctor() -> None:
 
 
 def _print_case(case: Case) -> None:
-    from iriftrace.cfd.openfoam.part_surface import symmetric_axes
+    from iriftrace.cfd.openfoam.case import symmetric_case
 
     low, high = case.domain.lower, case.domain.upper
     box = " x ".join(f"{b - a:.0f}" for a, b in zip(low, high, strict=True))
@@ -283,10 +321,13 @@ def _print_case(case: Case) -> None:
     table = {name: wall.regions.get(name, wall.default) for name in case.part.region_names}
     for region, kelvin in (table if wall.regions else {"all": wall.default}).items():
         say(f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)")
-    found = symmetric_axes(case.part)
-    if found and not case.mirrors and not wall.regions:
+    found = symmetric_case(case)
+    if case.draught is not None:
+        crossed = case.draught.crossed(found)
+        found = "".join(axis for axis in found if axis not in crossed)
+    if found and not case.mirrors:
         say(
-            f"The part is symmetric along {' and '.join(found)}: --symmetry {found} computes 1/"
+            f"The case is symmetric along {' and '.join(found)}: --symmetry {found} computes 1/"
             f"{2 ** len(found)} of the air, if a plume that cannot move sideways is good enough."
         )
 

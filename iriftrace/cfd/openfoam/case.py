@@ -9,6 +9,13 @@ from typing import Any
 import numpy as np
 from attrs import field, frozen
 
+from iriftrace.cfd.openfoam.bodies import (
+    Body,
+    check_bodies,
+    check_inlets,
+    check_mirrored_bodies,
+    is_mirrored,
+)
 from iriftrace.cfd.openfoam.domain import (
     Domain,
     MeshSize,
@@ -48,6 +55,8 @@ class Case:
     margin: float = 1.0  # factor on the air around the part
     processes: int = 1  # of the solver
     draught: Draught | None = None  # None in still air
+    bodies: tuple[Body, ...] = ()
+    floor: float | None = None  # height z, mm, of a floor at ambient temperature
     domain: Domain = field(init=False)
 
     def __attrs_post_init__(self) -> None:
@@ -71,7 +80,11 @@ class Case:
             _check_mirrored_draught(self.draught, self.mirrors)
         if self.mirrors and self.wall.regions:
             _check_mirrored_wall(self)
-        domain = domain_around(self.part, self.size, self.mirrors, self.margin)
+        domain = domain_around(self.part, self.size, self.mirrors, self.margin, self.floor)
+        check_mirrored_bodies(self.bodies, self.part.centre, self.mirrors)
+        check_bodies(self.bodies, self.part, domain)
+        if self.draught is not None:
+            check_inlets(self.bodies, self.draught.inlets, domain)
         object.__setattr__(self, "domain", domain)
 
     @property
@@ -98,6 +111,9 @@ class Case:
             "mirrors": self.mirrors,
             "margin": self.margin,
             "draught_m_s": None if self.draught is None else list(self.draught.velocity),
+            # None, as in the records of earlier versions, which knew neither.
+            "bodies": [body.record() for body in self.bodies] or None,
+            "floor_mm": self.floor,
         }
 
 
@@ -219,8 +235,13 @@ def _check_mirrored_draught(draught: Draught, mirrors: str) -> None:
 
 
 def symmetric_case(case: Case) -> str:
-    """Axes of "xy" across which part and wall temperatures are their own mirror images."""
-    return "".join(n for n in symmetric_axes(case.part) if _has_mirrored_wall(case, n))
+    """Axes of "xy" across which part, temperatures and bodies are their own mirror images."""
+    return "".join(
+        name
+        for name in symmetric_axes(case.part)
+        if _has_mirrored_wall(case, name)
+        and all(is_mirrored(body, case.part.centre, name) for body in case.bodies)
+    )
 
 
 def _has_mirrored_wall(case: Case, name: str) -> bool:

@@ -199,6 +199,8 @@ def _entry(member: Member, case: Case) -> dict[str, Any]:
         "image_of": member.image_of or None,
         "end_s": case.times.end,
         "averaging_s": case.times.averaging,
+        "bodies": [body.record() for body in case.bodies],
+        "floor_mm": case.floor,
     }
 
 

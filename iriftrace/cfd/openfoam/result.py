@@ -186,6 +186,10 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
     parts = [f"OpenFOAM {SOLVER}", case.size.name, how]
     if case.draught is not None:
         parts.append(case.draught.text)
+    if case.bodies:
+        parts.append(f"around {', '.join(body.name for body in case.bodies)}")
+    if case.floor is not None:
+        parts.append(f"floor at z = {case.floor:g} mm")
     mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
     if mirrored:
         parts.append(f"mirrored at {' and '.join(mirrored)}")

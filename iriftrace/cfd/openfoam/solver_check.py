@@ -99,6 +99,7 @@ def write_trial(folder: Path) -> None:
         "pressure_pa": 101325.0,
         "symmetry_planes": "",
         "inlets": [],
+        "walls": [],
         "free": ["sides", "top"],
         "draught": (0, 0, 0),
         "outlet_level": 0.03,
