@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
+from warnings import warn
 
 from attrs import evolve, frozen
 from cyclopts import Group, Parameter
@@ -26,10 +27,11 @@ from iriftrace.cli.options import (
     check_input,
     check_output,
     quantity,
+    refuse_given,
     region_temperatures,
 )
 from iriftrace.cli.simulate_family import family_cases, family_scene, simulate_family
-from iriftrace.core.errors import InputError, SetupError
+from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.draught import Draught
     from iriftrace.cfd.openfoam.run import State
     from iriftrace.cfd.openfoam.simulate import Display, Simulation
+    from iriftrace.cfd.openfoam.wall import WallTemperatures
     from iriftrace.part.part import Part
 
 
@@ -50,6 +53,13 @@ class SimulationOptions:
     ----------
     wall_temperature
         Temperature of the part's wall, "1100 degC".
+    wall_temperature_from
+        File with the temperatures of the wall in its place: a table of x, y, z, T (.csv), such as
+        points of a thermogram, or a surface with T (.vtp .vtk .vtu) of a finite element solution.
+    wall_length_unit
+        Unit of that file's coordinates; by default what it states, else mm.
+    wall_temperature_unit
+        Unit of its temperatures; by default what it states, else K.
     region_temperature
         Another temperature for a named region of the part, NAME=TEMPERATURE; repeatable.
     transition
@@ -85,7 +95,10 @@ class SimulationOptions:
         States from that interval to keep besides the average, as an ensemble.
     """
 
-    wall_temperature: Temperature
+    wall_temperature: Temperature | None = None
+    wall_temperature_from: Path | None = None
+    wall_length_unit: str | None = None
+    wall_temperature_unit: Literal["K", "degC"] | None = None
     region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
     transition: Length = 0.0
     ambient: Temperature = 20.0 + ZERO_CELSIUS_K
@@ -110,13 +123,10 @@ class SimulationOptions:
     ) -> Case:
         """The case these options describe in a draught, mirrored as they say or at `mirrors`."""
         from iriftrace.cfd.openfoam.case import natural_case
-        from iriftrace.cfd.openfoam.wall import WallTemperatures
 
         return natural_case(
             part,
-            WallTemperatures(
-                self.wall_temperature, region_temperatures(self.region_temperature), self.transition
-            ),
+            self.wall(),
             resolution=self.resolution,
             background_mm=self.background_cell,
             end=self.end_time,
@@ -131,6 +141,40 @@ class SimulationOptions:
             bodies=self.bodies(part.length_unit),
             floor=self.floor,
         )
+
+    def wall(self) -> WallTemperatures:
+        """Temperatures of the part's wall."""
+        from iriftrace.cfd.openfoam.measured_wall import read_measured_wall
+        from iriftrace.cfd.openfoam.wall import WallTemperatures, measured_wall
+
+        regions = region_temperatures(self.region_temperature)
+        file = self.wall_temperature_from
+        if file is not None:
+            others = {
+                "--wall-temperature": self.wall_temperature,
+                "--region-temperature": self.region_temperature,
+                "--transition": self.transition or None,
+            }
+            refuse_given(
+                others,
+                "and --wall-temperature-from cannot both be given, since the file has the "
+                "temperatures of the whole wall; leave one out.",
+            )
+            units = self.wall_length_unit, self.wall_temperature_unit
+            return measured_wall(read_measured_wall(file, *units))
+        refuse_given(
+            {
+                "--wall-length-unit": self.wall_length_unit,
+                "--wall-temperature-unit": self.wall_temperature_unit,
+            },
+            "is a unit of the file of --wall-temperature-from, which is not given; leave it out.",
+        )
+        if self.wall_temperature is None:
+            raise InputError(
+                'the part has no temperature; give --wall-temperature "1100 degC", or a file with '
+                "--wall-temperature-from."
+            )
+        return WallTemperatures(self.wall_temperature, regions, self.transition)
 
     def bodies(self, length_unit: str) -> tuple[Body, ...]:
         """Bodies in the air besides the part, read in its unit."""
@@ -208,7 +252,7 @@ def simulate(
     part: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
-    simulation: SimulationOptions,
+    simulation: SimulationOptions = SimulationOptions(),
     wind: DraughtOptions = DraughtOptions(),
     part_options: PartOptions = PartOptions(),
     field: Path | None = None,
@@ -259,7 +303,7 @@ def simulate(
     hot = part_options
     if hot.expansion is not None and hot.hot_temperature is None:
         # It has expanded as far as its wall is hot.
-        hot = evolve(hot, hot_temperature=simulation.wall_temperature)
+        hot = evolve(hot, hot_temperature=simulation.wall().hottest)
     measured = hot.read(part)
     if wind.draughts is not None and installation is not None:
         members, cases = family_cases(measured, simulation, wind.family(), processes)
@@ -317,10 +361,7 @@ def _print_case(case: Case) -> None:
     )
     if case.draught is not None:
         say(f"  {case.draught.text}")
-    wall = case.wall
-    table = {name: wall.regions.get(name, wall.default) for name in case.part.region_names}
-    for region, kelvin in (table if wall.regions else {"all": wall.default}).items():
-        say(f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)")
+    _print_wall(case)
     found = symmetric_case(case)
     if case.draught is not None:
         crossed = case.draught.crossed(found)
@@ -330,6 +371,19 @@ def _print_case(case: Case) -> None:
             f"The case is symmetric along {' and '.join(found)}: --symmetry {found} computes 1/"
             f"{2 ** len(found)} of the air, if a plume that cannot move sideways is good enough."
         )
+
+
+def _print_wall(case: Case) -> None:
+    wall, measured = case.wall, case.wall.measured
+    if measured is not None:
+        low, high = (f"{kelvin:.2f} K" for kelvin in (measured.kelvins.min(), wall.hottest))
+        say(f"  wall from {measured.path}: {low} to {high} at {len(measured.points):,} points")
+        if far := measured.far_faces(case.part, case.size.wall):
+            warn(far, IriftraceWarning, stacklevel=2)
+        return
+    table = {name: wall.regions.get(name, wall.default) for name in case.part.region_names}
+    for region, kelvin in (table if wall.regions else {"all": wall.default}).items():
+        say(f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)")
 
 
 def _print_simulation(

@@ -78,7 +78,7 @@ class Case:
         check_mirrors(self.part, self.mirrors)
         if self.draught is not None:
             _check_mirrored_draught(self.draught, self.mirrors)
-        if self.mirrors and self.wall.regions:
+        if self.mirrors and self.wall.varies(self.part):
             _check_mirrored_wall(self)
         domain = domain_around(self.part, self.size, self.mirrors, self.margin, self.floor)
         check_mirrored_bodies(self.bodies, self.part.centre, self.mirrors)
@@ -105,13 +105,14 @@ class Case:
             "wall_k": self.wall.default,
             "regions_k": self.wall.regions,
             "transition_mm": self.wall.transition,
+            "wall_from": None if self.wall.measured is None else self.wall.measured.record(),
             "ambient_k": self.ambient_k,
             "pressure_pa": self.pressure_pa,
             "background_mm": self.size.background,
             "mirrors": self.mirrors,
             "margin": self.margin,
+            # None, as in the records of earlier versions, which knew none of these.
             "draught_m_s": None if self.draught is None else list(self.draught.velocity),
-            # None, as in the records of earlier versions, which knew neither.
             "bodies": [body.record() for body in self.bodies] or None,
             "floor_mm": self.floor,
         }
@@ -198,6 +199,8 @@ def recorded_wall(folder: Path, part: Part) -> WallTemperatures | None:
         return None
     try:
         stored = read_record(file)
+        if stored.get("wall_from"):
+            return None  # the file may be gone
         bounds = np.asarray(stored["part_bounds_mm"], dtype=np.float64)
         same = bounds.shape == (2, 3) and np.allclose(bounds, part.bounds, atol=_SAME_MM)
         wall = WallTemperatures(

@@ -57,7 +57,7 @@ def make_mesh(
         )
     centres = np.asarray(wall.cell_centers().points, dtype=np.float64) * 1000.0
     kelvins = wall_temperature(case.wall, case.part, centres)
-    same = len(case.wall.of_regions(case.part)) == 1
+    same = not case.wall.varies(case.part)
     write_start(case, folder, uniform(float(kelvins[0])) if same else nonuniform(kelvins))
     with whole_file(done) as temporary:
         temporary.write_text(json.dumps({"cells": cells, "wall_faces": wall.n_cells}) + "\n")

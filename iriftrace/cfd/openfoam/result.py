@@ -159,7 +159,7 @@ def _whole(
     piece.points = as_float64(grid.points) * _MM
     for name, values in arrays.items():
         piece.point_data[name] = values
-    if len(case.wall.of_regions(case.part)) > 1:
+    if case.wall.varies(case.part):
         wall = as_float64(wall_patch(folder).points) * _MM
         on_wall = cKDTree(np.asarray(piece.points)).query(wall)[1]
         piece.point_data["T"][on_wall] = wall_temperature(case.wall, case.part, wall)
