@@ -136,7 +136,7 @@ def _length_with_unit(text: str, option: str) -> float:
 
 Whole = Annotated[int, word_parameter("INT", _whole)]
 
-# Quantities as floats, mm, nm, Pa, s, degree, 1/K and K; users may write any other unit.
+# Quantities as floats, mm, nm, Pa, s, degree, m/s, 1/K and K; users may write any other unit.
 Length = Annotated[float, _quantity("LENGTH", "mm", "{:g} mm".format)]
 LengthWithUnit = Annotated[float, word_parameter("LENGTH", _length_with_unit)]
 Wavelength = Annotated[float, _quantity("LENGTH", "nm", "{:g} nm".format)]
@@ -148,6 +148,7 @@ Pressure = Annotated[float, _quantity("PRESSURE", "pascal", "{:g} Pa".format)]
 Duration = Annotated[float, _quantity("TIME", "second", "{:g} s".format)]
 Share = Annotated[float, word_parameter("SHARE", _share, lambda share: f"{100 * share:g} %")]
 Angle = Annotated[float, _quantity("ANGLE", "degree", "{:g} deg".format)]
+Speed = Annotated[float, _quantity("SPEED", "m/s", "{:g} m/s".format)]
 Expansion = Annotated[float, _quantity("EXPANSION", "1/kelvin", "{:g} /K".format)]
 Temperature = Annotated[float, _quantity("TEMPERATURE", "kelvin", celsius)]
 

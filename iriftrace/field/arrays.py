@@ -213,6 +213,19 @@ def _scale(unit: str, quantity: str) -> tuple[float, float]:
     return zero, (parse_quantity(f"100 {name}", SI[quantity]) - zero) / 100.0
 
 
+def to_kelvin(
+    values: FloatArray,
+    choice: Choice,
+    units: Mapping[str, str] | None,
+    temperature_unit: str | None,
+    path: str,
+) -> FloatArray:
+    """Temperatures, (n,), K, of the values of an array; units and errors as `to_refractivity`."""
+    zero, slope = _scale(_unit_of(choice, units, temperature_unit, path), choice.quantity)
+    kelvins: FloatArray = zero + values * slope
+    return kelvins
+
+
 def to_refractivity(
     values: FloatArray,
     choice: Choice,

@@ -1,4 +1,4 @@
-"""Workers that render a sweep: processes of this machine, or of a Dask scheduler on several."""
+"""Workers for long work: processes of this machine, or of a Dask scheduler on several."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import socket
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from importlib.metadata import version
@@ -64,11 +64,11 @@ def check_scheduler(scheduler: str, count: int | None = None) -> None:
             f"started by hand; run `dask worker {scheduler} --nworkers {count} --nthreads 1`."
         )
     if count is not None and count < 1:
-        raise InputError(f"{count} workers render nothing; start at least 1.")
+        raise InputError(f"{count} workers do nothing; start at least 1.")
     if find_spec("distributed") is None:
         raise SetupError(
             "Workers need Dask distributed, which is not installed; in the clone: "
-            "pip install -e '.[sweep]', or sweep without --scheduler."
+            "pip install -e '.[sweep]', or leave out --scheduler."
         )
 
 
@@ -96,11 +96,27 @@ def pose_workers(scheduler: str, count: int | None = None) -> Iterator[RenderPos
     SetupError
         If Dask distributed is not installed.
     """
+    with scheduler_client(scheduler, count) as client:
+        yield lambda tasks: _render(client, tasks)
+
+
+@contextmanager
+def scheduler_client(scheduler: str, count: int | None = None) -> Iterator[Any]:
+    """Dask client of the workers as long as the block lasts; parameters and errors as above."""
     check_scheduler(scheduler, count)
     with ExitStack() as stack:
         stack.enter_context(_quiet())
-        client = stack.enter_context(_local(count) if scheduler == LOCAL else _connected(scheduler))
-        yield lambda tasks: _render(client, tasks)
+        yield stack.enter_context(_local(count) if scheduler == LOCAL else _connected(scheduler))
+
+
+def run_tasks(client: Any, work: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Any]:
+    """Results of `work(task)` as they come, of a function of a module that runs on the workers."""
+    futures = [client.submit(work, task, pure=False) for task in tasks]
+    try:
+        for future in import_module("distributed").as_completed(futures, loop=client.loop):
+            yield _result(future)
+    finally:
+        client.cancel(futures)
 
 
 @contextmanager
@@ -194,14 +210,13 @@ def _result(future: Any) -> Piece:
         result: Piece = future.result()
     except distributed.KilledWorker as error:
         raise SetupError(
-            f"{error.allowed_failures + 1} workers died of the same pose, the last one at "
+            f"{error.allowed_failures + 1} workers died of the same task, the last one at "
             f"{error.last_worker.address}; they may have run out of memory: start fewer. The same "
-            "command goes on where the sweep stopped."
+            "command continues where it stopped."
         ) from error
     except distributed.CancelledError as error:
         raise SetupError(
-            "The scheduler is gone; start it again. The same command goes on where the sweep "
-            "stopped."
+            "The scheduler is gone; start it again. The same command continues where it stopped."
         ) from error
     except IriftraceError:
         raise

@@ -12,7 +12,7 @@ import pyvista as pv
 import trimesh
 from attrs import evolve
 
-from iriftrace.cfd.openfoam.case import RECORD, Case, Times
+from iriftrace.cfd.openfoam.case import RECORD, Case
 from iriftrace.cfd.openfoam.case_files import (
     nonuniform,
     write_case,
@@ -22,6 +22,7 @@ from iriftrace.cfd.openfoam.case_files import (
 )
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.simulate import prepare
+from iriftrace.cfd.openfoam.times import Times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part

@@ -10,10 +10,11 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.air import thermophysics as gas
-from iriftrace.cfd.openfoam.case import Case, Times
+from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.case_files import write_control
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.result import mean_arrays, state_arrays
+from iriftrace.cfd.openfoam.times import Times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.field.flow import ENTHALPY_FLUX, HEAT_STORAGE
 from iriftrace.part.part import Part

@@ -11,11 +11,12 @@ import pytest
 import trimesh
 from attrs import evolve
 
-from iriftrace.cfd.openfoam.case import Case, Times
+from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError
 from iriftrace.cfd.openfoam.run import expected_seconds, judge_steadiness, last_time, solve
+from iriftrace.cfd.openfoam.times import Times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, part_of_mesh, read_part

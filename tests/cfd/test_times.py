@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from iriftrace.cfd.openfoam.case import Times, natural_times
+from iriftrace.cfd.openfoam.times import Times, natural_times
 from iriftrace.core.errors import InputError
 
 

@@ -147,7 +147,7 @@ def test_local_workers_start_and_end(
         ("localhost", None, "no address"),
         ("tcp://", None, "no address"),
         ("http://here:8786", None, "no address"),
-        ("local", 0, "render nothing"),
+        ("local", 0, "do nothing"),
         ("tcp://127.0.0.1:8786", 2, "started by hand"),
     ],
 )
@@ -196,7 +196,7 @@ class Failed:
     [
         (
             KilledWorker("pose", SimpleNamespace(address="tcp://10.0.0.9:1"), 3),
-            "4 workers died of the same pose, the last one at tcp://10.0.0.9:1;",
+            "4 workers died of the same task, the last one at tcp://10.0.0.9:1;",
         ),
         (CancelledError("pose"), "scheduler is gone"),
         (ModuleNotFoundError("No module named 'iriftrace'"), "cannot run iriftrace"),

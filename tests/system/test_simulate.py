@@ -14,11 +14,12 @@ from attrs import frozen
 
 from iriftrace.cfd.check.heat_balance import heat_balance
 from iriftrace.cfd.check.nusselt import nusselt_horizontal_cylinder
-from iriftrace.cfd.openfoam.case import Case, Times
+from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.domain import mesh_size
 from iriftrace.cfd.openfoam.mesh import make_mesh, wall_patch
 from iriftrace.cfd.openfoam.programs import find_openfoam, read_steps
 from iriftrace.cfd.openfoam.simulate import check_solver, prepare
+from iriftrace.cfd.openfoam.times import Times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.cli import main
 from iriftrace.core.errors import SetupError

@@ -9,92 +9,36 @@ from typing import Any
 import numpy as np
 from attrs import field, frozen
 
-from iriftrace.cfd.openfoam.domain import Domain, MeshSize, domain_around, mesh_size
-from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points
+from iriftrace.cfd.openfoam.bodies import (
+    Body,
+    check_bodies,
+    check_inlets,
+    check_mirrored_bodies,
+    is_mirrored,
+)
+from iriftrace.cfd.openfoam.domain import (
+    Domain,
+    MeshSize,
+    air_lengths,
+    domain_around,
+    mesh_size,
+)
+from iriftrace.cfd.openfoam.draught import Draught
+from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points, symmetric_axes
+from iriftrace.cfd.openfoam.times import Times, natural_times
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.part.part import Part, refuse_unlikely_size
 
-_END, _AVERAGING_SHARE = 2.0, 0.25
-# The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
-_REFERENCE_HEAT, _REFERENCE_LENGTH = 3.68, 170.0
-_STAGES_WRITTEN = 4
-_MOST_SNAPSHOTS = 1000
 RECORD = "case.json"
 """In the case's folder: what was asked for, so that a later call goes on with the same."""
+# Sideways distances, as shares of the height, at which a leaning plume is looked for.
+_LEANS = (0.0, 0.25, 0.5)
 _SAME_MM = 1e-3
 AMBIENT_RANGE = (200.0, 400.0)  # K
 PRESSURE_RANGE = (60e3, 120e3)  # Pa
 _MOST_PROCESSES = 1024
-
-
-@frozen
-class Times:
-    """Times of a simulation in s."""
-
-    end: float
-    averaging: float  # the density is averaged over the last so many seconds
-    snapshots: int = 0  # states that are kept from that interval besides
-
-    def __attrs_post_init__(self) -> None:
-        """Refuse what is no course of time."""
-        if not 0.0 < self.end < np.inf:
-            raise InputError(
-                f"an end time of {self.end:g} s is no simulation; give a positive one."
-            )
-        if not 0.0 < self.averaging <= self.end:
-            raise InputError(
-                f"the field cannot be averaged over {self.averaging:g} s of {self.end:g} s; give a "
-                "positive time that is not longer than the end time."
-            )
-        if not 0 <= self.snapshots <= _MOST_SNAPSHOTS:
-            raise InputError(
-                f"{self.snapshots} snapshots cannot be kept, each being a whole state on disk; "
-                f"give a number from 0 to {_MOST_SNAPSHOTS}."
-            )
-
-    @property
-    def settled(self) -> float:
-        """When averaging begins."""
-        return self.end - self.averaging
-
-    @property
-    def settling_interval(self) -> float:
-        """Seconds between two states on disk before averaging, from which a run can go on."""
-        return self.settled / _STAGES_WRITTEN
-
-    @property
-    def averaging_interval(self) -> float:
-        """Seconds between two states on disk while averaging."""
-        return self.averaging / (self.snapshots or _STAGES_WRITTEN)
-
-
-def natural_times(
-    longest_mm: float,
-    hottest_k: float,
-    ambient_k: float,
-    *,
-    end: float | None = None,
-    averaging: float | None = None,
-    snapshots: int = 0,
-) -> Times:
-    """Times for a part, where the user does not say otherwise.
-
-    Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so parts of a larger longest extent
-    and cooler ones need longer; the paper's cylinder at 1100 degC needs 2 s. An InputError if the
-    air is not cooler than the wall, or as for `Times`.
-    """
-    if not 0.0 < ambient_k < hottest_k:
-        raise InputError(
-            f"no air rises at a wall of {hottest_k:g} K in air of {ambient_k:g} K; check number "
-            "and unit of both."
-        )
-    if end is None:
-        heat = (hottest_k - ambient_k) / ambient_k
-        length = max(1.0, longest_mm / _REFERENCE_LENGTH)
-        end = round(_END * max(1.0, float(np.sqrt(length * _REFERENCE_HEAT / heat))), 2)
-    return Times(end, end * _AVERAGING_SHARE if averaging is None else averaging, snapshots)
 
 
 @frozen(eq=False)
@@ -110,6 +54,9 @@ class Case:
     mirrors: str = ""  # axes at whose centre plane the field is mirrored: "", "x", "y" or "xy"
     margin: float = 1.0  # factor on the air around the part
     processes: int = 1  # of the solver
+    draught: Draught | None = None  # None in still air
+    bodies: tuple[Body, ...] = ()
+    floor: float | None = None  # height z, mm, of a floor at ambient temperature
     domain: Domain = field(init=False)
 
     def __attrs_post_init__(self) -> None:
@@ -129,10 +76,26 @@ class Case:
             )
         self.wall.check(self.part, self.ambient_k)
         check_mirrors(self.part, self.mirrors)
-        if self.mirrors and self.wall.regions:
+        if self.draught is not None:
+            _check_mirrored_draught(self.draught, self.mirrors)
+        if self.mirrors and self.wall.varies(self.part):
             _check_mirrored_wall(self)
-        domain = domain_around(self.part, self.size, self.mirrors, self.margin)
+        domain = domain_around(self.part, self.size, self.mirrors, self.margin, self.floor)
+        check_mirrored_bodies(self.bodies, self.part.centre, self.mirrors)
+        check_bodies(self.bodies, self.part, domain)
+        if self.draught is not None:
+            check_inlets(self.bodies, self.draught.inlets, domain)
         object.__setattr__(self, "domain", domain)
+
+    @property
+    def probes(self) -> tuple[tuple[float, float, float], ...]:
+        """Points, mm, at which the plume's temperature is watched; in a draught leeward too."""
+        points = np.array(self.domain.probes)
+        if self.draught is not None:
+            wind = np.array((*self.draught.source[:2], 0.0))
+            heights = points[:, 2:] - self.part.bounds[1][2]
+            points = np.concatenate([points - lean * heights * wind for lean in _LEANS])
+        return tuple((float(x), float(y), float(z)) for x, y, z in points)
 
     def record(self) -> dict[str, Any]:
         """Values that flow and mesh depend on."""
@@ -142,11 +105,16 @@ class Case:
             "wall_k": self.wall.default,
             "regions_k": self.wall.regions,
             "transition_mm": self.wall.transition,
+            "wall_from": None if self.wall.measured is None else self.wall.measured.record(),
             "ambient_k": self.ambient_k,
             "pressure_pa": self.pressure_pa,
             "background_mm": self.size.background,
             "mirrors": self.mirrors,
             "margin": self.margin,
+            # None, as in the records of earlier versions, which knew none of these.
+            "draught_m_s": None if self.draught is None else list(self.draught.velocity),
+            "bodies": [body.record() for body in self.bodies] or None,
+            "floor_mm": self.floor,
         }
 
 
@@ -160,6 +128,7 @@ def natural_case(
     averaging: float | None = None,
     snapshots: int = 0,
     ambient_k: float = 293.15,
+    draught: Draught | None = None,
     **more: Any,
 ) -> Case:
     """Case of a part in air, with mesh and times that suit its size and temperature.
@@ -170,16 +139,20 @@ def natural_case(
     refuse_unlikely_size(part)
     wall.check(part, ambient_k)
     extents = np.ptp(part.bounds, axis=0)
+    crossing = 0.0
+    if draught is not None:
+        crossing = draught.crossing(air_lengths(part, more.get("margin", 1.0)))
     times = natural_times(
         float(extents.max()),
         wall.hottest,
         ambient_k,
+        crossing=crossing,
         end=end,
         averaging=averaging,
         snapshots=snapshots,
     )
     size = mesh_size(resolution, extents, background_mm)
-    return Case(part, wall, size, times, ambient_k=ambient_k, **more)
+    return Case(part, wall, size, times, ambient_k=ambient_k, draught=draught, **more)
 
 
 def is_stored(case: Case, folder: Path) -> bool:
@@ -226,6 +199,8 @@ def recorded_wall(folder: Path, part: Part) -> WallTemperatures | None:
         return None
     try:
         stored = read_record(file)
+        if stored.get("wall_from"):
+            return None  # the file may be gone
         bounds = np.asarray(stored["part_bounds_mm"], dtype=np.float64)
         same = bounds.shape == (2, 3) and np.allclose(bounds, part.bounds, atol=_SAME_MM)
         wall = WallTemperatures(
@@ -253,15 +228,39 @@ def _check_range(value: float, limits: tuple[float, float], what: str, unit: str
         )
 
 
+def _check_mirrored_draught(draught: Draught, mirrors: str) -> None:
+    """Wind in a plane of symmetry leaves it one, across it does not."""
+    if crossed := draught.crossed(mirrors):
+        raise InputError(
+            f"the {draught.text} blows through the symmetry plane across {crossed[0]}, so half of "
+            f"the air is not enough; leave {crossed} out of --symmetry."
+        )
+
+
+def symmetric_case(case: Case) -> str:
+    """Axes of "xy" across which part, temperatures and bodies are their own mirror images."""
+    return "".join(
+        name
+        for name in symmetric_axes(case.part)
+        if _has_mirrored_wall(case, name)
+        and all(is_mirrored(body, case.part.centre, name) for body in case.bodies)
+    )
+
+
+def _has_mirrored_wall(case: Case, name: str) -> bool:
+    part, axis = case.part, "xy".index(name)
+    here = wall_temperature(case.wall, part, part.face_centres)
+    other = mirrored_points(part.face_centres, axis, part.centre[axis])
+    differs = np.abs(wall_temperature(case.wall, part, other) - here) > 1.0
+    return bool(part.face_areas[differs].sum() <= 0.01 * part.area)
+
+
 def _check_mirrored_wall(case: Case) -> None:
     """A mirrored half has mirrored temperatures."""
     part = case.part
-    here = wall_temperature(case.wall, part, part.face_centres)
     for name in case.mirrors:
-        axis = "xy".index(name)
-        other = mirrored_points(part.face_centres, axis, part.centre[axis])
-        share = part.face_areas[np.abs(wall_temperature(case.wall, part, other) - here) > 1.0].sum()
-        if share > 0.01 * part.area:
+        if not _has_mirrored_wall(case, name):
+            axis = "xy".index(name)
             raise InputError(
                 f"the wall's temperatures are not symmetric about {name} = "
                 f"{part.centre[axis]:g} mm, so the field is not; leave {name} out of --symmetry."

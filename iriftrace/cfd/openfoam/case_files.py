@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from iriftrace.air import thermophysics as gas
 from iriftrace.cfd.openfoam.case import Case
-from iriftrace.cfd.openfoam.domain import WALL_LEVEL
+from iriftrace.cfd.openfoam.domain import BODY_LEVEL, WALL_LEVEL
 from iriftrace.cfd.openfoam.part_surface import write_surface
 
 # s; the wall's heat starts on still air. The step grows by a fifth each time until the flow limits
@@ -44,6 +44,15 @@ DENSITY_RATE = "ddtRho"
 COURANT = 2
 """Largest Courant number of a step."""
 _METRES = 1e-3
+# The sides of the box and their corners in ``blockMeshDict``.
+_FACES = {
+    "xmin": "(0 4 7 3)",
+    "xmax": "(1 2 6 5)",
+    "ymin": "(0 1 5 4)",
+    "ymax": "(3 7 6 2)",
+    "bottom": "(0 3 2 1)",
+    "top": "(4 5 6 7)",
+}
 
 
 def gas_entries() -> dict[str, Any]:
@@ -65,7 +74,10 @@ def write_case(case: Case, folder: Path) -> None:
     """
     for name in ("0", "constant/triSurface", "system"):
         (folder / name).mkdir(parents=True, exist_ok=True)
-    write_surface(case.part, folder / "constant/triSurface/part.stl")
+    surfaces = folder / "constant/triSurface"
+    write_surface(case.part, surfaces / "part.stl")
+    for name, body in zip(_body_patches(case), case.bodies, strict=True):
+        write_surface(body.surface, surfaces / f"{name}.stl")
     entries = mesh_entries(case) | air_entries(case)
     for name in (*MESH_FILES, *AIR_FILES):
         write_file(folder, name, entries)
@@ -98,7 +110,7 @@ def write_control(
         "averaging": averaging,
         "averaged": AVERAGED,
         "density_rate": DENSITY_RATE,
-        "probes": [_metres(point) for point in case.domain.probes],
+        "probes": [_metres(point) for point in case.probes],
         **(KEEPING_HEAT if averaging and not steady else CORRECTORS),
     }
     if not averaging and times.settled == 0.0:
@@ -135,16 +147,12 @@ def mesh_entries(case: Case) -> dict[str, Any]:
         "corners": [(x, y, z) for z in (z0, z1) for x, y in plan],
         "cells": domain.cells,
         "patches": [
-            {"name": name, "type": "symmetryPlane" if name[0] in domain.planes else "patch"}
-            | {"faces": faces}
-            for name, faces in (
-                ("xmin", "(0 4 7 3)"),
-                ("ymin", "(0 1 5 4)"),
-                ("sides", "(1 2 6 5) (3 7 6 2)"),
-                ("bottom", "(0 3 2 1)"),
-                ("top", "(4 5 6 7)"),
-            )
+            {"name": name, "type": _patch_type(case, name), "faces": faces}
+            for name, faces in _FACES.items()
         ],
+        "bodies": _body_patches(case),
+        "body_level": BODY_LEVEL,
+        "surfaces": ["part", *_body_patches(case)],
         "boxes": [
             {"lower": _metres(b.lower), "upper": _metres(b.upper), "level": b.level}
             for b in domain.boxes
@@ -157,12 +165,24 @@ def mesh_entries(case: Case) -> dict[str, Any]:
 
 def air_entries(case: Case) -> dict[str, Any]:
     """Entries of the files of air and boundaries."""
-    planes = "".join(f"{name}min {{ type symmetryPlane; }} " for name in case.domain.planes)
+    planes = _planes(case)
+    inlets = [] if case.draught is None else list(case.draught.inlets)
+    walls = [
+        {"name": name, "kelvin": body.temperature_k}
+        for name, body in zip(_body_patches(case), case.bodies, strict=True)
+    ]
+    if case.floor is not None:
+        walls.append({"name": "bottom", "kelvin": case.ambient_k})
+    closed = {*inlets, *planes, *(str(wall["name"]) for wall in walls)}
     return {
         **gas_entries(),
         "ambient_k": case.ambient_k,
         "pressure_pa": case.pressure_pa,
-        "symmetry_planes": planes.strip(),
+        "symmetry_planes": " ".join(f"{name} {{ type symmetryPlane; }}" for name in planes),
+        "inlets": inlets,
+        "free": [name for name in _FACES if name not in closed],
+        "walls": walls,
+        "draught": (0, 0, 0) if case.draught is None else case.draught.velocity,
         "outlet_level": f"{case.domain.upper[2] * _METRES:.9g}",
     }
 
@@ -176,6 +196,21 @@ def nonuniform(kelvins: NDArray[np.float64]) -> str:
     """A temperature for each face of the wall."""
     numbers = "\n".join(f"{kelvin:.9g}" for kelvin in kelvins)
     return f"nonuniform List<scalar>\n{len(kelvins)}\n(\n{numbers}\n)"
+
+
+def _planes(case: Case) -> tuple[str, ...]:
+    return tuple(f"{name}min" for name in case.domain.planes)
+
+
+def _body_patches(case: Case) -> list[str]:
+    """Names of the bodies' walls, which every mesher takes: "body1" and so on."""
+    return [f"body{number}" for number in range(1, len(case.bodies) + 1)]
+
+
+def _patch_type(case: Case, name: str) -> str:
+    if name in _planes(case):
+        return "symmetryPlane"
+    return "wall" if name == "bottom" and case.floor is not None else "patch"
 
 
 def _metres(point: tuple[float, float, float]) -> list[str]:

@@ -11,6 +11,8 @@ from iriftrace.part.part import Part
 
 WALL_LEVEL = 4
 """The background's cells are halved so many times at the wall, which makes a sixteenth."""
+BODY_LEVEL = WALL_LEVEL - 2
+"""The same at the walls of other bodies; near the part they are finer."""
 # Edges of the background's cells, mm, for the paper's cylinder, which is 27 mm high.
 _BACKGROUND = {"coarse": 22.0, "normal": 17.0, "fine": 13.0, "extra-fine": 10.0}
 _REFERENCE_HEIGHT = 27.0
@@ -135,15 +137,33 @@ class Domain:
     kept_upper: tuple[float, float, float]
 
 
-def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float = 1.0) -> Domain:
+def air_lengths(part: Part, margin: float = 1.0) -> FloatArray:
+    """Width and depth of the air around a part, (2,) array, mm, before it is cut into cells."""
+    extents = np.ptp(part.bounds, axis=0)
+    lengths: FloatArray = extents[:2] + 2.0 * _SIDES * _scale(part, margin)
+    return lengths
+
+
+def _scale(part: Part, margin: float) -> float:
+    """Factor on the air around a part of the size of the paper's cylinder."""
+    return margin * max(1.0, float(np.ptp(part.bounds, axis=0).max()) / _REFERENCE_LENGTH)
+
+
+def domain_around(
+    part: Part,
+    size: MeshSize,
+    mirrors: str = "",
+    margin: float = 1.0,
+    floor: float | None = None,
+) -> Domain:
     """Lay out the air around a part, gravity along -z; an InputError if there are too many cells.
 
     Along the axes in `mirrors` ("", "x", "y" or "xy") only the upper half is computed; `margin` is
-    a factor on the air around the part.
+    a factor on the air around the part, which ends at the height z of the `floor`, mm.
     """
     low, high = part.bounds
     centre, half = part.centre, 0.5 * (high - low)
-    scale = margin * max(1.0, 2.0 * float(half.max()) / _REFERENCE_LENGTH)
+    scale = _scale(part, margin)
     h, wall = size.background, size.wall
     # Whole cells on both sides of the centre, so that a mirrored half has the same mesh.
     up = _whole(half + scale * np.array((_SIDES, _SIDES, _ABOVE)), h)
@@ -160,9 +180,20 @@ def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float =
             "symmetric (--symmetry)."
         )
     lower, upper = centre - down, centre + up
+    if floor is not None:
+        _check_floor(floor, part, float(lower[2]))
+        lower[2] = floor
+        # Cells that are a little lower or higher, so that whole ones stand on the floor.
+        cells[2] = max(round((upper[2] - floor) / h), 1)
     # Whole cells as well, so that the field ends in planes.
     kept_down = _whole(half + scale * _KEPT_SIDES, h)
     kept_up = _whole(half + scale * np.array((_KEPT_SIDES, _KEPT_SIDES, _KEPT_ABOVE)), h)
+    kept_lower, kept_upper = centre - kept_down, centre + kept_up
+    if floor is not None:
+        height = (upper[2] - floor) / cells[2]
+        ends = np.array((kept_lower[2], kept_upper[2]))
+        kept_lower[2], kept_upper[2] = upper[2] - height * np.round((upper[2] - ends) / height)
+        kept_lower[2] = max(kept_lower[2], floor)
     # On no face of the background, and in no finer cell either.
     inside = upper - h * np.array([0.37, 0.37, 0.41])
     above = np.array((centre[0] + 0.4 * wall, centre[1] + 0.4 * wall, high[2]))
@@ -175,9 +206,20 @@ def domain_around(part: Part, size: MeshSize, mirrors: str = "", margin: float =
         distances=((max(5.0, 4 * wall), WALL_LEVEL), (max(14.0, 10 * wall), WALL_LEVEL - 1)),
         probes=tuple(_triple(above + np.array((0.0, 0.0, z * scale))) for z in _PROBES),
         point_in_air=_triple(inside),
-        kept_lower=_triple(centre - kept_down),
-        kept_upper=_triple(centre + kept_up),
+        kept_lower=_triple(kept_lower),
+        kept_upper=_triple(kept_upper),
     )
+
+
+def _check_floor(floor: float, part: Part, lowest: float) -> None:
+    """The floor lies between the part and the lower end of the air."""
+    bottom = float(part.bounds[0][2])
+    if not lowest < floor <= bottom + 1e-6:
+        raise InputError(
+            f"a floor at z = {floor:g} mm is none for this part: it must not be above the part's "
+            f"lowest point ({bottom:g} mm), nor below the air that is computed ({lowest:g} mm); "
+            "check its sign and unit."
+        )
 
 
 def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, ...]:

@@ -29,33 +29,47 @@ _STEPS = (
 
 
 def make_mesh(
-    case: Case, folder: Path, installation: Installation, say: Callable[[str], None]
+    case: Case,
+    folder: Path,
+    installation: Installation,
+    say: Callable[[str], None],
+    like: Path | None = None,
 ) -> int:
     """Make the mesh unless it is there, and the fields at time 0 on it; its number of cells.
 
-    `say` is told what is being done. An OpenFoamError if the mesher failed, or lost the part.
+    `say` is told what is being done; `like` is the folder of a case whose mesh is copied. An
+    OpenFoamError if the mesher failed, or lost the part.
     """
     done = folder / _DONE
     if done.is_file():
         return int(read_record(done)["cells"])
     shutil.rmtree(folder / "constant/polyMesh", ignore_errors=True)
-    for what, program, arguments in _STEPS:
-        say(f"Mesh: {what}")
-        log = run_program(installation, folder, program, *arguments)
-    cells = cell_count(log.read_text(errors="replace"))
+    if like is None:
+        cells = _new_mesh(folder, installation, say)
+    else:
+        cells = int(read_record(like / _DONE)["cells"])
+        shutil.copytree(like / "constant/polyMesh", folder / "constant/polyMesh")
     wall = wall_patch(folder)
-    if cells is None or not wall.n_cells:
+    if not cells or not wall.n_cells:
         raise OpenFoamError(
             f"the mesh in {folder} has no faces on the part: the mesher lost it; is the part "
             "closed and not thinner than the cells?"
         )
     centres = np.asarray(wall.cell_centers().points, dtype=np.float64) * 1000.0
     kelvins = wall_temperature(case.wall, case.part, centres)
-    same = len(case.wall.of_regions(case.part)) == 1
+    same = not case.wall.varies(case.part)
     write_start(case, folder, uniform(float(kelvins[0])) if same else nonuniform(kelvins))
     with whole_file(done) as temporary:
         temporary.write_text(json.dumps({"cells": cells, "wall_faces": wall.n_cells}) + "\n")
     return cells
+
+
+def _new_mesh(folder: Path, installation: Installation, say: Callable[[str], None]) -> int:
+    """Run the mesher; the number of cells, 0 where its check does not tell."""
+    for what, program, arguments in _STEPS:
+        say(f"Mesh: {what}")
+        log = run_program(installation, folder, program, *arguments)
+    return cell_count(log.read_text(errors="replace")) or 0
 
 
 def wall_patch(folder: Path) -> Any:

@@ -28,7 +28,7 @@ def write_surface(part: Part, path: Path) -> None:
 
 def symmetric_axes(part: Part) -> str:
     """Axes (of "xy") along which the part is its own mirror image about its centre."""
-    return "".join(name for name in "xy" if _deviation(part, name) <= _TOLERANCE)
+    return "".join(name for name in "xy" if _is_symmetric(part, name))
 
 
 def check_mirrors(part: Part, mirrors: str) -> None:
@@ -36,21 +36,28 @@ def check_mirrors(part: Part, mirrors: str) -> None:
     if mirrors not in ("", "x", "y", "xy"):
         raise InputError(f'there is no symmetry "{mirrors}"; --symmetry is x, y, xy or none.')
     for name in mirrors:
-        if _deviation(part, name) > _TOLERANCE:
+        if not _is_symmetric(part, name):
             raise InputError(
                 f"{part.path} is not symmetric about {name} = {part.centre['xy'.index(name)]:g} "
                 f"mm, so half of the air is not enough; leave {name} out of --symmetry."
             )
 
 
-def _deviation(part: Part, name: str) -> float:
-    """Largest distance of mirrored points of the surface from it, in sizes of the part."""
+def _is_symmetric(part: Part, name: str) -> bool:
+    return mirrored_deviation(part, name, float(part.centre["xy".index(name)])) <= _TOLERANCE
+
+
+def mirrored_deviation(part: Part, name: str, position: float) -> float:
+    """Largest distance of mirrored points of a surface from it, in sizes of the part.
+
+    The mirror is the plane across the axis x or y at a position, mm.
+    """
     axis = "xy".index(name)
     points = np.concatenate((part.surface.corners, part.face_centres))
     if len(points) > _SAMPLES:
         points = points[np.random.default_rng(0).choice(len(points), _SAMPLES, replace=False)]
     size = float(np.ptp(part.bounds, axis=0).max())
-    image = mirrored_points(points, axis, part.centre[axis])
+    image = mirrored_points(points, axis, position)
     return float(part.surface.distance(image).max()) / size
 
 
@@ -58,6 +65,24 @@ def mirrored_points(points: FloatArray, axis: int, position: float) -> FloatArra
     """Mirror images of points, (n, 3) array, mm, at the plane across an axis at a position, mm."""
     image = points.copy()
     image[:, axis] = 2.0 * position - image[:, axis]
+    return image
+
+
+def reflected_grid(grid: pv.UnstructuredGrid, axis: int, position: float) -> pv.UnstructuredGrid:
+    """Mirror image of a grid at the plane across an axis at a position, mm; cells as below."""
+    points = mirrored_points(np.array(grid.points, dtype=np.float64), axis, position)
+    cells = {
+        int(kind): np.asarray(corners, dtype=np.int64)[:, MIRRORED_CORNERS[int(kind)]]
+        for kind, corners in grid.cells_dict.items()
+    }
+    image = pv.UnstructuredGrid(cells, points.astype(grid.points.dtype))
+    for name in grid.point_data:
+        values = np.array(grid.point_data[name])
+        if values.ndim == 2:
+            values[:, axis] *= -1.0
+        image.point_data[name] = values
+    for name in grid.field_data:
+        image.field_data[name] = grid.field_data[name]
     return image
 
 

@@ -159,7 +159,7 @@ def _whole(
     piece.points = as_float64(grid.points) * _MM
     for name, values in arrays.items():
         piece.point_data[name] = values
-    if len(case.wall.of_regions(case.part)) > 1:
+    if case.wall.varies(case.part):
         wall = as_float64(wall_patch(folder).points) * _MM
         on_wall = cKDTree(np.asarray(piece.points)).query(wall)[1]
         piece.point_data["T"][on_wall] = wall_temperature(case.wall, case.part, wall)
@@ -183,8 +183,14 @@ def _shortened(values: Float32Array) -> Float32Array:
 
 
 def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
-    mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
     parts = [f"OpenFOAM {SOLVER}", case.size.name, how]
+    if case.draught is not None:
+        parts.append(case.draught.text)
+    if case.bodies:
+        parts.append(f"around {', '.join(body.name for body in case.bodies)}")
+    if case.floor is not None:
+        parts.append(f"floor at z = {case.floor:g} mm")
+    mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
     if mirrored:
         parts.append(f"mirrored at {' and '.join(mirrored)}")
     output = pv.UnstructuredGrid(

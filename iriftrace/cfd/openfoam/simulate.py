@@ -10,6 +10,7 @@ import numpy as np
 import pyvista as pv
 from attrs import frozen
 
+from iriftrace.cfd.openfoam.bodies import write_bodies
 from iriftrace.cfd.openfoam.case import Case, is_stored, keep_record
 from iriftrace.cfd.openfoam.case_files import write_case
 from iriftrace.cfd.openfoam.mesh import make_mesh
@@ -67,7 +68,12 @@ def prepare(case: Case, folder: Path) -> bool:
 
 
 def simulate(
-    case: Case, folder: Path, file: Path, installation: Installation, display: Display
+    case: Case,
+    folder: Path,
+    file: Path,
+    installation: Installation,
+    display: Display,
+    like: Path | None = None,
 ) -> Simulation:
     """Run a prepared case and write its field.
 
@@ -81,6 +87,8 @@ def simulate(
         OpenFOAM.
     display
         Is told how far it is.
+    like
+        Folder of a case whose mesh is this one's too.
 
     Raises
     ------
@@ -89,12 +97,13 @@ def simulate(
     """
     check_solver(installation)
     begun = time.monotonic()
-    cells = make_mesh(case, folder, installation, display.say)
+    cells = make_mesh(case, folder, installation, display.say, like)
     display.expect(cells, expected_seconds(case, cells, last_time(pieces_of(folder))))
     display.say(f"Solver: {cells:,} cells")
     averaged = solve(case, folder, installation, display.watch)
     seconds = time.monotonic() - begun
     display.say("Writing the field")
+    write_bodies(case.bodies, file.parent)
     end = case.times.end
     steadiness = judge_steadiness(case, folder, (end - averaged, end))
     grid = write_mean(case, folder, file, averaged, steadiness)
@@ -129,6 +138,13 @@ def _wall_error(case: Case, grid: pv.UnstructuredGrid) -> float:
     if not wall.n_points:
         return float("nan")
     points = np.asarray(wall.points, dtype=np.float64)
+    # Not those of other bodies, whose temperatures mix with the part's where they touch.
+    own = case.part.surface.distance(points) < 0.5 * case.size.wall
+    for body in case.bodies:
+        own &= body.surface.surface.distance(points) > 2.0 * case.size.wall
+    if not own.any():
+        return float("nan")
+    points = points[own]
     asked = wall_temperature(case.wall, case.part, points)
-    found = np.asarray(wall.point_data["T"], dtype=np.float64)
+    found = np.asarray(wall.point_data["T"], dtype=np.float64)[own]
     return float(np.abs(found - asked).max())

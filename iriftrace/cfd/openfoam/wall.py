@@ -6,6 +6,7 @@ import numpy as np
 from attrs import field, frozen
 from numpy.typing import ArrayLike
 
+from iriftrace.cfd.openfoam.measured_wall import MeasuredWall
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.query import Surface
@@ -13,6 +14,9 @@ from iriftrace.part.part import Part
 
 HOTTEST = 3000.0
 """K; above it air is no longer the mixture whose properties are used."""
+
+_COOLER_THAN_AIR = 50.0
+"""K; so much cooler than the air is no part that was just hot, but degC read as K."""
 
 # tanh reaches 0.8, which is 90 % of the way, at this argument.
 _NINETY_PERCENT = float(np.arctanh(0.8))
@@ -23,16 +27,19 @@ class WallTemperatures:
     """Wanted temperatures of the wall, K.
 
     `transition` is the width in mm over which one temperature goes over into another (10 % to
-    90 %); 0 is sharp.
+    90 %); 0 is sharp. Where they are `measured`, the default is the highest of them.
     """
 
     default: float  # of regions that are not named
     regions: dict[str, float] = field(factory=dict)
     transition: float = 0.0
+    measured: MeasuredWall | None = None
 
     def check(self, part: Part, ambient_k: float) -> None:
         """Refuse what the part does not have and what no wall has, with an InputError."""
         self.check_regions(part)
+        if self.measured is not None:
+            _check_measured(self.measured, ambient_k)
         for kelvin in (self.default, *self.regions.values()):
             if not ambient_k < kelvin <= HOTTEST:
                 raise InputError(
@@ -64,10 +71,28 @@ class WallTemperatures:
             shared.setdefault(self.regions.get(name, self.default), []).append(number)
         return shared
 
+    def varies(self, part: Part) -> bool:
+        """True where not all of the part's wall has one temperature."""
+        return self.measured is not None or len(self.of_regions(part)) > 1
+
     @property
     def hottest(self) -> float:
         """Highest temperature, K."""
         return max((self.default, *self.regions.values()))
+
+
+def measured_wall(measured: MeasuredWall) -> WallTemperatures:
+    """Wall with the temperatures of a file."""
+    return WallTemperatures(float(measured.kelvins.max()), measured=measured)
+
+
+def _check_measured(measured: MeasuredWall, ambient_k: float) -> None:
+    lowest = float(measured.kelvins.min())
+    if lowest < ambient_k - _COOLER_THAN_AIR:
+        raise InputError(
+            f"the wall temperatures in {measured.path} go down to {lowest:g} K in air of "
+            f"{ambient_k:g} K; check their unit (--wall-temperature-unit degC) and --ambient."
+        )
 
 
 def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> FloatArray:
@@ -78,6 +103,8 @@ def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> F
     temperatures with the weights exp(-2 d / (0.455 w)).
     """
     places = np.asarray(points, dtype=np.float64)
+    if wall.measured is not None:
+        return wall.measured.at(places)
     shared = wall.of_regions(part)
     kelvins = np.array(list(shared))
     if len(kelvins) == 1:

@@ -1,0 +1,147 @@
+"""Solid bodies in the air besides the part: supports, a gripper, a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+
+from iriftrace.cfd.openfoam.domain import Domain
+from iriftrace.cfd.openfoam.draught import SIDES
+from iriftrace.cfd.openfoam.part_surface import mirrored_deviation
+from iriftrace.cfd.openfoam.wall import HOTTEST
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.part.part import Part
+
+FOLDER = "bodies"
+"""Beside a field: copies of the bodies around which it was solved, in mm, world."""
+_COLDEST = 200.0  # K
+_INLET_SAMPLES = 40
+_MOST_BLOCKED = 0.5
+_SYMMETRIC = 5e-3
+_INWARD = 1e-3  # mm
+
+
+@frozen(eq=False)
+class Body:
+    """Closed body whose wall has one temperature, or takes up no heat."""
+
+    surface: Part
+    temperature_k: float | None = None  # None where it is insulated
+
+    @property
+    def name(self) -> str:
+        """Name of its file without the ending."""
+        return Path(self.surface.path).stem
+
+    def record(self) -> dict[str, Any]:
+        """What it is, with the file of its copy beside the field."""
+        return {
+            "name": self.name,
+            "file": f"{FOLDER}/{self.name}.stl",
+            "sha256": self.surface.sha256,
+            "temperature_k": self.temperature_k,
+        }
+
+
+def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
+    """Write copies of the bodies, mm, world, into the folder `FOLDER` of that of a field."""
+    for body in bodies:
+        target = folder / str(body.record()["file"])
+        target.parent.mkdir(parents=True, exist_ok=True)
+        faces: Any = body.surface.faces
+        with whole_file(target) as temporary:
+            pv.PolyData.from_regular_faces(body.surface.vertices, faces).save(temporary)
+
+
+def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain) -> None:
+    """Refuse bodies that cannot stand in this air, with an InputError."""
+    names = [body.name for body in bodies]
+    for body in bodies:
+        path = body.surface.path
+        if names.count(body.name) > 1:
+            raise InputError(
+                f'there are two bodies of the name "{body.name}", which results could not tell '
+                "apart; rename a file."
+            )
+        if not body.surface.closed:
+            raise InputError(
+                f"the body {path} is not closed, so no mesh can keep the air out of it; close the "
+                "holes of its surface first."
+            )
+        kelvin = body.temperature_k
+        if kelvin is not None and not _COLDEST <= kelvin <= HOTTEST:
+            raise InputError(
+                f"the body {path} cannot have {kelvin:g} K here; give a temperature from "
+                f"{_COLDEST:g} to {HOTTEST:g} K, or insulated."
+            )
+        low, high = body.surface.bounds
+        if (high <= domain.lower).any() or (low >= domain.upper).any():
+            raise InputError(
+                f"the body {path} lies outside the air that is computed; check its place and unit, "
+                "or enlarge the air with --margin."
+            )
+        solid = body.surface.closed_surface
+        # A part that is the body itself lies on its surface and not in it.
+        if solid.inside(part.face_centres - _INWARD * part.face_normals).all():
+            raise InputError(
+                f"the part lies inside the body {path}, so no air touches it; check the places of "
+                "both."
+            )
+        if solid.inside(np.array([domain.point_in_air])).any():
+            raise InputError(
+                f"the body {path} fills the upper corner of the air that is computed; give a "
+                "smaller one, or enlarge the air with --margin."
+            )
+
+
+def check_inlets(bodies: Sequence[Body], inlets: Sequence[str], domain: Domain) -> None:
+    """Refuse bodies that stand in the way of the draught where it enters, with an InputError."""
+    for name in inlets:
+        points = _inlet_points(name, domain)
+        blocked: BoolArray = np.zeros(len(points), dtype=bool)
+        for body in bodies:
+            blocked |= body.surface.closed_surface.inside(points)
+        if blocked.mean() > _MOST_BLOCKED:
+            raise InputError(
+                f"the bodies fill {blocked.mean():.0%} of the side {name} of the air through which "
+                "the draught enters; give smaller ones, enlarge the air with --margin, or let the "
+                "draught come from another side."
+            )
+
+
+def check_mirrored_bodies(bodies: Sequence[Body], centre: FloatArray, mirrors: str) -> None:
+    """Refuse bodies that are not symmetric about the part's centre plane, with an InputError."""
+    for body in bodies:
+        for name in mirrors:
+            if not is_mirrored(body, centre, name):
+                raise InputError(
+                    f"the body {body.surface.path} is not symmetric about the part's centre plane "
+                    f"{name} = {centre['xy'.index(name)]:g} mm, so the air is not; leave {name} "
+                    "out of --symmetry."
+                )
+
+
+def is_mirrored(body: Body, centre: FloatArray, name: str) -> bool:
+    """True where a body is its own mirror image about the plane across x or y at a centre, mm."""
+    position = float(centre["xy".index(name)])
+    return mirrored_deviation(body.surface, name, position) <= _SYMMETRIC
+
+
+def _inlet_points(name: str, domain: Domain) -> FloatArray:
+    """(n, 3) points, mm, spread over a side of the air, a rounding error inside it."""
+    axis, sign = SIDES[name]
+    low, high = np.array(domain.lower), np.array(domain.upper)
+    steps = (np.arange(_INLET_SAMPLES) + 0.5) / _INLET_SAMPLES
+    across, up = (grid.ravel() for grid in np.meshgrid(steps, steps))
+    points = np.empty((len(across), 3))
+    points[:, axis] = (high if sign > 0.0 else low)[axis] - sign * 1e-3
+    points[:, 1 - axis] = (low + across[:, None] * (high - low))[:, 1 - axis]
+    points[:, 2] = (low + up[:, None] * (high - low))[:, 2]
+    return points

@@ -1,0 +1,238 @@
+"""Run of a family: mesh once, solve the members, mirror the others.
+
+Each member starts in air that has its draught everywhere. From the state of a neighbour 0.02 m/s
+slower it stood later (cylinder, 0.06 m/s): outside the plume the air takes long to move faster.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyvista as pv
+from attrs import frozen
+
+from iriftrace.cfd.openfoam.case import RECORD, Case, read_record
+from iriftrace.cfd.openfoam.family import Member
+from iriftrace.cfd.openfoam.mesh import make_mesh
+from iriftrace.cfd.openfoam.part_surface import reflected_grid
+from iriftrace.cfd.openfoam.programs import Installation, find_openfoam
+from iriftrace.cfd.openfoam.run import expected_seconds, last_time, pieces_of
+from iriftrace.cfd.openfoam.simulate import Display, check_solver, prepare, simulate
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
+from iriftrace.field.origin import origin_of, state_origin
+
+FAMILY = "family.json"
+"""In the family's folder: its members, and how each of the finished ones was made."""
+_CASES = "cases"
+
+
+@frozen(eq=False)
+class Task:
+    """A member to solve; in another process too, which sees the same folder."""
+
+    member: Member
+    case: Case
+    folder: Path  # of the family
+    like: Path | None  # case whose mesh is this one's too; None where it makes its own
+
+    @property
+    def case_folder(self) -> Path:
+        """Folder of its OpenFOAM case."""
+        return self.folder / _CASES / self.member.name
+
+
+@frozen
+class Cost:
+    """What is left of a family to do."""
+
+    finished: int
+    mirrored: int  # members made by mirroring
+    solved: int  # members to solve
+    cells: int  # of the largest mesh
+    seconds: float  # of the clock of all solvers one after another
+
+
+Solve = Callable[[Sequence[Task]], Iterable[dict[str, Any]]]
+"""Solves tasks in any order; entries of `FAMILY` as they come."""
+
+
+def solve_member(task: Task, installation: Installation, display: Display) -> dict[str, Any]:
+    """Solve one member and write its field; its entry in `FAMILY`."""
+    result = simulate(
+        task.case,
+        task.case_folder,
+        task.folder / task.member.file,
+        installation,
+        display,
+        task.like,
+    )
+    flow = result.steadiness
+    return _entry(task.member, task.case) | {
+        "cells": result.cells,
+        "heat_w": None if flow is None else flow.heat_w,
+        "steady": None if flow is None else flow.steady,
+        "seconds": round(result.seconds, 1),
+    }
+
+
+def solve_elsewhere(task: Task) -> dict[str, Any]:
+    """Solve one member with the OpenFOAM of the machine on which a worker runs."""
+    installation = find_openfoam()
+    check_solver(installation)
+    return solve_member(task, installation, Display())
+
+
+def run_family(
+    members: Sequence[Member],
+    cases: Mapping[str, Case],
+    folder: Path,
+    installation: Installation,
+    solve: Solve,
+    *,
+    say: Callable[[str], None],
+    expect: Callable[[Cost], None],
+) -> Iterator[dict[str, Any]]:
+    """Solve and mirror what is missing of a family; the entries of its members as they are made.
+
+    Parameters
+    ----------
+    members
+        Of `iriftrace.cfd.openfoam.family.plan_family`.
+    cases
+        Case of each member, by name.
+    folder
+        Gets ``NAME.vtu`` of each member, `FAMILY`, and the OpenFOAM cases of the solved ones.
+    installation
+        OpenFOAM, which makes the meshes.
+    solve
+        Solves those that are not finished.
+    say, expect
+        Are told what is being done, and, before the first solver starts, what it will cost.
+    """
+    entries = _read(folder)
+    tasks = _tasks(members, cases, folder)
+    for task in tasks:
+        if not (task.case_folder / RECORD).is_file():
+            # Half written when the program was killed.
+            shutil.rmtree(task.case_folder, ignore_errors=True)
+        prepare(task.case, task.case_folder)
+    finished = [m.name for m in members if _is_finished(m, cases[m.name], folder, entries)]
+    waiting = [task for task in tasks if task.member.name not in finished]
+    mirrored = [m for m in members if m.image_of and m.name not in finished]
+    cells = _make_meshes(tasks, waiting, installation, say)
+    expect(_cost(len(finished), mirrored, waiting, cells))
+    for entry in solve(waiting):
+        yield _keep(entry, entries, folder)
+    for member in mirrored:
+        write_image(member, cases[member.name], folder)
+        yield _keep(_entry(member, cases[member.name]), entries, folder)
+
+
+def write_image(member: Member, case: Case, folder: Path) -> None:
+    """Write the field of a member that is the mirror image of a solved one."""
+    original = folder / f"{member.image_of}.vtu"
+    grid: Any = pv.read(original)
+    for axis in member.across:
+        number = "xy".index(axis)
+        grid = reflected_grid(grid, number, float(case.part.centre[number]))
+    if case.draught is not None:
+        wind = case.draught.mirrored(member.across).text
+        origin = origin_of(grid).replace(wind, case.draught.text)
+        state_origin(grid, f"{origin}, mirror image of {original.name}")
+    with whole_file(folder / member.file) as temporary:
+        grid.save(temporary)
+
+
+def _tasks(members: Sequence[Member], cases: Mapping[str, Case], folder: Path) -> list[Task]:
+    """Tasks of all members that are not mirror images; the first of each mesh makes it."""
+    tasks: list[Task] = []
+    meshed: dict[str, Path] = {}
+    for member in members:
+        if member.image_of:
+            continue
+        task = Task(member, cases[member.name], folder, meshed.get(member.planes))
+        meshed.setdefault(member.planes, task.case_folder)
+        tasks.append(task)
+    return tasks
+
+
+def _make_meshes(
+    tasks: Sequence[Task],
+    waiting: Sequence[Task],
+    installation: Installation,
+    say: Callable[[str], None],
+) -> dict[str, int]:
+    """Meshes that members wait for; cells by the planes at which they are mirrored."""
+    wanted = {task.member.planes for task in waiting}
+    return {
+        task.member.planes: make_mesh(task.case, task.case_folder, installation, say)
+        for task in tasks
+        if task.like is None and task.member.planes in wanted
+    }
+
+
+def _cost(
+    finished: int, mirrored: Sequence[Member], waiting: Sequence[Task], cells: Mapping[str, int]
+) -> Cost:
+    seconds = [
+        expected_seconds(
+            task.case, cells[task.member.planes], last_time(pieces_of(task.case_folder))
+        )
+        for task in waiting
+    ]
+    return Cost(finished, len(mirrored), len(waiting), max(cells.values(), default=0), sum(seconds))
+
+
+def _entry(member: Member, case: Case) -> dict[str, Any]:
+    wind = case.draught
+    return {
+        "name": member.name,
+        "field": member.file,
+        "speed_m_s": 0.0 if wind is None else wind.speed,
+        "from": None if wind is None else list(wind.source),
+        "velocity_m_s": [0.0, 0.0, 0.0] if wind is None else list(wind.velocity),
+        "image_of": member.image_of or None,
+        "end_s": case.times.end,
+        "averaging_s": case.times.averaging,
+        "bodies": [body.record() for body in case.bodies],
+        "floor_mm": case.floor,
+    }
+
+
+def _is_finished(
+    member: Member, case: Case, folder: Path, entries: Mapping[str, dict[str, Any]]
+) -> bool:
+    """True where its field is there, and was solved to the same time as is wanted now."""
+    stored, wanted = entries.get(member.name, {}), _entry(member, case)
+    same = all(stored.get(name) == value for name, value in wanted.items())
+    return same and (folder / member.file).is_file()
+
+
+def _read(folder: Path) -> dict[str, dict[str, Any]]:
+    """Entries of the family in a folder; an InputError if it holds something else."""
+    file = folder / FAMILY
+    if file.is_file():
+        members = read_record(file).get("members", [])
+        return {entry["name"]: entry for entry in members}
+    if folder.is_dir() and any(path.name != _CASES for path in folder.iterdir()):
+        raise InputError(
+            f"the folder {folder} holds files that are no family of draughts, among which its "
+            "members would be lost; name an empty or a new one."
+        )
+    return {}
+
+
+def _keep(
+    entry: dict[str, Any], entries: dict[str, dict[str, Any]], folder: Path
+) -> dict[str, Any]:
+    """Write down that a member is finished; its entry."""
+    entries[entry["name"]] = entry
+    ordered = {"members": [entries[name] for name in sorted(entries)]}
+    with whole_file(folder / FAMILY) as temporary:
+        temporary.write_text(json.dumps(ordered, indent=1) + "\n")
+    return entry

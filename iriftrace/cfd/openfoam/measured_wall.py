@@ -1,0 +1,206 @@
+"""Wall temperatures from a file: points of a thermogram, or a surface of a solid's solution."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista as pv
+from attrs import frozen
+from scipy.spatial import cKDTree
+
+from iriftrace.core.arrays import FloatArray, IntArray, as_float64
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import check_readable, sha256_of
+from iriftrace.core.number_table import is_numbers, numbers, separator_of
+from iriftrace.core.units import length_factor
+from iriftrace.field.arrays import choose_array, point_values, to_kelvin
+from iriftrace.field.readers.vtk_process import read_file
+from iriftrace.geometry.query import Surface
+from iriftrace.part.part import Part
+
+_TABLES, _SURFACES = (".csv", ".txt"), (".vtp", ".vtu", ".vtk")
+_COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
+# A face is far from the points where it is farther than they are from each other, several times.
+_FAR_SPACINGS = 3.0
+
+
+@frozen(eq=False)
+class MeasuredWall:
+    """Temperatures at points, or on the triangles between them."""
+
+    path: str
+    sha256: str
+    points: FloatArray  # (n, 3), mm, world
+    kelvins: FloatArray  # (n,), K
+    faces: IntArray | None = None  # (m, 3) corners of triangles; None for points alone
+
+    def at(self, places: FloatArray) -> FloatArray:
+        """Temperatures, (k,) array, K, at places (k, 3), mm.
+
+        That of the nearest point; of triangles, what lies between the corners of the nearest one.
+        """
+        if self.faces is None:
+            nearest: FloatArray = self.kelvins[self._tree.query(places)[1]]
+            return nearest
+        surface = Surface(self.points, self.faces)
+        foot, face = surface.nearest(places)
+        corners = self.faces[face]
+        a, b, c = (self.points[corners[:, number]] for number in range(3))
+        across = np.cross(b - a, c - a)
+        square = np.einsum("ij,ij->i", across, across)
+        v = np.einsum("ij,ij->i", np.cross(foot - a, c - a), across) / square
+        w = np.einsum("ij,ij->i", np.cross(b - a, foot - a), across) / square
+        weights = np.stack((1.0 - v - w, v, w), axis=1)
+        between: FloatArray = np.einsum("ij,ij->i", weights, self.kelvins[corners])
+        return between
+
+    def record(self) -> dict[str, str]:
+        """What it is."""
+        return {"file": self.path, "sha256": self.sha256}
+
+    def far_faces(self, part: Part, cell_mm: float) -> str:
+        """Warning about faces of the part that are far from any point; "" where none is.
+
+        An InputError if all of them are: then the points are those of something else.
+        """
+        if self.faces is None:
+            distance = self._tree.query(part.face_centres)[0]
+            spacing = float(np.median(self._tree.query(self.points, k=2)[0][:, 1]))
+        else:
+            distance, spacing = Surface(self.points, self.faces).distance(part.face_centres), 0.0
+        far = distance > max(_FAR_SPACINGS * spacing, 2.0 * cell_mm)
+        if far.all():
+            raise InputError(
+                f"the temperatures in {self.path} lie {distance.min():.3g} mm or more from the "
+                "part, so they are not those of its wall; check their unit "
+                "(--wall-length-unit) and that both have the same coordinates."
+            )
+        share = part.face_areas[far].sum() / part.area
+        if not far.any():
+            return ""
+        return (
+            f"{share:.0%} of the part's surface is far from any temperature in {self.path}, up to "
+            f"{distance.max():.3g} mm, and gets that of the nearest one."
+        )
+
+    @cached_property
+    def _tree(self) -> Any:
+        return cKDTree(self.points)
+
+
+def read_measured_wall(
+    path: Path, length_unit: str | None = None, temperature_unit: str | None = None
+) -> MeasuredWall:
+    """Read temperatures of a wall.
+
+    Parameters
+    ----------
+    path
+        A table (.csv, .txt) of x, y, z and T with or without a header that may state units, as in
+        ``x [m]`` and ``T (degC)``; or a file of VTK (.vtp, .vtk, .vtu) with a temperature: its
+        triangles, its volume's surface, or its points where it has no faces.
+    length_unit, temperature_unit
+        Units; what the file states, else mm and K, when left out.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, or has no temperatures; a unit contradicts it.
+    """
+    check_readable(path)
+    suffix = path.suffix.lower()
+    if suffix in _TABLES:
+        return _table(path, length_unit, temperature_unit)
+    if suffix in _SURFACES:
+        return _surface(path, length_unit, temperature_unit)
+    raise InputError(
+        f"wall temperatures cannot be read from {path}; give a table of x, y, z, T "
+        f"({', '.join(_TABLES)}) or a file of VTK ({', '.join(_SURFACES)})."
+    )
+
+
+def _table(path: Path, length_unit: str | None, temperature_unit: str | None) -> MeasuredWall:
+    lines = [line for line in path.read_text(errors="replace").splitlines() if line.strip()]
+    names = ["x", "y", "z", "T"]
+    stated: dict[str, str] = {}
+    if lines and not is_numbers(lines[0].lstrip("#%")):
+        names, stated = _header(lines[0].lstrip("#%"))
+        lines = lines[1:]
+    rows = [line for line in lines if line.lstrip()[0] not in "#%"]
+    if not rows:
+        raise InputError(f"{path} has no rows of numbers; export x, y, z and T.")
+    values = numbers(rows, separator_of(rows[0]), path, "temperatures")
+    places = [next((i for i, n in enumerate(names) if n.lower() == axis), -1) for axis in "xyz"]
+    if values.shape[1] != len(names) or -1 in places:
+        raise InputError(
+            f"{path} has the columns {', '.join(names)} and {values.shape[1]} numbers in a row; "
+            "give x, y, z and T, with a header that names them if there are more."
+        )
+    units = {stated[names[i]] for i in places if stated.get(names[i])}
+    if len(units) > 1:
+        raise InputError(
+            f"{path} states several units of its coordinates ({', '.join(sorted(units))}); "
+            "write all of them in one."
+        )
+    data = pv.PolyData(values[:, places])
+    for number, name in enumerate(names):
+        if number not in places:
+            data.point_data[name] = values[:, number]
+    factor = _length_factor(length_unit, units.pop() if units else None, path)
+    return _measured(path, data, None, factor, stated or None, temperature_unit)
+
+
+def _header(line: str) -> tuple[list[str], dict[str, str]]:
+    """Names of columns and the units that stand behind them, where they do."""
+    found = [_COLUMN.fullmatch(word.strip('" ')) for word in re.split(r"[,;\t]", line)]
+    pairs = [(match["name"], match["unit"] or "") for match in found if match]
+    return [name for name, _ in pairs], {name: unit for name, unit in pairs if unit}
+
+
+def _surface(path: Path, length_unit: str | None, temperature_unit: str | None) -> MeasuredWall:
+    data: Any = read_file(path)
+    if not hasattr(data, "points") or not data.n_points:
+        raise InputError(f"{path} has no points with temperatures; give a surface or points.")
+    shell: Any = data.extract_surface(algorithm="geometry").triangulate()
+    faces = np.asarray(shell.regular_faces, dtype=np.int64) if shell.n_cells else None
+    if faces is None or not len(faces):
+        shell, faces = data, None
+    factor = _length_factor(length_unit, None, path)
+    return _measured(path, shell, faces, factor, None, temperature_unit)
+
+
+def _length_factor(given: str | None, stated: str | None, path: Path) -> float:
+    if given and stated and length_factor(given) != length_factor(stated):
+        raise InputError(
+            f"{path} states coordinates in {stated}, but --wall-length-unit is {given}; leave the "
+            "option out, or correct the file."
+        )
+    return length_factor(given or stated or "mm")
+
+
+def _measured(
+    path: Path,
+    data: Any,
+    faces: IntArray | None,
+    factor: float,
+    units: Mapping[str, str] | None,
+    temperature_unit: str | None,
+) -> MeasuredWall:
+    choice = choose_array(data, None, "temperature", str(path))
+    values = point_values(data, choice.name, str(path))
+    points = as_float64(data.points) * factor
+    if not np.isfinite(points).all():
+        raise InputError(f"{path} has coordinates that are no finite numbers; export them again.")
+    stated = None if units is None or not units.get(choice.name) else units
+    return MeasuredWall(
+        path=str(path),
+        sha256=sha256_of(path),
+        points=points,
+        kelvins=to_kelvin(values, choice, stated, temperature_unit, str(path)),
+        faces=faces,
+    )

@@ -1,0 +1,86 @@
+"""Course of a simulation in time."""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.errors import InputError
+
+_END, _AVERAGING_SHARE = 2.0, 0.25
+# The paper's cylinder, for which 2 s are enough for the boundary layer: (T_wall - T) / T, and mm.
+_REFERENCE_HEAT, _REFERENCE_LENGTH = 3.68, 170.0
+_STAGES_WRITTEN = 4
+_MOST_SNAPSHOTS = 1000
+
+
+@frozen
+class Times:
+    """Times of a simulation in s."""
+
+    end: float
+    averaging: float  # the density is averaged over the last so many seconds
+    snapshots: int = 0  # states that are kept from that interval besides
+
+    def __attrs_post_init__(self) -> None:
+        """Refuse what is no course of time."""
+        if not 0.0 < self.end < np.inf:
+            raise InputError(
+                f"an end time of {self.end:g} s is no simulation; give a positive one."
+            )
+        if not 0.0 < self.averaging <= self.end:
+            raise InputError(
+                f"the field cannot be averaged over {self.averaging:g} s of {self.end:g} s; give a "
+                "positive time that is not longer than the end time."
+            )
+        if not 0 <= self.snapshots <= _MOST_SNAPSHOTS:
+            raise InputError(
+                f"{self.snapshots} snapshots cannot be kept, each being a whole state on disk; "
+                f"give a number from 0 to {_MOST_SNAPSHOTS}."
+            )
+
+    @property
+    def settled(self) -> float:
+        """When averaging begins."""
+        return self.end - self.averaging
+
+    @property
+    def settling_interval(self) -> float:
+        """Seconds between two states on disk before averaging, from which a run can go on."""
+        return self.settled / _STAGES_WRITTEN
+
+    @property
+    def averaging_interval(self) -> float:
+        """Seconds between two states on disk while averaging."""
+        return self.averaging / (self.snapshots or _STAGES_WRITTEN)
+
+
+def natural_times(
+    longest_mm: float,
+    hottest_k: float,
+    ambient_k: float,
+    *,
+    crossing: float = 0.0,
+    end: float | None = None,
+    averaging: float | None = None,
+    snapshots: int = 0,
+) -> Times:
+    """Times for a part, where the user does not say otherwise.
+
+    Buoyant air crosses a length L in about sqrt(L / (g dT/T)), so parts of a larger longest extent
+    and cooler ones need longer; the paper's cylinder at 1100 degC needs 2 s. A draught needs
+    besides, to bend the plume, the time of its `crossing` of the air, s, or as long again where
+    that is sooner: convection has then renewed the air. An InputError if the air is not cooler than
+    the wall, or as for `Times`.
+    """
+    if not 0.0 < ambient_k < hottest_k:
+        raise InputError(
+            f"no air rises at a wall of {hottest_k:g} K in air of {ambient_k:g} K; check number "
+            "and unit of both."
+        )
+    heat = (hottest_k - ambient_k) / ambient_k
+    length = max(1.0, longest_mm / _REFERENCE_LENGTH)
+    rising = round(_END * max(1.0, float(np.sqrt(length * _REFERENCE_HEAT / heat))), 2)
+    bending = round(min(crossing, rising), 2)
+    whole = rising + bending if end is None else end
+    return Times(whole, whole * _AVERAGING_SHARE if averaging is None else averaging, snapshots)

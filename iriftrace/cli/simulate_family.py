@@ -1,0 +1,137 @@
+"""A family of draughts of ``iriftrace field simulate``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from iriftrace.cli.console import notes, out, say
+from iriftrace.cli.draught_options import DraughtOptions
+from iriftrace.cli.field import scene_command
+from iriftrace.cli.field_options import PartOptions
+from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    from iriftrace.cfd.openfoam.case import Case
+    from iriftrace.cfd.openfoam.family import Member
+    from iriftrace.cfd.openfoam.family_run import Cost, Solve, Task
+    from iriftrace.cfd.openfoam.programs import Installation
+    from iriftrace.cli.simulate import SimulationOptions
+    from iriftrace.part.part import Part
+
+
+def family_cases(
+    part: Part,
+    simulation: SimulationOptions,
+    family: tuple[Sequence[float], Sequence[float]],
+    processes: int,
+) -> tuple[tuple[Member, ...], dict[str, Case]]:
+    """Members of a family of speeds, m/s, and directions, degrees, and the case of each by name."""
+    from iriftrace.cfd.openfoam.case import symmetric_case
+    from iriftrace.cfd.openfoam.family import plan_family
+
+    if simulation.snapshots:
+        raise InputError(
+            "--snapshots keeps states of one simulation, but --draughts makes a family; leave one "
+            "of them out."
+        )
+    # Refuses planes that the part does not have before those are left out through which it blows.
+    still = simulation.case(part, processes, None)
+    members = plan_family(*family, simulation.mirrors, symmetric_case(still))
+    cases = {
+        member.name: simulation.case(part, processes, member.draught, member.planes)
+        for member in members
+    }
+    return members, cases
+
+
+def simulate_family(
+    members: Sequence[Member],
+    cases: dict[str, Case],
+    folder: Path,
+    installation: Installation,
+    wind: DraughtOptions,
+) -> None:
+    """Solve what is missing of a family, here or on workers, and say how far it is."""
+    from iriftrace.cfd.openfoam.family_run import run_family
+    from iriftrace.sweep.workers import scheduler_client
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        solve: Solve = partial(_solve_here, installation)
+        if wind.address is not None:
+            client = stack.enter_context(scheduler_client(wind.address, wind.workers))
+            solve = partial(_solve_on_workers, client)
+        status = stack.enter_context(notes.status("Mesh"))
+
+        def expect(cost: Cost) -> None:
+            # What follows has a display of its own.
+            status.stop()
+            _say_cost(cost)
+
+        running = run_family(
+            members, cases, folder, installation, solve, say=status.update, expect=expect
+        )
+        for entry in running:
+            out.print(_finished(entry))
+
+
+def family_scene(
+    members: Sequence[Member],
+    folder: Path,
+    part: Path,
+    simulation: SimulationOptions,
+    part_options: PartOptions,
+) -> str:
+    """Command that makes a scene of all members."""
+    files = [folder / member.file for member in members]
+    more = [word for file in files[1:] for word in ("--member", str(file))]
+    return scene_command(files[0], part, simulation.ambient, part_options, *more)
+
+
+def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[dict[str, Any]]:
+    from attrs import evolve
+
+    from iriftrace.cfd.openfoam.family_run import solve_member
+    from iriftrace.cli.simulate import simulation_progress
+
+    for task in tasks:
+        with simulation_progress() as display:
+            # Cost and mesh are those of the family, which is said before.
+            quiet = evolve(display, expect=lambda cells, seconds: None)
+            entry = solve_member(task, installation, quiet)
+        yield entry
+
+
+def _solve_on_workers(client: Any, tasks: Sequence[Task]) -> Iterable[dict[str, Any]]:
+    from iriftrace.cfd.openfoam.family_run import solve_elsewhere
+    from iriftrace.sweep.workers import run_tasks
+
+    return run_tasks(client, solve_elsewhere, tasks)
+
+
+def _say_cost(cost: Cost) -> None:
+    """Say before the first solver starts what the family costs."""
+    from iriftrace.cli.simulate import duration
+
+    total = cost.finished + cost.mirrored + cost.solved
+    words = [f"{cost.solved} to solve"]
+    words += [f"{cost.mirrored} mirror images"] if cost.mirrored else []
+    words += [f"{cost.finished} finished already"] if cost.finished else []
+    say(f"{total} members: {', '.join(words)}")
+    if cost.solved:
+        say(
+            f"{cost.cells:,} cells; all solvers, one after another, take "
+            f"{duration(cost.seconds)} (right to a factor of two)."
+        )
+
+
+def _finished(entry: dict[str, Any]) -> str:
+    if entry["image_of"]:
+        return f"{entry['name']}: mirror image of {entry['image_of']}"
+    state = "" if entry["heat_w"] is None else f", {entry['heat_w']:.1f} W"
+    steady = {True: ", steady", False: ", NOT STEADY", None: ""}[entry["steady"]]
+    return f"{entry['name']}: {entry['seconds']:.0f} s{state}{steady}"

@@ -1,0 +1,159 @@
+"""Wall temperatures from a file: units, projection, warnings; nothing is solved."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from iriftrace.cfd.openfoam.case import Case, natural_case, symmetric_case
+from iriftrace.cfd.openfoam.measured_wall import MeasuredWall, read_measured_wall
+from iriftrace.cfd.openfoam.wall import measured_wall, wall_temperature
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError
+from iriftrace.part.part import Part, save_part
+
+
+def ramp(points: np.ndarray) -> np.ndarray:
+    """1000 K in the middle of the cylinder, 2 K more for each mm of x."""
+    return 1000.0 + 2.0 * (points[:, 0] - 5.0)
+
+
+def table(part: Part, file: Path, header: str, scale: float = 1.0, zero: float = 0.0) -> Path:
+    """Temperatures at the centres of the part's faces."""
+    points = part.face_centres
+    rows = np.column_stack((points * scale, ramp(points) - zero))
+    np.savetxt(file, rows, delimiter=",", header=header, comments="")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("header", "scale", "zero", "units"),
+    [
+        ("x,y,z,T", 1.0, 0.0, (None, None)),
+        ("x [mm],y [mm],z [mm],T [K]", 1.0, 0.0, (None, None)),
+        ("X (m), Y (m), Z (m), T (degC)", 1e-3, 273.15, (None, None)),
+        ("x,y,z,Temperature", 1e-3, 273.15, ("m", "degC")),
+    ],
+)
+def test_units_are_those_of_header_or_option(
+    cylinder: Part,
+    tmp_path: Path,
+    header: str,
+    scale: float,
+    zero: float,
+    units: tuple[str | None, str | None],
+) -> None:
+    found = read_measured_wall(table(cylinder, tmp_path / "t.csv", header, scale, zero), *units)
+    assert found.points == pytest.approx(cylinder.face_centres, abs=1e-6)
+    assert found.kelvins == pytest.approx(ramp(cylinder.face_centres))
+
+
+def test_table_without_header_and_with_more_columns(cylinder: Part, tmp_path: Path) -> None:
+    file = tmp_path / "t.csv"
+    np.savetxt(file, np.column_stack((cylinder.face_centres, ramp(cylinder.face_centres))))
+    assert read_measured_wall(file).kelvins == pytest.approx(ramp(cylinder.face_centres))
+    file.write_text("id;x;y;z;T;emissivity\n1;0;0;0;900;0.8\n2;1;0;0;910;0.8\n")
+    assert read_measured_wall(file).kelvins.tolist() == [900.0, 910.0]
+
+
+def test_points_give_the_nearest_and_triangles_what_lies_between(cylinder: Part) -> None:
+    """A ramp along x is reproduced by triangles, and by points to half of their distance."""
+    places = cylinder.face_centres + 1e-3 * cylinder.face_normals
+    corners = np.asarray(cylinder.vertices)
+    between = MeasuredWall("", "", corners, ramp(corners), np.asarray(cylinder.faces))
+    assert between.at(places) == pytest.approx(ramp(places), abs=0.01)
+    nearest = MeasuredWall("", "", corners, ramp(corners))
+    expected = [ramp(corners)[np.linalg.norm(corners - p, axis=1).argmin()] for p in places]
+    assert nearest.at(places) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("suffix", ["vtp", "vtk", "vtu"])
+def test_surface_of_a_finite_element_solution(cylinder: Part, tmp_path: Path, suffix: str) -> None:
+    faces: Any = cylinder.faces
+    mesh: Any = pv.PolyData.from_regular_faces(cylinder.vertices, faces)
+    mesh.point_data["T"] = ramp(np.asarray(mesh.points))
+    file = tmp_path / f"t.{suffix}"
+    (mesh.cast_to_unstructured_grid() if suffix == "vtu" else mesh).save(file)
+    found = read_measured_wall(file)
+    assert found.faces is not None
+    places = cylinder.face_centres
+    assert found.at(places) == pytest.approx(ramp(places), abs=0.01)
+
+
+def test_case_has_the_temperatures_of_the_file(cylinder: Part, tmp_path: Path) -> None:
+    """The hottest sets the time, the ramp spoils the symmetry along x, a mirror is refused."""
+    wall = measured_wall(read_measured_wall(table(cylinder, tmp_path / "t.csv", "x,y,z,T")))
+    case = natural_case(cylinder, wall, resolution="coarse", mirrors="y")
+    assert isinstance(case, Case)
+    assert case.wall.hottest == pytest.approx(ramp(cylinder.face_centres).max())
+    assert wall_temperature(wall, cylinder, cylinder.face_centres) == pytest.approx(
+        ramp(cylinder.face_centres)
+    )
+    assert symmetric_case(case) == "y"
+    assert case.record()["wall_from"]["sha256"] == wall.measured.sha256  # type: ignore[union-attr]
+    with pytest.raises(InputError, match="not symmetric about x"):
+        natural_case(cylinder, wall, resolution="coarse", mirrors="x")
+
+
+def test_faces_far_from_any_point_are_named(cylinder: Part) -> None:
+    points = cylinder.face_centres
+    lateral = points[np.abs(points[:, 0] - 5.0) < 80.0]
+    everywhere, sides, away = (
+        MeasuredWall("t.csv", "", some, ramp(some)) for some in (points, lateral, points + 1e4)
+    )
+    assert everywhere.far_faces(cylinder, 1.0) == ""
+    # Those of the two heads, far from the lateral points.
+    assert "7% of the part's surface is far from any temperature" in sides.far_faces(cylinder, 1.0)
+    with pytest.raises(InputError, match="not those of its wall"):
+        away.far_faces(cylinder, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "units", "message"),
+    [
+        ("x,y,z\n0,0,0\n1,1,1\n", (None, None), "no array that looks like temperature"),
+        ("x,y,T\n0,0,900\n", (None, None), "columns x, y, T"),
+        ("x,y,z,T\n", (None, None), "no rows of numbers"),
+        ("x,y,z,T\n0,0,0,nan\n", (None, None), "not a finite number"),
+        ("x,y,z,T\n0,0,zero,900\n", (None, None), "cannot be read as numbers"),
+        ("x [m],y [m],z [m],T\n0,0,0,900\n", ("mm", None), "coordinates in m, but"),
+        ("x [m],y [mm],z [m],T\n0,0,0,900\n", (None, None), "several units"),
+        ("x,y,z,T [K]\n0,0,0,900\n", (None, "degC"), "states that 'T' is in K"),
+        ("x,y,z,T [bar]\n0,0,0,900\n", (None, None), "no unit of temperature"),
+    ],
+)
+def test_tables_that_cannot_be_read(
+    tmp_path: Path, content: str, units: tuple[str | None, str | None], message: str
+) -> None:
+    file = tmp_path / "t.csv"
+    file.write_text(content)
+    with pytest.raises(InputError, match=message):
+        read_measured_wall(file, *units)
+
+
+def test_command_line(
+    cylinder: Part,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_part(cylinder, "part.ply")
+    table(cylinder, Path("t.csv"), "x,y,z,T")
+    words = ["field", "simulate", "part.ply", "-o", "case", "--write-only"]
+    assert main([*words, "--wall-temperature-from=t.csv"]) == 0
+    assert "wall from t.csv: " in " ".join(capsys.readouterr().out.split())
+    for options, message in (
+        ([], "the part has no temperature"),
+        (["--wall-temperature-from=t.csv", "--wall-temperature=900 K"], "cannot both be given"),
+        (["--wall-temperature=900 K", "--wall-length-unit=m"], "which is not given"),
+        (["--wall-temperature-from=part.ply"], "cannot be read from part.ply"),
+        (["--wall-temperature-from=none.csv"], "none.csv"),
+        (["--wall-temperature-from=t.csv", "--ambient=1500 K"], "ambient"),
+    ):
+        assert main([*words, *options]) == 2
+        assert message.lower() in " ".join(capsys.readouterr().err.split()).lower()
