@@ -12,6 +12,7 @@ from iriftrace.cli.console import notes, out, say
 from iriftrace.cli.draught_options import DraughtOptions
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import PartOptions
+from iriftrace.cli.simulation_progress import duration, simulation_progress
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.family import Member
     from iriftrace.cfd.openfoam.family_run import Cost, Solve, Task
     from iriftrace.cfd.openfoam.programs import Installation
-    from iriftrace.cli.simulate import SimulationOptions
+    from iriftrace.cli.simulation_options import SimulationOptions
     from iriftrace.part.part import Part
 
 
@@ -96,7 +97,6 @@ def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[d
     from attrs import evolve
 
     from iriftrace.cfd.openfoam.family_run import solve_member
-    from iriftrace.cli.simulate import simulation_progress
 
     for task in tasks:
         with simulation_progress() as display:
@@ -115,8 +115,6 @@ def _solve_on_workers(client: Any, tasks: Sequence[Task]) -> Iterable[dict[str, 
 
 def _say_cost(cost: Cost) -> None:
     """Say before the first solver starts what the family costs."""
-    from iriftrace.cli.simulate import duration
-
     total = cost.finished + cost.mirrored + cost.solved
     words = [f"{cost.solved} to solve"]
     words += [f"{cost.mirrored} mirror images"] if cost.mirrored else []

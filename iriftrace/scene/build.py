@@ -15,7 +15,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.part_fit import Fit, fit_part_to_field
 from iriftrace.scene.ensemble import FOLDER
 from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
-from iriftrace.scene.write import PART_FILE, SHELLS_FOLDER, refuse_edited, write_scene
+from iriftrace.scene.write import PART_FILE, SCALE, SHELLS_FOLDER, refuse_edited, write_scene
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import trim_to_frustum
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.scene.ensemble import FieldMember
     from iriftrace.shells.stack import ShellStack
-
-
-SCALE = 0.5
-"""Default factor on a scene's resolution."""
 
 
 @frozen(eq=False)

@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from attrs import Factory, asdict, evolve, field, frozen
+from attrs import Factory, evolve, field, frozen
 from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import dispersion
@@ -36,12 +36,7 @@ from iriftrace.scene.air import (
 )
 from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, members_of
 from iriftrace.scene.file import read_scene_file, readable
-from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
 from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells, table_at
-from iriftrace.shells.files import table_of
-
-if TYPE_CHECKING:
-    from iriftrace.scene.scene import Scene
 
 KEPT_TRIANGLES = 10_000_000
 """Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
@@ -320,7 +315,7 @@ def _load_one(
         stated = _stated_of_field(integrator, table, str(path))
     else:
         others = other_shells(file, table)
-        stated = _stated_of_shells(integrator, table, prepared.tables, str(path), others)
+        stated = stated_of_shells(integrator, table, prepared.tables, str(path), others)
     return LoadedScene(
         path=path,
         part=part,
@@ -340,73 +335,7 @@ def _load_one(
     )
 
 
-def load_objects(scene: Scene) -> LoadedScene:
-    """Make a scene of objects ready for tracing, without any file; as `load_scene`."""
-    states = scene.air.states
-    if len(states) == 1:
-        return _load_objects(scene, 0)
-    members = tuple(
-        FieldMember(number, state.label, state.time, asdict(state.shells.source))
-        for number, state in enumerate(states, start=1)
-        if state.shells.source is not None
-    )
-    ensemble = LoadedEnsemble(members, lambda number: _load_objects(scene, number - 1))
-    return evolve(next(ensemble.scenes()), ensemble=ensemble)
-
-
-def _load_objects(scene: Scene, number: int) -> LoadedScene:
-    """A scene of objects with one state of its air."""
-    chosen = runtime.ensure(scene.variant)
-    air, state = scene.air, scene.air.states[number]
-    started = time.perf_counter()
-    part, camera = kept_part(scene.part), kept_camera(scene.camera)
-    second = None if scene.second is None else kept_camera(scene.second)
-    notes = {**air.notes, **scene.notes_of_fit(number)}
-    if len(air.states) > 1:
-        notes["member"] = f"{number + 1}: {state.label}"
-    table = table_of(state.shells, notes)
-    devices = {"camera": camera} | ({} if second is None else {scene.second_id: second})
-    found = mitsuba_scene(
-        part, state.shells, devices, normals=air.normals, inside_hit=air.inside_hit
-    )
-    if scene.wavelength_nm is not None:
-        set_shells(found, dispersion(table["air"], scene.wavelength_nm))
-        table = table_at(table, scene.wavelength_nm)
-    loaded = time.perf_counter()
-    integrator = found.integrator()
-    prepared = integrator.prepare(found)
-
-    def cells() -> FieldCells:
-        if state.cells is None:
-            raise InputError(
-                "The air of the scene has ready-made shells and no field, so there are no cells to "
-                "trace through; give HotAir the field."
-            )
-        light = scene.wavelength_nm
-        return state.cells if light is None else state.cells.at_wavelength(light)
-
-    shells = LoadedScene(
-        path=None,
-        part=part,
-        part_to_world=np.eye(4),
-        camera=camera,
-        full_resolution=camera.resolution,
-        variables={},
-        wanted_engine=scene.engine,
-        load_s=loaded - started,
-        build_s=time.perf_counter() - loaded,
-        variant=chosen,
-        mitsuba_scene=found,
-        integrator=integrator,
-        second=second,
-        second_id="" if second is None else scene.second_id,
-        cells=cells,
-        **_stated_of_shells(integrator, table, prepared.tables, "the scene"),
-    )
-    return shells.with_cells() if scene.engine == "continuous" else shells
-
-
-def _stated_of_shells(
+def stated_of_shells(
     integrator: Any, table: dict[str, Any], tables: Any, name: str, others: tuple[str, ...] = ()
 ) -> dict[str, Any]:
     """What a `LoadedScene` states of the air of its shells; `others` are not those of the table."""

@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from attrs import Attribute, field, frozen
+import numpy as np
+from attrs import Attribute, asdict, evolve, field, frozen
 
+from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
-from iriftrace.core.errors import IriftraceWarning
-from iriftrace.field.part_fit import Fit, fit_part_to_field
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import Part
-from iriftrace.scene.build import SCALE, BuiltEnsemble, BuiltScene, build_ensemble, build_scene
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.load import LoadedScene, check_engine, load_objects, load_scene
+from iriftrace.scene.load import (
+    LoadedEnsemble,
+    LoadedScene,
+    check_engine,
+    load_scene,
+    stated_of_shells,
+)
+from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
 from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
+from iriftrace.scene.wavelength import set_shells, table_at
+from iriftrace.scene.write import SCALE
+from iriftrace.shells.files import table_of
+
+if TYPE_CHECKING:
+    from iriftrace.field.part_fit import Fit
+    from iriftrace.field.path_data import FieldCells
+    from iriftrace.scene.build import BuiltEnsemble, BuiltScene
 
 
 @frozen(eq=False)
@@ -82,11 +100,13 @@ class Scene:
             if device is not None:
                 for state in self.air.states:
                     refuse_camera_inside(device.origin, self.part, state.shells, state.field, name)
-        return load_objects(self)
+        return _loaded(self)
 
     @cached_property
     def _fits(self) -> tuple[Fit | None, ...]:
         """How each field and the part lie on each other; None of ready-made shells."""
+        from iriftrace.field.part_fit import fit_part_to_field
+
         return tuple(
             None
             if state.field is None
@@ -120,6 +140,8 @@ class Scene:
         InputError
             As :func:`iriftrace.build_scene`.
         """
+        from iriftrace.scene.build import build_ensemble, build_scene
+
         settings: dict[str, Any] = {
             "wall_temperature_k": self.air.wall_temperature_k,
             "trim_mm": trim_mm,
@@ -137,6 +159,72 @@ class Scene:
         return build_scene(
             one.field, self.part, self.camera, Path(path), shells=one.shells, **settings
         )
+
+
+def _loaded(scene: Scene) -> LoadedScene:
+    """Make a scene of objects ready for tracing."""
+    states = scene.air.states
+    if len(states) == 1:
+        return _one_state(scene, 0)
+    members = tuple(
+        FieldMember(number, state.label, state.time, asdict(state.shells.source))
+        for number, state in enumerate(states, start=1)
+        if state.shells.source is not None
+    )
+    ensemble = LoadedEnsemble(members, lambda number: _one_state(scene, number - 1))
+    return evolve(next(ensemble.scenes()), ensemble=ensemble)
+
+
+def _one_state(scene: Scene, number: int) -> LoadedScene:
+    """A scene of objects with one state of its air."""
+    chosen = runtime.ensure(scene.variant)
+    air, state = scene.air, scene.air.states[number]
+    started = time.perf_counter()
+    part, camera = kept_part(scene.part), kept_camera(scene.camera)
+    second = None if scene.second is None else kept_camera(scene.second)
+    notes = {**air.notes, **scene.notes_of_fit(number)}
+    if len(air.states) > 1:
+        notes["member"] = f"{number + 1}: {state.label}"
+    table = table_of(state.shells, notes)
+    devices = {"camera": camera} | ({} if second is None else {scene.second_id: second})
+    found = mitsuba_scene(
+        part, state.shells, devices, normals=air.normals, inside_hit=air.inside_hit
+    )
+    if scene.wavelength_nm is not None:
+        set_shells(found, dispersion(table["air"], scene.wavelength_nm))
+        table = table_at(table, scene.wavelength_nm)
+    loaded = time.perf_counter()
+    integrator = found.integrator()
+    prepared = integrator.prepare(found)
+
+    def cells() -> FieldCells:
+        if state.cells is None:
+            raise InputError(
+                "The air of the scene has ready-made shells and no field, so there are no cells to "
+                "trace through; give HotAir the field."
+            )
+        light = scene.wavelength_nm
+        return state.cells if light is None else state.cells.at_wavelength(light)
+
+    shells = LoadedScene(
+        path=None,
+        part=part,
+        part_to_world=np.eye(4),
+        camera=camera,
+        full_resolution=camera.resolution,
+        variables={},
+        wanted_engine=scene.engine,
+        load_s=loaded - started,
+        build_s=time.perf_counter() - loaded,
+        variant=chosen,
+        mitsuba_scene=found,
+        integrator=integrator,
+        second=second,
+        second_id="" if second is None else scene.second_id,
+        cells=cells,
+        **stated_of_shells(integrator, table, prepared.tables, "the scene"),
+    )
+    return shells.with_cells() if scene.engine == "continuous" else shells
 
 
 AnyScene = Scene | LoadedScene | str | PathLike[str]

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 PART_FILE = "part.ply"
 SHELLS_FOLDER = "shells"
 
+SCALE = 0.5
+"""Default factor on a scene's resolution."""
+
 _SEAL = "<!-- No command replaces this file once it is changed. SHA-256 of the rest: "
 """Start of the line by which a file is known that nobody has changed."""
 

@@ -11,7 +11,8 @@ import pytest
 from iriftrace.cfd.openfoam.simulate import Simulation
 from iriftrace.cli import main
 from iriftrace.cli.field_options import PartOptions
-from iriftrace.cli.simulate import SimulationOptions, _print_simulation
+from iriftrace.cli.simulate import _print_simulation
+from iriftrace.cli.simulation_options import SimulationOptions
 from validation.inputs import hot_block
 
 Printed = pytest.CaptureFixture[str]

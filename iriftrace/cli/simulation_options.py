@@ -1,0 +1,190 @@
+"""Options of ``iriftrace field simulate``, and the case that they describe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from attrs import frozen
+from cyclopts import Group, Parameter
+
+from iriftrace.cli.options import (
+    Duration,
+    Length,
+    Pressure,
+    Temperature,
+    Whole,
+    quantity,
+    refuse_given,
+    region_temperatures,
+)
+from iriftrace.core.errors import InputError
+from iriftrace.core.units import ZERO_CELSIUS_K
+
+if TYPE_CHECKING:
+    from iriftrace.cfd.openfoam.bodies import Body
+    from iriftrace.cfd.openfoam.case import Case
+    from iriftrace.cfd.openfoam.draught import Draught
+    from iriftrace.cfd.openfoam.wall import WallTemperatures
+    from iriftrace.part.part import Part
+
+
+@Parameter(name="*", group=Group("Simulation", sort_key=1))
+@frozen
+class SimulationOptions:
+    """Physics, mesh and times of a simulation.
+
+    Parameters
+    ----------
+    wall_temperature
+        Temperature of the part's wall, "1100 degC".
+    wall_temperature_from
+        File with the temperatures of the wall in its place: a table of x, y, z, T (.csv), such as
+        points of a thermogram, or a surface with T (.vtp .vtk .vtu) of a finite element solution.
+    wall_length_unit
+        Unit of that file's coordinates; by default what it states, else mm.
+    wall_temperature_unit
+        Unit of its temperatures; by default what it states, else K.
+    region_temperature
+        Another temperature for a named region of the part, NAME=TEMPERATURE; repeatable.
+    transition
+        Width over which one wall temperature goes over into another (10 % to 90 %), "10 mm"; by
+        default they meet in a line.
+    ambient
+        Temperature of the air far away.
+    pressure
+        Air pressure.
+    resolution
+        How fine the mesh is.
+    background_cell
+        Edge of the mesh's largest cells in place of that of the resolution, "40 mm"; those at the
+        wall have a sixteenth.
+    symmetry
+        Compute a half or a quarter and mirror it at the part's centre; the field is then exactly
+        symmetric, which a real plume is not.
+    body
+        Another closed surface in the air, such as a table or a support; repeatable. Its unit is
+        that of the part, and it may touch the part.
+    body_temperature
+        Temperature of the bodies' walls, "80 degC", or insulated (the default); one for all, or
+        one for each in their order; repeatable.
+    floor
+        Height z of a floor below the part, at the temperature of the air, "-16 mm".
+    margin
+        Factor on the air around the part.
+    end_time
+        Physical time to simulate; by default 2 s, longer for large or cool parts.
+    average_time
+        Interval before the end over which the density is averaged; by default a quarter.
+    snapshots
+        States from that interval to keep besides the average, as an ensemble.
+    """
+
+    wall_temperature: Temperature | None = None
+    wall_temperature_from: Path | None = None
+    wall_length_unit: str | None = None
+    wall_temperature_unit: Literal["K", "degC"] | None = None
+    region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
+    transition: Length = 0.0
+    ambient: Temperature = 20.0 + ZERO_CELSIUS_K
+    pressure: Pressure = 101325.0
+    resolution: Literal["coarse", "normal", "fine", "extra-fine"] = "normal"
+    background_cell: Length | None = None
+    symmetry: Literal["none", "x", "y", "xy"] = "none"
+    body: Annotated[list[Path] | None, Parameter(negative=())] = None
+    body_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
+    floor: Length | None = None
+    margin: float = 1.0
+    end_time: Duration | None = None
+    average_time: Duration | None = None
+    snapshots: Whole = 0
+
+    def case(
+        self,
+        part: Part,
+        processes: int,
+        draught: Draught | None,
+        mirrors: str | None = None,
+    ) -> Case:
+        """The case these options describe in a draught, mirrored as they say or at `mirrors`."""
+        from iriftrace.cfd.openfoam.case import natural_case
+
+        return natural_case(
+            part,
+            self.wall(),
+            resolution=self.resolution,
+            background_mm=self.background_cell,
+            end=self.end_time,
+            averaging=self.average_time,
+            snapshots=self.snapshots,
+            ambient_k=self.ambient,
+            pressure_pa=self.pressure,
+            mirrors=self.mirrors if mirrors is None else mirrors,
+            margin=self.margin,
+            processes=processes,
+            draught=draught,
+            bodies=self.bodies(part.length_unit),
+            floor=self.floor,
+        )
+
+    def wall(self) -> WallTemperatures:
+        """Temperatures of the part's wall."""
+        from iriftrace.cfd.openfoam.measured_wall import read_measured_wall
+        from iriftrace.cfd.openfoam.wall import WallTemperatures, measured_wall
+
+        regions = region_temperatures(self.region_temperature)
+        file = self.wall_temperature_from
+        if file is not None:
+            others = {
+                "--wall-temperature": self.wall_temperature,
+                "--region-temperature": self.region_temperature,
+                "--transition": self.transition or None,
+            }
+            refuse_given(
+                others,
+                "and --wall-temperature-from cannot both be given, since the file has the "
+                "temperatures of the whole wall; leave one out.",
+            )
+            units = self.wall_length_unit, self.wall_temperature_unit
+            return measured_wall(read_measured_wall(file, *units))
+        refuse_given(
+            {
+                "--wall-length-unit": self.wall_length_unit,
+                "--wall-temperature-unit": self.wall_temperature_unit,
+            },
+            "is a unit of the file of --wall-temperature-from, which is not given; leave it out.",
+        )
+        if self.wall_temperature is None:
+            raise InputError(
+                'the part has no temperature; give --wall-temperature "1100 degC", or a file with '
+                "--wall-temperature-from."
+            )
+        return WallTemperatures(self.wall_temperature, regions, self.transition)
+
+    def bodies(self, length_unit: str) -> tuple[Body, ...]:
+        """Bodies in the air besides the part, read in its unit."""
+        from iriftrace.cfd.openfoam.bodies import Body
+        from iriftrace.part.part import read_part
+
+        files = self.body or []
+        kelvins = [_body_temperature(text) for text in self.body_temperature or ["insulated"]]
+        if len(kelvins) == 1:
+            kelvins *= len(files)
+        if len(kelvins) != len(files) or (self.body_temperature and not files):
+            raise InputError(
+                f"--body-temperature is given {len(self.body_temperature or ())} times for "
+                f"{len(files)} bodies (--body); give it once for all of them, or once for each."
+            )
+        return tuple(
+            Body(read_part(file, length_unit=length_unit), kelvin)
+            for file, kelvin in zip(files, kelvins, strict=True)
+        )
+
+    @property
+    def mirrors(self) -> str:
+        """Axes across which the field is mirrored."""
+        return "" if self.symmetry == "none" else self.symmetry
+
+
+def _body_temperature(text: str) -> float | None:
+    return None if text == "insulated" else quantity(text, "kelvin", "--body-temperature")
