@@ -123,6 +123,10 @@ class Scan:
     errors: FloatArray | None = None
     time_s: dict[str, float] = Factory(dict)
 
+    def __repr__(self) -> str:
+        middle = 1e3 * float(np.median(self.error_normal))
+        return f"Scan({len(self.points):,} points, {self.system}, error {middle:.3g} um (median))"
+
     @property
     def error(self) -> FloatArray:
         """(n, 3) array, mm: X' - X."""

@@ -27,7 +27,7 @@ COMMANDS = {
     "tutorial_scanner.md": ["part", "field", "scene", "measure", "correct"],
 }
 """What each page runs; all other pages run nothing."""
-PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 2, "python.md": 4, "triangulation.md": 1}
+PYTHON_EXAMPLES = {"README.md": 1, "mitsuba.md": 2, "python.md": 5, "triangulation.md": 1}
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -100,12 +100,14 @@ def test_python_examples_run_as_they_stand(folder: Path) -> None:
     assert {page: count for page, count in found.items() if count} == PYTHON_EXAMPLES
     median_mm = float(run(["-c", *blocks("README.md", "python")], folder).splitlines()[0])
     assert 0.001 < median_mm < 0.01
-    of_pixels, _, of_another_camera, of_mitsuba = (
+    of_pixels, _, in_memory, of_another_camera, of_mitsuba = (
         run(["-c", block], folder) for block in blocks("python.md", "python")
     )
     medians, _, share = of_pixels.splitlines()
     assert float(medians.split()[0]) == pytest.approx(median_mm, rel=1e-6)
     assert 0.1 < float(share) < 0.5
+    rendered, scanned = in_memory.splitlines()
+    assert rendered.startswith("PoseMetrics(") and scanned.startswith("Scan(")
     assert 0.001 < float(of_another_camera) < 0.01
     assert "displacement.norm" in of_mitsuba
     mean, left = run(["-c", *blocks("triangulation.md", "python")], folder).splitlines()
