@@ -107,7 +107,8 @@ def test_python_examples_run_as_they_stand(folder: Path) -> None:
     assert float(medians.split()[0]) == pytest.approx(median_mm, rel=1e-6)
     assert 0.1 < float(share) < 0.5
     rendered, scanned = in_memory.splitlines()
-    assert rendered.startswith("PoseMetrics(") and scanned.startswith("Scan(")
+    assert rendered.startswith("PoseMetrics(")
+    assert scanned.startswith("Scan(")
     assert 0.001 < float(of_another_camera) < 0.01
     assert "displacement.norm" in of_mitsuba
     mean, left = run(["-c", *blocks("triangulation.md", "python")], folder).splitlines()
