@@ -30,7 +30,7 @@ def timed(engine: str, scale: float, variant: str) -> tuple[dict[str, float], Re
     """Median times of warm poses, ms, that of the first one, and its rendering."""
     xml = folder_of("cylinder") / "scene.xml"
     scene = load_scene(xml, {"scale": scale}, engine=engine, variant=variant)
-    poses = [render_scene(scene, check_shells=0) for _ in range(REPEATS + 1)]
+    poses = [render_scene(scene) for _ in range(REPEATS + 1)]
     traces = [pose.metrics.time_s["straight"] + pose.metrics.time_s["refracted"] for pose in poses]
     wholes = [
         trace + pose.metrics.time_s["metrics"] for trace, pose in zip(traces, poses, strict=True)

@@ -20,7 +20,7 @@ def measure_over_trace(scene: LoadedScene, repeats: int) -> tuple[float, Scan]:
     projector = scene.camera.at(look_at((150.0, -100.0, 40.0), (0.0, 0.0, 0.0)))
     ratios = []
     for _ in range(repeats + 1):
-        trace_s = render_scene(scene, check_shells=0).metrics.time_s["refracted"]
+        trace_s = render_scene(scene).metrics.time_s["refracted"]
         started = time.perf_counter()
         scan = measure(scene, second=projector, system="fringe")
         ratios.append((time.perf_counter() - started) / trace_s)
@@ -35,7 +35,7 @@ def correction(scene: LoadedScene, scan: Scan, repeats: int) -> tuple[float, flo
     """
     seconds, ratios = [], []
     for _ in range(repeats + 1):
-        metrics = render_scene(scene, check_shells=0).metrics
+        metrics = render_scene(scene).metrics
         a_ray = metrics.time_s["refracted"] / metrics.rays.hit
         started = time.perf_counter()
         correct(scan.points, scene, second=scan.second, system="fringe")

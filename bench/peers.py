@@ -12,6 +12,7 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 from iriftrace.core.arrays import FloatArray
 from iriftrace.scene.load import LoadedScene
 from iriftrace.shells.files import load_shells
+from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.render import render_scene
 
 STEP_MM = 2e-4
@@ -78,7 +79,7 @@ def peer_over_trace(scene: LoadedScene, repeats: int) -> tuple[float, int]:
     Both bend the same rays at the shells: those whose straight twin hits the part.
     """
     loop = EmbreeLoop(scene)
-    image = render_scene(scene, check_shells=0).image
+    image = pose_image(scene)
     row, column = np.nonzero(image.channels["part.face"] > 0)
     origin, direction = image.camera.rays(np.column_stack((column, row)) + 0.5)
     ratios = []
@@ -86,5 +87,5 @@ def peer_over_trace(scene: LoadedScene, repeats: int) -> tuple[float, int]:
         started = time.perf_counter()
         loop.trace(origin, direction)
         seconds = time.perf_counter() - started
-        ratios.append(seconds / render_scene(scene, check_shells=0).metrics.time_s["refracted"])
+        ratios.append(seconds / render_scene(scene).metrics.time_s["refracted"])
     return median(ratios), len(origin)

@@ -10,7 +10,6 @@ from pathlib import Path
 from statistics import median
 
 from iriftrace.scene.load import LoadedScene
-from iriftrace.sweep.pose import SAMPLE
 from iriftrace.trace.render import render_scene
 
 
@@ -20,7 +19,7 @@ def pose_over_trace(scene: LoadedScene, repeats: int) -> float:
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(repeats + 1):
             started = time.perf_counter()
-            rendering = render_scene(scene, check_shells=0)
+            rendering = render_scene(scene)
             rendering.save(Path(folder) / "pose.exr")
             seconds = time.perf_counter() - started
             ratios.append(seconds / rendering.metrics.time_s["refracted"])
@@ -33,7 +32,7 @@ def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
     ratios = []
     for _ in range(repeats + 1):
         started = time.perf_counter()
-        rendering = render_scene(scene, check_shells=SAMPLE)
+        rendering = render_scene(scene)
         seconds = time.perf_counter() - started
         time_s = rendering.metrics.time_s
         ratios.append(seconds / (time_s["straight"] + time_s["refracted"]))
@@ -53,7 +52,7 @@ def continuous_over_shells(
         seconds = []
         for scene in (continuous, shells):
             started = time.perf_counter()
-            traced = render_scene(scene, check_shells=0).metrics.time_s["refracted"]
+            traced = render_scene(scene).metrics.time_s["refracted"]
             seconds.append((traced, time.perf_counter() - started))
         ratios.append([one / other for one, other in zip(*seconds, strict=True)])
     # The first pair compiles the kernels.
@@ -66,7 +65,7 @@ def process_over_trace(scene: LoadedScene, repeats: int) -> float:
 
     Kernels are compiled and on disk.
     """
-    render_scene(scene, check_shells=0)
+    render_scene(scene)
     ratios = []
     with tempfile.TemporaryDirectory() as folder:
         name = str(Path(folder) / "pose.exr")
@@ -75,14 +74,14 @@ def process_over_trace(scene: LoadedScene, repeats: int) -> float:
             started = time.perf_counter()
             subprocess.run([*command, "--no-figures"], check=True, capture_output=True)
             seconds = time.perf_counter() - started
-            ratios.append(seconds / render_scene(scene, check_shells=0).metrics.time_s["refracted"])
+            ratios.append(seconds / render_scene(scene).metrics.time_s["refracted"])
     return median(ratios[1:])
 
 
 def shares(scene: LoadedScene) -> dict[str, float]:
     """Time of each stage of one pose over the refracted trace's."""
     with tempfile.TemporaryDirectory() as folder:
-        rendering = render_scene(scene, check_shells=0)
+        rendering = render_scene(scene)
         rendering.save(Path(folder) / "pose.exr")
     time_s = rendering.metrics.time_s
     stages = ("straight", "refracted", "metrics", "write")
@@ -93,13 +92,13 @@ def kernels_of_second_pose(scene: LoadedScene) -> int:
     """Kernels that another pose of the same camera compiles."""
     import drjit as dr
 
-    first = render_scene(scene, check_shells=0)
+    first = render_scene(scene)
     camera = first.image.camera
     matrix = camera.matrix.copy()
-    render_scene(scene, camera=camera, check_shells=0)
+    render_scene(scene, camera=camera)
     matrix[:3, 3] += (3.0, -2.0, 5.0)
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
         dr.kernel_history_clear()
-        render_scene(scene, camera=camera.at(matrix), check_shells=0)
+        render_scene(scene, camera=camera.at(matrix))
         history = dr.kernel_history()
     return sum(entry["type"] == dr.KernelType.JIT and not entry["cache_hit"] for entry in history)

@@ -64,7 +64,7 @@ def measured(folder: Path) -> list[Cost]:
         for scale in SCALES if cell_mm == CELLS_MM[1] else (0.25,):
             for engine in ("shells", "continuous"):
                 scene = load_scene(built.path, {"scale": scale}, engine=engine)
-                poses = [render_scene(scene, check_shells=0) for _ in range(REPEATS + 1)]
+                poses = [render_scene(scene) for _ in range(REPEATS + 1)]
                 seconds = median(pose.metrics.time_s["refracted"] for pose in poses[1:])
                 rays = poses[0].metrics.rays.hit
                 costs.append(Cost(cell_mm, field.grid.n_cells, triangles, rays, engine, seconds))

@@ -62,7 +62,6 @@ from .part.shapes.bevel_gear import bevel_gear as bevel_gear
 from .part.shapes.cylinder import cylinder as cylinder
 from .part.shapes.cylinder import hybrid_cylinder as hybrid_cylinder
 from .part.shapes.wishbone import wishbone as wishbone
-from .planning.confirm import Confirmation as Confirmation
 from .planning.cover import ViewLimits as ViewLimits
 from .planning.cover import ViewSet as ViewSet
 from .planning.cover import choose_views as choose_views
@@ -94,10 +93,10 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
-from .trace.render import RayHits as RayHits
+from .trace.rays import RayHits as RayHits
+from .trace.rays import trace_rays as trace_rays
 from .trace.render import Rendering as Rendering
 from .trace.render import render_scene as render_scene
-from .trace.render import trace_rays as trace_rays
 from .triangulation.correct import Correction as Correction
 from .triangulation.correct import CorrectionStatus as CorrectionStatus
 from .triangulation.correct import correct as correct

@@ -261,7 +261,7 @@ def integrator_class(variant: str) -> type:
                 In the order of ``aov_names()``, the crop window only.
             report : dict
                 ``time_s`` per stage, ``counts`` (``open_boundary`` rays,
-                ``shell_triangles_in_view`` where shells bend) and ``camera`` of the crop window
+                ``triangles_in_view`` where shells bend) and ``camera`` of the crop window
                 (as of ``iriftrace.Camera.as_dict``), and ``straight`` (StraightHits).
             """
             pixels_of, rays = self.pixel_rays(sensor)
@@ -301,7 +301,7 @@ def integrator_class(variant: str) -> type:
                 scene, camera, ((left, top), (left + width, top + height))
             )
             if triangles is not None:
-                counts["shell_triangles_in_view"] = triangles
+                counts["triangles_in_view"] = triangles
             dr.sync_thread()
             report = {
                 "time_s": {**bundle.time_s, "channels": time.perf_counter() - started},

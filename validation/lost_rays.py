@@ -25,7 +25,7 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from validation.inputs.solved_fields import DATA, SOLVED, camera_at
 
 FloatArray = NDArray[np.float64]

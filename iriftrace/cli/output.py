@@ -119,7 +119,7 @@ def print_summary(metrics: PoseMetrics) -> None:
     if metrics.ensemble is not None:
         _add_ensemble(table, metrics.ensemble)
     if metrics.shells_against_field is not None:
-        _add_shell_error(table, metrics.shells_against_field, metrics.every_second_shell)
+        _add_shell_error(table, metrics.shells_against_field, metrics.engine_test)
     table.add_row(
         "coverage",
         f"{_percent(metrics.coverage)} of the part's area in faces hit, "
@@ -187,7 +187,7 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
 
 
 def _add_shell_error(
-    table: Table, values: dict[str, Any], every_second_shell: dict[str, Any] | None
+    table: Table, values: dict[str, Any], engine_test: dict[str, Any] | None
 ) -> None:
     """Difference between the shells and the field they were cut from, with a remedy if large."""
     table.add_row(
@@ -196,7 +196,7 @@ def _add_shell_error(
         f"without shells), p95 {_um(values['p95_mm'])} ({values['p95_share']:.1%}); sample of "
         f"{values['rays']:,} rays",
     )
-    if (every_second_shell or {}).get("through_field"):
+    if (engine_test or {}).get("through_cells"):
         table.add_row("", "so the picture is of the field itself")
     elif not values["suffice"]:
         # From 30 on still more shells hardly bring a picture closer to the field.

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from iriftrace.core.arrays import FloatArray
-    from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.cover import ViewLimits, ViewSet
     from iriftrace.planning.pairs import PairPlan
     from iriftrace.planning.refine import Refinement
@@ -87,12 +86,12 @@ def plan(
     ranking: Ranking = STANDARD,
     top: Whole = 10,
     wavelength: LightOf = None,
-    confirm: bool = True,
     several: ViewOptions = ViewOptions(),
     refine: Annotated[bool, Parameter(group=REFINE, negative=())] = False,
     evaluations: Annotated[Whole | None, Parameter(group=REFINE)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], group=REFINE)] = None,
     pairs: Annotated[bool, Parameter(group=PAIRS, negative=())] = False,
+    confirm: Annotated[bool | None, Parameter(group=PAIRS)] = None,
     system: Annotated[Literal["fringe", "stereo", "laser"] | None, Parameter(group=PAIRS)] = None,
     angle: Annotated[Interval | None, Parameter(group=PAIRS)] = None,
     feature: Annotated[str | None, Parameter(group=PAIRS)] = None,
@@ -114,9 +113,6 @@ def plan(
         A file that ``iriftrace sweep`` wrote.
     top
         Rows of the ranking to print.
-    confirm
-        Trace the best three poses once more through the field itself, where the scene still has
-        it, and rank by these numbers.
     refine
         Search around the best pose or pair, with position, distance and roll free; needs the
         scene's files.
@@ -128,6 +124,8 @@ def plan(
         Rank pairs of poses for two devices, such as a camera and a projector, by the error of what
         they would measure, the area that both see, and the angle between them; the best three are
         measured (``iriftrace measure``), unless --no-confirm is given.
+    confirm
+        Of pairs: measure the best three, as is the default.
     system
         What the second device is: a projector (fringe, by default), a camera (stereo) or a laser.
     angle
@@ -146,7 +144,8 @@ def plan(
 
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
     _refuse_without("--refine", refine, {"--evaluations": evaluations, "--output": output})
-    _refuse_without("--pairs", pairs, {"--system": system, "--angle": angle, "--feature": feature})
+    of_pairs = {"--system": system, "--angle": angle, "--feature": feature, "--confirm": confirm}
+    _refuse_without("--pairs", pairs, of_pairs)
     limits = several.limits()
     check_output(output, "refined.json")
     check_input(sweep)
@@ -160,16 +159,15 @@ def plan(
             {"--views": several.views, "--save-poses": save_poses},
             "is about single poses; leave it out, or --pairs.",
         )
-        pair_plan = _plan_pairs(dataset, ranking, system or "fringe", angle, feature, confirm, top)
+        measured = confirm is not False
+        pair_plan = _plan_pairs(dataset, ranking, system or "fringe", angle, feature, measured, top)
         if refine:
             _refine_pair(dataset, pair_plan, count, output)
         return
-    dataset, confirmation = confirmed(dataset, ranking, confirm)
     with _search_progress(count) as progress:
         found = plan_poses(
             dataset,
             ranking,
-            confirm=False,
             views=several.views,
             limits=limits,
             evaluations=count if refine else None,
@@ -181,8 +179,6 @@ def plan(
         _save(save_poses, dataset, summary.plan.order[:top], convention or "opencv")
     # All that can be wrong has been found by now, so that nothing is printed in vain.
     print_plan(summary, table)
-    if confirmation is not None and confirmation.text:
-        say(confirmation.text)
     if found.views is not None:
         print_views(summary, found.views, limits)
     if found.refined is not None:
@@ -291,18 +287,6 @@ def _refine_pair(
     if output is not None:
         write_refined_pair(output, found, plan, dataset)
         say(f"Refined pair in {output}")
-
-
-def confirmed(
-    dataset: xr.Dataset, criteria: Criteria, wanted: bool
-) -> tuple[xr.Dataset, Confirmation | None]:
-    """As `iriftrace.planning.confirm.confirm_winners`, if wanted, while the user is told."""
-    from iriftrace.planning.confirm import confirm_winners
-
-    if not wanted:
-        return dataset, None
-    with working("Tracing the best poses through the field"):
-        return confirm_winners(dataset, criteria)
 
 
 @contextmanager

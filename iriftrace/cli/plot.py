@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from iriftrace.cli.console import notes, say, working
 from iriftrace.cli.options import LightOf, Whole, check_folder, check_input, check_output
-from iriftrace.cli.plan import Ranking, ViewOptions, confirmed
+from iriftrace.cli.plan import Ranking, ViewOptions
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import STANDARD
@@ -23,7 +23,6 @@ def plot(
     ranking: Ranking = STANDARD,
     component: Literal["norm", "along", "right", "down"] = "norm",
     wavelength: LightOf = None,
-    confirm: bool = True,
 ) -> None:
     """Draw a sweep, a study or one pose.
 
@@ -45,13 +44,10 @@ def plot(
         Of a pose draw the length of the displacement, or a signed component in colours about 0:
         along the line of sight (positive away from the camera), or across it to the right or down
         in the picture.
-    confirm
-        Trace a sweep's best poses once more through the field, as ``iriftrace plan`` does.
     """
     from iriftrace.figures.result import plot as draw
     from iriftrace.figures.result import read_result
     from iriftrace.image.aov_image import AovImage
-    from iriftrace.studies.study import is_study
 
     check_input(file)
     if not output.absolute().parent.is_dir():
@@ -60,8 +56,6 @@ def plot(
     result = read_result(file)
     header = result.header if isinstance(result, AovImage) else result.attrs
     check_light(wavelength, header, file)
-    if not isinstance(result, AovImage) and not is_study(file):
-        result, _ = confirmed(result, ranking, confirm)
     new = not output.exists()
     try:
         output.mkdir(exist_ok=True)
@@ -108,7 +102,6 @@ def report(
     ranking: Ranking = STANDARD,
     top: Whole = 10,
     wavelength: LightOf = None,
-    confirm: bool = True,
     several: ViewOptions = ViewOptions(),
 ) -> None:
     """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
@@ -123,8 +116,6 @@ def report(
         The HTML file.
     top
         Rows of the ranking.
-    confirm
-        Trace the best poses once more through the field, as ``iriftrace plan`` does.
     """
     from iriftrace.figures.report import write_report
     from iriftrace.planning.summary import summarise
@@ -135,7 +126,6 @@ def report(
     check_input(sweep)
     dataset = read_sweep(sweep)
     check_light(wavelength, dataset.attrs, sweep)
-    dataset, confirmation = confirmed(dataset, ranking, confirm)
     summary = summarise(dataset, ranking)
     with working("Writing the report"):
         missing = write_report(
@@ -144,7 +134,6 @@ def report(
             dataset,
             summary,
             top=top,
-            confirmation=confirmation,
             views=several.views,
             limits=limits,
         )

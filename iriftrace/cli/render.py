@@ -181,14 +181,11 @@ def _render(
 ) -> tuple[Rendering, LoadedScene, list[Path]]:
     """Render a scene and write all its files but that of the surface."""
     from iriftrace.trace.render import render_scene
-    from iriftrace.trace.shell_convergence import SAMPLE
 
     loaded = trace.load(scene)
     check_kept(surface, loaded.part.path)
     with working("Tracing"):
-        rendering = render_scene(
-            loaded, include=include, check_shells=SAMPLE, check_field=check_field
-        )
+        rendering = render_scene(loaded, include=include, check_field=check_field)
     pictures = []
     if figures:
         from iriftrace.figures.pose import pose_figures

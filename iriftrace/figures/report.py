@@ -33,15 +33,13 @@ from iriftrace.planning.summary import (
     views_title,
     warned_text,
 )
-from iriftrace.sweep.confirm import traced_through_field
 from iriftrace.sweep.diagnostics import setting_of
 from iriftrace.sweep.faces import has_faces
-from iriftrace.sweep.store import attribute, scene_of
+from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.planning.confirm import Confirmation
     from iriftrace.planning.summary import SweepSummary
 
 
@@ -109,7 +107,6 @@ def report_content(
     dataset: xr.Dataset,
     summary: SweepSummary,
     top: int,
-    confirmation: Confirmation | None = None,
     views: int | None = None,
     limits: ViewLimits = NO_LIMITS,
 ) -> ReportContent:
@@ -151,7 +148,7 @@ def report_content(
             )
             + "."
         ),
-        rests_on=_rests_on(dataset, summary, confirmation),
+        rests_on=_rests_on(dataset, summary),
         unclear=alternative_text(summary),
         setting=_setting(dataset, summary),
         assumptions=_assumptions(dataset),
@@ -181,8 +178,8 @@ def _assumptions(dataset: xr.Dataset) -> Rows:
 
 
 def _engines_text(dataset: xr.Dataset) -> str:
-    """How many poses the sweep, or the confirmation, took through the field after all."""
-    through = traced_through_field(dataset)
+    """How many poses were traced through the field, because shells are too few."""
+    through = traced_through_cells(dataset)
     if through.all() or not through.any():
         return ""
     return (
@@ -191,9 +188,7 @@ def _engines_text(dataset: xr.Dataset) -> str:
     )
 
 
-def _rests_on(
-    dataset: xr.Dataset, summary: SweepSummary, confirmation: Confirmation | None
-) -> tuple[str, ...]:
+def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     """What decides how much the answer is worth, a sentence each."""
     origins = _distinct(one.get("origin") or "not stated" for one in _fields(dataset))
     mark = next(filter(None, map(synthetic_mark, origins)), "Field")
@@ -205,7 +200,6 @@ def _rests_on(
         _engines_text(dataset),
         warned_text(summary),
         other_statistics_text(summary),
-        "" if confirmation is None else confirmation.text,
     )
     return tuple(filter(None, sentences))
 
@@ -373,7 +367,6 @@ def write_report(
     summary: SweepSummary,
     *,
     top: int = 10,
-    confirmation: Confirmation | None = None,
     views: int | None = None,
     limits: ViewLimits = NO_LIMITS,
 ) -> tuple[str, ...]:
@@ -389,8 +382,6 @@ def write_report(
         What it holds.
     top
         Rows of the ranking.
-    confirmation
-        What became of the best poses through the field itself.
     views, limits
         Number of poses that together are to see the most, and how badly they may see a face.
 
@@ -406,7 +397,7 @@ def write_report(
     """
     from jinja2 import Environment, StrictUndefined
 
-    content = report_content(dataset, summary, top, confirmation, views, limits)
+    content = report_content(dataset, summary, top, views, limits)
     pictures, missing = sweep_pictures(dataset, summary)
     figures = {**sweep_charts(summary), **pictures}
     names = [name for name in {**_CAPTIONS, **figures} if name in figures]

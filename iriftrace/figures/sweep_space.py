@@ -81,7 +81,7 @@ def sweep_scene_figure(
     SetupError
         This machine has no OpenGL that draws without a display.
     """
-    part, shell = surroundings.part, surroundings.shell
+    part, shell = surroundings.part, surroundings.hot_air
     solid = [part.bounds] if part else []
     air = [shell[0].astype(np.float64)] if shell else []
     box = box_around(np.concatenate((summary.origins, summary.targets, *solid, *air)))

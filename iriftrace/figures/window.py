@@ -196,8 +196,8 @@ def _sweep(path: Path) -> Draw:
     def draw(plotter: pv.Plotter) -> None:
         if around.part is not None:
             add_part(plotter, around.part)
-        if around.shell is not None:
-            air = thinned(polydata(*around.shell))
+        if around.hot_air is not None:
+            air = thinned(polydata(*around.hot_air))
             plotter.add_mesh(air, color="#7fb0d6", opacity=0.2, smooth_shading=True)
         cones = pv.PolyData(summary.origins)
         cones["aim"] = summary.matrices[:, :3, 2]

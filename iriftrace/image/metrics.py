@@ -25,7 +25,7 @@ from iriftrace.part.part import Part
 FEWEST_RAYS = 100
 """A metric of fewer good rays is None, and a pose with fewer of them counts as empty."""
 
-SCHEMA = "iriftrace.pose/1"
+SCHEMA = "iriftrace.pose/2"
 """Value of ``schema`` in the JSON."""
 
 TIMES = (
@@ -178,7 +178,7 @@ class PoseMetrics(ViewMetrics):
     hits_at_border
         Straight rays of the outermost pixels that hit the part; more than none if it reaches beyond
         the picture.
-    shell_triangles_in_view
+    triangles_in_view
         Triangles of shells that the rays crossed, where the image says it.
     time_s
         Seconds of each stage in `TIMES`; None for those not measured. Stages after the reduction
@@ -193,12 +193,12 @@ class PoseMetrics(ViewMetrics):
         Numbers of each region of the part.
     full_resolution
         Pixels of the camera that the picture is a scaled one of, where the image says it.
-    every_second_shell, shells_against_field
+    engine_test, shells_against_field
         What a check of the shells found, plain values; None where none was made.
     """
 
     hits_at_border: int
-    shell_triangles_in_view: int | None
+    triangles_in_view: int | None
     time_s: dict[str, float | None]
     wavelength_nm: float | None
     camera: Camera
@@ -206,7 +206,7 @@ class PoseMetrics(ViewMetrics):
     regions: dict[str, ViewMetrics]
     full_resolution: tuple[int, int] | None = None
     shells_against_field: dict[str, Any] | None = None
-    every_second_shell: dict[str, Any] | None = None
+    engine_test: dict[str, Any] | None = None
 
     @property
     def full_camera(self) -> dict[str, Any] | None:
@@ -237,13 +237,13 @@ class PoseMetrics(ViewMetrics):
         whole = super().as_dict()
         whole["rays"] = {"launched": self.rays.launched, **whole["rays"]}
         whole["rays"]["open_boundary"] = self.rays.open_boundary
-        checks = {key: getattr(self, key) for key in ("shells_against_field", "every_second_shell")}
+        checks = {key: getattr(self, key) for key in ("shells_against_field", "engine_test")}
         return {
             "schema": SCHEMA,
             **whole,
             **({} if self.full_camera is None else {"full_camera": self.full_camera}),
             "hits_at_border": self.hits_at_border,
-            "shell_triangles_in_view": self.shell_triangles_in_view,
+            "triangles_in_view": self.triangles_in_view,
             "time_s": dict(self.time_s),
             "wavelength_nm": self.wavelength_nm,
             "camera": self.camera.as_dict(),
@@ -333,7 +333,7 @@ def pose_metrics(
         ),
         **view(np.arange(len(rays.face)), hits, slice(None)),
         hits_at_border=int(outermost.sum()),
-        shell_triangles_in_view=counts.get("shell_triangles_in_view"),
+        triangles_in_view=counts.get("triangles_in_view"),
         time_s={key: times.get(key) for key in TIMES},
         wavelength_nm=image.header.get("wavelength_nm"),
         camera=image.camera,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from itertools import combinations, permutations
 from typing import TYPE_CHECKING
 
@@ -18,7 +17,6 @@ from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.rank import limits_of, ranked_region
-from iriftrace.sweep.confirm import scene_with_field
 from iriftrace.sweep.reload import load_swept_scene, swept_camera, swept_part
 from iriftrace.sweep.store import WHOLE_PART
 from iriftrace.triangulation.features import chosen_points, surface_kind
@@ -131,8 +129,8 @@ def plan_pairs(
         short arc micrometres that vary along it change the diameter by many times as much, and
         elsewhere large errors cancel in one state of the air and not in the next.
     confirm : bool
-        Measure the best three pairs by the exact solver, through the field itself where it lies
-        beside the scene, and order them by what they measured; needs the scene's files.
+        Measure the best three pairs by the exact solver and order them by what they measured; needs
+        the scene's files.
 
     Raises
     ------
@@ -357,9 +355,7 @@ def _quantile(values: FloatArray, share: float, weights: FloatArray) -> float:
 
 
 def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
-    """The scene of a pose, with its field where that is there."""
-    with suppress(InputError):
-        return scene_with_field(dataset, pose).scene
+    """The scene of a pose."""
     try:
         return load_swept_scene(dataset, pose).scene
     except InputError as error:

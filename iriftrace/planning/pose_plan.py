@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
-from iriftrace.planning.confirm import Confirmation, confirm_winners
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, ViewSet, plan_views
 from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.refine import Refinement, check_evaluations, refine_pose
@@ -33,21 +32,17 @@ class PosePlan:
         Poses that together see the most.
     refined : Refinement or None
         The best pose near the best one of the sweep.
-    confirmation : Confirmation or None
-        What became of the best poses through the field itself, where that was asked for.
     """
 
     summary: SweepSummary
     views: ViewSet | None = None
     refined: Refinement | None = None
-    confirmation: Confirmation | None = None
 
 
 def plan(
     sweep: str | Path | xr.Dataset,
     criteria: Criteria = STANDARD,
     *,
-    confirm: bool = True,
     views: int | None = None,
     limits: ViewLimits = NO_LIMITS,
     evaluations: int | None = None,
@@ -61,9 +56,6 @@ def plan(
         What `iriftrace.run_sweep` wrote or gave.
     criteria : Criteria
         Weights, normalisation and what a pose must show.
-    confirm : bool
-        Trace the best poses once more through the field itself, where the scene has it, and rank
-        by these numbers; see `iriftrace.planning.confirm.confirm_winners`.
     views : int, optional
         Number of poses that together are to see as much area as possible.
     limits : ViewLimits
@@ -82,9 +74,6 @@ def plan(
         Poses are to be rendered and no usable LLVM or CUDA is there.
     """
     dataset = read_sweep(sweep) if isinstance(sweep, str | Path) else sweep
-    confirmation = None
-    if confirm:
-        dataset, confirmation = confirm_winners(dataset, criteria)
     summary = summarise(dataset, criteria)
     together = refined = None
     if views is not None:
@@ -101,4 +90,4 @@ def plan(
         refined = refine_pose(
             dataset, summary.plan, swept, evaluations=evaluations, progress=progress
         )
-    return PosePlan(summary, together, refined, confirmation)
+    return PosePlan(summary, together, refined)

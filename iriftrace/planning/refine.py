@@ -175,7 +175,7 @@ def refine_pose(
     if abs(start_score - plan.score[plan.best]) > _SAME_SCORE:
         warnings.warn(
             f"The scene gives pose {plan.best} the score {start_score:.3f} and the sweep had "
-            f"{plan.score[plan.best]:.3f}, so its shells are not those of the sweep; run it again.",
+            f"{plan.score[plan.best]:.3f}, so its air is not that of the sweep; run it again.",
             IriftraceWarning,
             stacklevel=2,
         )

@@ -25,7 +25,7 @@ from iriftrace.planning.pairs import (
 )
 from iriftrace.planning.refine import around_pose, check_evaluations, search, write_search
 from iriftrace.sweep.reload import swept_camera
-from iriftrace.trace.render import is_inside
+from iriftrace.trace.rays import is_inside
 from iriftrace.triangulation.scan import measure
 
 if TYPE_CHECKING:

@@ -56,7 +56,7 @@ class SweepSummary:
     rays : dict of (n,) arrays
         Rays of each status that occurs and hit the part, by status; -1 where unknown.
     polygons : (n,) array
-        Triangles of the shells in view; -1 where unknown.
+        Triangles of the air in view; -1 where unknown.
     faces : (n,) array or None
         Faces of the region that the pose sees; None where an older sweep does not say.
     varied : tuple of Varied
@@ -185,7 +185,7 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
         elevation=elevation,
         angles_of=angles_of,
         rays=_rays(view),
-        polygons=np.asarray(_variable(dataset, "shell_triangles_in_view"), dtype=np.int64),
+        polygons=np.asarray(_variable(dataset, "triangles_in_view"), dtype=np.int64),
         faces=faces_seen(dataset, criteria.region),
         varied=varied_of(dataset),
         front=pareto_front(dataset, criteria),
@@ -270,20 +270,16 @@ def extreme_images(
 ) -> Iterator[tuple[str, AovImage]]:
     """Images of `extreme_poses`, with their names.
 
-    Read where the sweep kept them in the folder `beside`, else rendered again, as where numbers
-    come from the field since; `InputError` and `SetupError` where neither can be done.
+    Read where the sweep kept them in the folder `beside`, else rendered again; `InputError` and
+    `SetupError` where neither can be done.
     """
-    from iriftrace.sweep.confirm import traced_through_field
     from iriftrace.sweep.reload import load_swept_scene
 
-    through = traced_through_field(dataset)
     images: dict[int, AovImage] = {}
     for name, pose in extreme_poses(summary).items():
         file = str(dataset["exr"].values[pose]) if "exr" in dataset else ""
         if pose not in images and file and (beside / file).is_file():
-            image = read_exr(beside / file)
-            if not through[pose] or image.header.get("engine") == "continuous":
-                images[pose] = image
+            images[pose] = read_exr(beside / file)
         if pose not in images:
             images[pose] = load_swept_scene(dataset, pose).render(summary.matrices[pose]).image
         yield name, images[pose]

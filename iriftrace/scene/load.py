@@ -25,7 +25,6 @@ from iriftrace.geometry.ply import read_ply
 from iriftrace.part.part import Part, read_part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import (
-    IN_LAYERS,
     field_table,
     other_shells,
     shells_table_of,
@@ -140,13 +139,16 @@ class LoadedScene:
         return "the scene" if self.path is None else str(self.path)
 
     @cached_property
-    def through_field(self) -> LoadedScene | None:
-        """The same scene traced through its field itself, which is read at the first need.
+    def through_cells(self) -> LoadedScene | None:
+        """The same scene traced through its field's cells, which are read at the first need.
 
-        None where an engine or `bending` at the shells was asked for, of an ensemble, and where the
-        field that the shells were cut from does not lie beside the scene.
+        None where an engine or bending at the shells was asked for, and where the field that the
+        shells were cut from does not lie beside the scene.
         """
-        if self.wanted_engine is not None or self.bending != IN_LAYERS or self.ensemble is not None:
+        in_layers = self.engine == "shells" and self.integrator.bends_in_layers(
+            self.integrator.prepare(self.mitsuba_scene).tables
+        )
+        if self.wanted_engine is not None or not in_layers:
             return None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IriftraceWarning)
@@ -154,16 +156,18 @@ class LoadedScene:
                 found = self.with_cells()
             except InputError:
                 return None
-        own, its = (one.shells_table.get("source") or {} for one in (self, found))
-        return found if own.get("sha256") == its.get("sha256") else None
+        return found if self.same_field(found) else None
+
+    def same_field(self, other: LoadedScene) -> bool:
+        """Whether both scenes state the same file as the source of their air."""
+        own, its = (one.shells_table.get("source") or {} for one in (self, other))
+        return bool(own.get("sha256") == its.get("sha256"))
 
     def with_cells(self) -> LoadedScene:
-        """The same scene with the continuous engine in place of its shells.
+        """The same scene traced through its field's cells in place of its shells.
 
-        InputError where there is no field, or an ensemble has several.
+        InputError where there is no field.
         """
-        if self.ensemble is not None:
-            raise InputError(f"{self.name} has several fields; choose one of them.")
         started = time.perf_counter()
         with runtime.using(self.variant):
             if self.path is not None:
@@ -182,8 +186,22 @@ class LoadedScene:
             integrator=integrator,
             build_s=self.build_s + time.perf_counter() - started,
             lease=_Lease(integrator),
+            ensemble=None if self.ensemble is None else self.ensemble.with_cells(),
             **stated,
         )
+
+    @property
+    def source(self) -> dict[str, Any] | None:
+        """What is known of the file that the air comes from; see `iriftrace.FieldSource`."""
+        return self.shells_table.get("source")
+
+    @property
+    def heating_k(self) -> float | None:
+        """Hottest shell over ambient air, K; None where no file of the scene states it."""
+        ambient = (self.shells_table.get("air") or {}).get("temperature_k")
+        rows = self.shells_table.get("shells", ())
+        hot = max((kelvin for row in rows if (kelvin := row.get("temperature_k"))), default=None)
+        return None if hot is None or ambient is None or hot <= ambient else float(hot - ambient)
 
     @property
     def wavelength_nm(self) -> float | None:
@@ -205,6 +223,21 @@ class LoadedEnsemble:
 
     def __len__(self) -> int:
         return len(self.members)
+
+    def with_cells(self) -> LoadedEnsemble:
+        """The same members, each traced through its field's cells."""
+
+        def load(number: int) -> LoadedScene:
+            shells = self._load(number)
+            cells = shells.with_cells()
+            if not shells.same_field(cells):
+                raise InputError(
+                    f"The field of member {number} of {shells.name} is not what its shells were "
+                    "cut from; write the scene again."
+                )
+            return cells
+
+        return LoadedEnsemble(self.members, load)
 
     def scenes(self) -> Iterator[LoadedScene]:
         """Every member's scene, in their order; what does not fit is let go after its turn."""
@@ -417,6 +450,11 @@ def _integrator(own: Any, engine: str | None, name: str, field_file: Path) -> An
             "gradient": "recovered" if smooth else "constant",
         }
     return mi.load_dict({**chosen, "trace_all": own.trace_all})
+
+
+def may_use_cells(engine: str | None) -> bool:
+    """Whether a scene that is traced with this engine may need the field beside it."""
+    return engine != "shells"
 
 
 def check_engine(engine: str | None) -> None:

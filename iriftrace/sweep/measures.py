@@ -9,6 +9,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.image.aov_image import Status
+from iriftrace.trace.engine import CHANGE
 
 Limits = tuple[float, float]
 """Least and greatest value of a scale."""
@@ -128,25 +129,20 @@ OF_POSES: dict[str, Measure] = {
         name: Measure((name,), "1", text, count=True, regional=False)
         for name, text in (
             ("hits_at_border", "straight rays of the outermost pixels that hit the part"),
-            ("shell_triangles_in_view", ""),
+            ("triangles_in_view", ""),
         )
     },
-    "every_second_shell_p95": Measure(
-        ("every_second_shell", "p95_share"),
+    "engine_test_p95": Measure(
+        ("engine_test", "p95_share"),
         "1",
-        "change of the hits without every second shell, 95th percentile, over the displacement's",
+        f"{CHANGE}, over the displacement's",
         regional=False,
     ),
-    "every_second_shell_p95_mm": Measure(
-        ("every_second_shell", "p95_mm"),
-        "mm",
-        "change of the hits without every second shell, 95th percentile",
-        regional=False,
-    ),
-    "through_field": Measure(
-        ("every_second_shell", "through_field"),
+    "engine_test_p95_mm": Measure(("engine_test", "p95_mm"), "mm", CHANGE, regional=False),
+    "through_cells": Measure(
+        ("engine_test", "through_cells"),
         "1",
-        "1 where the field itself took the shells' place",
+        "1 where the field's cells bend the rays instead",
         regional=False,
     ),
     **{

@@ -20,18 +20,12 @@ from iriftrace.image.sightings import sight_faces
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_folder, members_of
 from iriftrace.scene.file import read_scene_file
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.load import LoadedScene, may_use_cells
 from iriftrace.sweep.journal import Piece
 from iriftrace.trace.render import render_scene
 
-_OF_ALL_POSES = (
-    *("schema", "full_camera", "wavelength_nm", "camera", "pose", "assumptions"),
-    "shells_against_field",
-)
+_OF_ALL_POSES = ("schema", "full_camera", "wavelength_nm", "camera", "pose", "assumptions")
 """Keys of a pose's metrics that the sweep states for all poses, or not at all."""
-
-SAMPLE = 1000
-"""Rays of each pose by which its shells are judged: enough to find poses, not to measure them."""
 
 
 @frozen
@@ -76,7 +70,7 @@ def source_of(
         # Said when the scene is loaded.
         warnings.simplefilter("ignore", IriftraceWarning)
         files = _files(path, variables)
-        if engine != "shells":
+        if may_use_cells(engine):
             files = (*files, *_field_files(path, variables))
     contents = {str(file.resolve()): sha256_of(file) for file in files}
     content = [sha256_of(path), *(contents[str(file.resolve())] for file in files)]
@@ -103,7 +97,7 @@ def _files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
 
 
 def _field_files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
-    """Fields beside a scene whose file need not name them: the continuous engine's."""
+    """Fields beside a scene whose file need not name them."""
     if not is_ensemble(path):
         folders = [path.parent]
     elif MEMBER in variables:
@@ -135,7 +129,6 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
                 include=task.include,
                 nearest=task.nearest,
                 empty=True,
-                check_shells=SAMPLE,
             )
         except InputError as error:
             return Piece(task.number, {"metrics": None, "failure": str(error)})

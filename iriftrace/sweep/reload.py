@@ -1,14 +1,11 @@
-"""Scene, part and outermost shell of a sweep, read again by what its file says of them."""
+"""Scene, part and hot air of a sweep, read again by what its file says of them."""
 
 from __future__ import annotations
 
 import json
 import math
 import warnings
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 from attrs import frozen
@@ -18,8 +15,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyIntArray
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.part.part import Part, read_part
-from iriftrace.scene.ensemble import INCLUDED, is_ensemble, member_folder
-from iriftrace.shells.files import read_ply
+from iriftrace.scene.outline import outermost_surface, read_surface
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
 
 if TYPE_CHECKING:
@@ -68,8 +64,8 @@ class SweptScene:
             )
 
 
-def load_swept_scene(dataset: xr.Dataset, pose: int, engine: str | None = None) -> SweptScene:
-    """Load the scene that a sweep was made of.
+def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
+    """Load the scene that a sweep was made of, with the engine that was asked for.
 
     Parameters
     ----------
@@ -77,8 +73,6 @@ def load_swept_scene(dataset: xr.Dataset, pose: int, engine: str | None = None) 
         The sweep.
     pose
         Number of the pose whose scene and focal length are wanted, where a sweep has several.
-    engine
-        What bends the rays; by default what gave the numbers of this pose.
 
     Raises
     ------
@@ -98,8 +92,6 @@ def load_swept_scene(dataset: xr.Dataset, pose: int, engine: str | None = None) 
     from iriftrace.scene.load import load_scene
 
     variant = _variant(named.get("variant"))
-    through_field = "through_field" in dataset and dataset["through_field"].values[pose] == 1
-    traced_with = "continuous" if through_field else named.get("engine")
     with warnings.catch_warnings():
         # What limits the scene was said when it was swept.
         warnings.simplefilter("ignore", IriftraceWarning)
@@ -107,7 +99,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int, engine: str | None = None) 
             named["path"],
             named.get("variables"),
             variant=variant,
-            engine=engine or traced_with,
+            engine=named.get("wanted_engine"),
         )
     include = json.loads(dataset.attrs.get("include", "[0]"))
     return SweptScene(scene, swept_camera(dataset, pose), tuple(include))
@@ -143,23 +135,23 @@ def _variant(swept: str | None) -> str:
 
 @frozen(eq=False)
 class Surroundings:
-    """Part and outermost shell (vertices, faces) that the cameras of a sweep look at.
+    """Part and outer surface of the hot air (vertices, faces) that the cameras of a sweep look at.
 
     Vertices are in mm, world; `missing` says in half a sentence each why one is None.
     """
 
     part: Part | None = None
-    shell: tuple[NDArray[np.float32], AnyIntArray] | None = None
+    hot_air: tuple[NDArray[np.float32], AnyIntArray] | None = None
     missing: tuple[str, ...] = ()
 
 
 def surroundings_of(dataset: xr.Dataset) -> Surroundings:
-    """Read part and outermost shell, as far as their files are still what was swept."""
+    """Read part and hot air, as far as their files are still what was swept."""
     found: dict[str, Any] = {}
     missing = []
     for key, name, read in (
         ("part", "the part", swept_part),
-        ("shell", "the outermost shell", _shell),
+        ("hot_air", "the hot air", _hot_air),
     ):
         try:
             found[key] = read(dataset)
@@ -178,33 +170,13 @@ def swept_part(dataset: xr.Dataset) -> Part:
     return part.transformed(named["to_world"])
 
 
-def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
+def _hot_air(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
     scene, sha256 = scene_of(dataset)
     if scene is None:
         raise InputError("the sweep does not name its scene")
     check_unchanged(scene, sha256)
-    layers = {}
-    for shape in _shapes(scene):
-        file = shape.find("string[@name='filename']")
-        layer = shape.find("bsdf[@type='iso_shell']/string[@name='layer']")
-        # What is placed by the scene lies elsewhere than its file says.
-        if file is None or layer is None or shape.find("transform") is not None:
-            continue
-        if layer.get("value", "").isdecimal():
-            layers[int(layer.get("value", ""))] = scene.parent / file.get("value", "")
-    if not layers:
-        raise InputError(f"{scene} names none")
-    outermost = layers[min(layers)]
+    outermost = outermost_surface(scene)
     files = scene_of_pose(dataset, 0).get("files", {})
     if str(outermost.resolve()) in files:
         check_unchanged(outermost, files[str(outermost.resolve())])
-    vertices, faces, *_ = read_ply(outermost)
-    return vertices, faces
-
-
-def _shapes(scene: Path) -> list[Element]:
-    """Shapes of a scene; of an ensemble's the first member's, which it includes."""
-    file = member_folder(scene, 1) / INCLUDED if is_ensemble(scene) else scene
-    if not file.is_file():
-        raise InputError(f"{file} is gone")
-    return list(ElementTree.parse(file).getroot().iter("shape"))
+    return read_surface(outermost)

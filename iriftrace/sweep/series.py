@@ -18,7 +18,7 @@ from iriftrace.core.files import sha256_of
 from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
-from iriftrace.trace.render import is_inside
+from iriftrace.trace.rays import is_inside
 
 RenderPoses = Callable[[Iterable[PoseTask]], Iterator[Piece]]
 """Renders the tasks of a sweep and gives the results in any order."""
@@ -107,19 +107,20 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
     return free
 
 
-def check_comparable(series: Sequence[Series]) -> None:
+def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
     """Refuse, with InputError, series whose poses could not be ranked together.
 
-    These have no pose or no file, an orthographic camera, or different parts, variants,
-    wavelengths or cameras; only focal length and pose of the camera may differ.
+    These have no pose, no file where a sweep is to be resumable, an orthographic camera, or
+    different parts, variants, wavelengths or cameras; only focal length and pose of the camera may
+    differ.
     """
     if sum(len(one.poses) for one in series) == 0:
         raise InputError("The sweep has no pose; give angles or a list of poses.")
     first = series[0]
-    if any(one.scene.path is None for one in series):
+    if resumable and any(one.scene.path is None for one in series):
         raise InputError(
-            "A sweep can go on after a break, so it needs the files of its scenes; write the scene "
-            "first (Scene.save) and sweep the file."
+            "A sweep with a file can go on after a break, so it needs the files of its scenes; "
+            "write the scene first (Scene.save) and sweep that, or leave the sweep's file out."
         )
     first.camera.check_movable()
     for one in series[1:]:
@@ -153,20 +154,18 @@ def _sensor(camera: Camera) -> dict[str, Any]:
     return {key: value for key, value in camera.as_dict().items() if key not in varied}
 
 
-def file_of(scene: LoadedScene) -> Path:
-    """The file of a scene, which `check_comparable` has seen to be there."""
-    assert scene.path is not None
-    return scene.path
-
-
 def sources_of(series: Sequence[Series]) -> list[SceneSource]:
     """Where the scene of each series lies; each scene is read once."""
     scenes = {id(one.scene): one.scene for one in series}
-    known = {
-        key: source_of(file_of(scene), scene.variables, scene.variant, scene.wanted_engine)
-        for key, scene in scenes.items()
-    }
+    known = {key: _source(scene, key) for key, scene in scenes.items()}
     return [known[id(one.scene)] for one in series]
+
+
+def _source(scene: LoadedScene, number: int) -> SceneSource:
+    if scene.path is not None:
+        return source_of(scene.path, scene.variables, scene.variant, scene.wanted_engine)
+    # In memory it is known in this process alone.
+    return SceneSource("", {}, scene.variant, str(number), "", {})
 
 
 def render_here(series: Sequence[Series], sources: Sequence[SceneSource]) -> RenderPoses:
@@ -183,7 +182,7 @@ def render_here(series: Sequence[Series], sources: Sequence[SceneSource]) -> Ren
 def series_variables(series: Sequence[Series]) -> dict[str, Any]:
     """Scene, focal length and stand-off of each pose, as variables of a dataset."""
     counts = [len(one.poses) for one in series]
-    scenes = np.array([str(one.scene.path) for one in series], dtype=object)
+    scenes = np.array([one.scene.name for one in series], dtype=object)
     focal = np.array([one.camera.focal_length_mm for one in series])
     stand_off = np.array([one.stand_off_mm for one in series])
     excess = {"units": "mm", "long_name": "semi-axes of the orbit less half extents of the part"}
@@ -197,20 +196,26 @@ def series_variables(series: Sequence[Series]) -> dict[str, Any]:
 def scenes_attribute(
     series: Sequence[Series], sources: Sequence[SceneSource]
 ) -> list[dict[str, Any]]:
-    """Every scene once: path as given, absolute path, SHA-256, files, parameters and field."""
+    """Every scene once: path as given, absolute path, SHA-256, files, parameters and field.
+
+    A scene in memory has neither paths nor files.
+    """
     scenes: dict[str, dict[str, Any]] = {}
     for one, source in zip(series, sources, strict=True):
-        scene, name = one.scene, str(one.scene.path)
+        scene, name = one.scene, one.scene.name
         scenes[name] = {
             "scene": name,
-            "path": source.path,
-            "sha256": sha256_of(file_of(scene)),
-            "files": source.files,
+            **({} if scene.path is None else _files_of(source, scene.path)),
             "variables": scene.variables,
             "variant": scene.variant,
             "engine": scene.engine,
-            "field": scene.shells_table.get("source"),
+            "wanted_engine": scene.wanted_engine,
+            "field": scene.source,
         }
         if scene.ensemble is not None:
             scenes[name]["members"] = [member.as_dict() for member in scene.ensemble.members]
     return list(scenes.values())
+
+
+def _files_of(source: SceneSource, path: Path) -> dict[str, Any]:
+    return {"path": source.path, "sha256": sha256_of(path), "files": source.files}

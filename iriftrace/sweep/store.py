@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, sha256_of, whole_file
 from iriftrace.core.netcdf import check_netcdf
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
     from iriftrace.camera.pose_set import PoseSet
 
-SCHEMA = "iriftrace.sweep/1"
+SCHEMA = "iriftrace.sweep/2"
 WHOLE_PART = "part"
 
 CONVENTIONS = "CF-1.11"
@@ -194,7 +195,7 @@ def read_sweep(path: str | Path) -> xr.Dataset:
 def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
     """File of the scene that was swept and its SHA-256, as the attributes say."""
     scene = attribute(dataset, "scene")
-    return (Path(scene["path"]), str(scene.get("sha256"))) if "path" in scene else (None, "")
+    return (Path(scene["path"]), str(scene.get("sha256"))) if scene.get("path") else (None, "")
 
 
 def scene_of_pose(dataset: xr.Dataset, pose: int) -> dict[str, Any]:
@@ -205,6 +206,15 @@ def scene_of_pose(dataset: xr.Dataset, pose: int) -> dict[str, Any]:
     except (TypeError, ValueError, KeyError):
         return attribute(dataset, "scene")
     return next((s for s in scenes if s.get("scene") == name), attribute(dataset, "scene"))
+
+
+def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
+    """Mask (n,) of the poses whose rays were bent by the field's cells."""
+    count = dataset.sizes["pose"]
+    asked = [scene_of_pose(dataset, pose).get("engine") == "continuous" for pose in range(count)]
+    chosen = dataset["through_cells"].values == 1 if "through_cells" in dataset else False
+    found: BoolArray = np.array(asked) | chosen
+    return found
 
 
 def check_unchanged(path: str | Path, sha256: str) -> None:

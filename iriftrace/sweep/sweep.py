@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.arrays import BoolArray
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.metrics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
 from iriftrace.scene.scene import AnyScene, loaded_scene
@@ -34,8 +35,8 @@ from iriftrace.sweep.series import (
 )
 from iriftrace.sweep.store import WHOLE_PART, pose_variables, read_sweep, to_dataset, write_sweep
 from iriftrace.sweep.warned import VARIABLE, warned_variable
+from iriftrace.trace.engine import warn_of_coarse_poses
 from iriftrace.trace.provenance import provenance
-from iriftrace.trace.shell_convergence import warn_of_coarse_poses
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -66,7 +67,7 @@ STANDARD = SweepOptions()
 def run_sweep(
     scenes: AnyScene | Sequence[AnyScene],
     poses: PoseSet | Mapping[float, PoseSet],
-    path: str | Path,
+    path: str | Path | None = None,
     *,
     focal_lengths_mm: Sequence[float] = (),
     move_out: bool = False,
@@ -75,25 +76,25 @@ def run_sweep(
     progress: Progress | None = None,
     render: RenderPoses | None = None,
 ) -> xr.Dataset:
-    """Render scenes from many poses and keep the metrics in one netCDF file.
+    """Render scenes from many poses and keep the metrics, in one netCDF file or in memory.
 
     Every combination of scene, focal length and set of poses is swept, in this order of nesting.
     All poses are equals: one `iriftrace.planning.rank.rank_poses` normalises and ranks them
     together, so that fields, focal lengths and distances compete.
 
-    Every finished pose goes into a journal beside the file, so that a sweep that was interrupted
-    or killed loses the poses in flight at most: the same call goes on where it stopped, and its
-    result is the same but for the times. Memory does not grow with the number of poses but for the
-    metrics, some kilobytes a pose.
+    Where a file is given, every finished pose goes into a journal beside it, so that a sweep that
+    was interrupted or killed loses the poses in flight at most: the same call goes on where it
+    stopped, and its result is the same but for the times. Memory does not grow with the number of
+    poses but for the metrics, some kilobytes a pose.
 
     Parameters
     ----------
-    scenes : LoadedScene or path, or several
+    scenes : Scene, LoadedScene or path, or several
         Of the same part, with the same sensor, which gives the intrinsics.
     poses : PoseSet, or mapping from float to PoseSet
         Camera poses, or those of several orbits by their stand-offs, mm.
-    path : path
-        The netCDF file.
+    path : path, optional
+        The netCDF file; by default the result is in memory alone. Needs scenes of files.
     focal_lengths_mm : sequence of float, mm
         In place of the sensor's.
     move_out : bool
@@ -124,7 +125,7 @@ def run_sweep(
     -----
     IriftraceWarning
         If cameras were moved; if more than half of the poses are empty, naming the main reason;
-        and if there are poses for whose single rays the shells are too few.
+        and of poses as :func:`iriftrace.trace.engine.choose` warns.
     """
     several = scenes if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
     loaded = [loaded_scene(one) for one in several]
@@ -136,7 +137,7 @@ def run_sweep(
 
 def run_series(
     series: Sequence[Series],
-    path: str | Path,
+    path: str | Path | None,
     *,
     target: ArrayLike | None = None,
     options: SweepOptions = STANDARD,
@@ -144,8 +145,23 @@ def run_series(
     render: RenderPoses | None = None,
 ) -> xr.Dataset:
     """Sweep any series that can be compared, as `run_sweep` does."""
-    check_comparable(series)
-    out = Path(path)
+    check_comparable(series, resumable=path is not None)
+    if path is not None:
+        return _run(series, Path(path), target, options, progress, render)
+    if options.exr:
+        raise InputError("Pictures of a sweep lie beside its file; give the sweep a path.")
+    with TemporaryDirectory() as folder:
+        return _run(series, Path(folder) / "sweep.nc", target, options, progress, render).load()
+
+
+def _run(
+    series: Sequence[Series],
+    out: Path,
+    target: ArrayLike | None,
+    options: SweepOptions,
+    progress: Progress | None,
+    render: RenderPoses | None,
+) -> xr.Dataset:
     sources = sources_of(series)
     work = Work(
         kind="sweep",
@@ -171,7 +187,7 @@ def run_series(
     )
     if fresh:
         _warn_of_empty_poses(dataset)
-        judged = ("every_second_shell_p95", "every_second_shell_p95_mm", "through_field")
+        judged = ("engine_test_p95", "engine_test_p95_mm", "through_cells")
         warn_of_coarse_poses(*(dataset[name].values for name in judged))
     return dataset
 

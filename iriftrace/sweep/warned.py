@@ -10,8 +10,8 @@ from attrs import frozen
 from iriftrace.core.arrays import BoolArray, IntArray
 from iriftrace.image.aov_image import Status
 from iriftrace.sweep.store import WHOLE_PART
+from iriftrace.trace.engine import LIMIT, TOO_COARSE
 from iriftrace.trace.lost import LIMIT as LOST_LIMIT
-from iriftrace.trace.shell_convergence import LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +35,7 @@ class Flag:
 
 
 FLAGS = (
-    Flag("shells_too_few", "s", "shells too few for single rays"),
+    Flag("air_too_coarse", "s", TOO_COARSE),
     Flag("open_boundary", "o", f"over {SHARE:.0%} of the rays pass an open end of the data"),
     Flag("out_of_focus", "f", f"over {SHARE:.0%} of the hits out of focus"),
     Flag("part_beyond_picture", "b", "part reaches beyond the picture"),
@@ -50,7 +50,7 @@ def warned_variable(dataset: xr.Dataset) -> tuple[tuple[str], IntArray, dict[str
     counts = ("rays_good", "rays_hit", "hits_at_border", "rays_out_of_focus", "rays_open_boundary")
     good, hit, beyond, blurred, passed = (whole[name].values.astype(np.float64) for name in counts)
     lost = sum(whole[f"rays_{status.key}"].values for status in Status if status.lost)
-    coarse = (whole["every_second_shell_p95"].values > LIMIT) & (whole["through_field"].values != 1)
+    coarse = (whole["engine_test_p95"].values > LIMIT) & (whole["through_cells"].values != 1)
     found = (
         *(coarse, passed > SHARE * good, blurred > SHARE * hit, (beyond > 0) | (hit == 0)),
         lost > LOST_LIMIT * hit,

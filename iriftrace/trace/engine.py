@@ -1,109 +1,304 @@
-"""Choice of the engine for a view: the scene's shells, or its field where they are too coarse.
+"""Which description of the air bends a scene's rays: its shells, or its cells where they must.
 
-There is one test (`iriftrace.trace.shell_convergence`) on one sample of rays: those of the devices'
-own pictures that hit the part in focus. So a picture, a measurement and a correction with the same
-devices are traced with the same engine.
+There is one test on one sample of rays: shells suffice where hits hardly move when every second
+shell is left out. Where lines of sight run along the layers, as straight down a plume, they move by
+as much as the air does. Whoever traces asks `choose`, so the same rays have the same numbers in a
+picture, a measurement, a correction and a sweep.
 """
 
 from __future__ import annotations
 
+import time
 import warnings
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import asdict, evolve, frozen
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.lost import LIMIT as LOST_LIMIT
-from iriftrace.trace.shell_convergence import (
-    SAMPLE,
-    PictureTest,
-    ShellResolution,
-    shell_resolution,
-    warn_of_coarse_shells,
-)
+from iriftrace.trace.pose_image import sensor_for
+
+if TYPE_CHECKING:
+    from iriftrace.plugins.kernels.queries import StraightHits
 
 PIXELS = 100_000
-"""Of the picture by which a device of a measurement is tested; a sample of them is traced."""
+"""Of the picture by which a camera is tested, at most."""
+
+SAMPLE = 5000
+"""Rays of a picture or bundle that are traced in the test, at most."""
+
+SHARES = 0.5, 0.95
+
+FEWEST = 100
+"""Bent rays of a picture below which the test says nothing; as for the metrics."""
+
+LIMIT = 0.03
+"""Of the share of the 95th percentile: what the shells are to be right by."""
+
+TOO_COARSE = "shells too few for single rays"
+
+_WHEN = (
+    "when every second shell is left out, as where lines of sight run along the layers of hot air"
+)
+
+CHANGE = "change of the hits without every second shell, 95th percentile"
+"""What `EngineTest.p95_mm` is."""
+
+View = Camera | tuple[FloatArray, FloatArray] | None
+"""Rays of a test: a camera's, a bundle's (origins, mm, and directions, (n, 3) each), or those of
+the scene's own sensor."""
+
+
+@frozen
+class EngineTest:
+    """By how much hits move when every second shell is left out.
+
+    Median and 95th percentile of the distances between the hits are also stated as shares of the
+    displacement's. Rays that no shell bends, though they run through hot air between two of them,
+    are wrong altogether: a share of 1.
+    """
+
+    rays: int  # of the sample that hit the part both times
+    median_mm: float
+    p95_mm: float
+    median_share: float
+    p95_share: float
+    unmet: int = 0  # rays of the sample that run through hot air without meeting a shell
+
+    @property
+    def suffices(self) -> bool:
+        """Whether single rays of this view can be relied on."""
+        return self.p95_share <= LIMIT
 
 
 @frozen(eq=False)
 class Choice:
-    """The scene as it is to be traced, and what its shells were tested with."""
+    """The scene as it is to be traced, and what its shells were tested with.
+
+    Attributes
+    ----------
+    scene : LoadedScene
+    test : EngineTest or None
+        The worst of all views and members of an ensemble; None where nothing could be tested.
+    through_cells : bool
+        Whether cells take the shells' place.
+    straight : StraightHits or None
+        Those of the picture, where it was tested as it is.
+    straight_s : float
+        Seconds that these took.
+    """
 
     scene: LoadedScene
-    test: PictureTest
+    test: EngineTest | None = None
+    through_cells: bool = False
+    straight: StraightHits | None = None
+    straight_s: float = 0.0
 
-    @property
-    def resolution(self) -> ShellResolution | None:
-        """The result of the test; None without one."""
-        return self.test.resolution
+    def as_dict(self) -> dict[str, float | int | bool] | None:
+        """Plain JSON values, for every result; None without a test."""
+        if self.test is None:
+            return None
+        said = {"suffices": self.test.suffices, "through_cells": self.through_cells}
+        return {**asdict(self.test), **said}
 
 
-def choose(scene: LoadedScene, camera: Camera | None = None, sample: int = SAMPLE) -> Choice:
-    """Choose what bends the rays of one picture, of the scene's own camera by default.
+def choose(scene: LoadedScene, *views: View) -> Choice:
+    """Choose what bends the rays of some views, all alike.
 
-    The field is chosen where the shells are too few for the view, it lies beside the scene, no
-    engine was asked for, and it does not lose over 0.5 % of the same rays. Warns where shells are
-    too few.
+    Cells are chosen where the shells are too few for one of the views, in one of an ensemble's
+    members; the field lies beside the scene; no engine was asked for; and the cells do not lose
+    over 0.5 % of the same rays. Nothing is tested where the scene has cells alone or was asked for
+    them, has fewer than 5 shells or such as do not lead from one index to the next, and where no
+    ray of the views is bent, fewer than 100 of a picture.
+
+    Warns
+    -----
+    IriftraceWarning
+        The shells are too few, whether or not cells take their place.
     """
-    test = shell_resolution(scene, camera, sample)
-    if test.resolution is None or test.resolution.suffices:
-        return Choice(scene, test)
-    field = scene.through_field
-    if field is not None and test.rays is not None:
-        lost = _lost_fraction(field, *test.rays)
-        if lost > LOST_LIMIT:
-            warnings.warn(
-                f"The shells are too coarse for this view, but the field loses {lost:.1%} of its "
-                "rays in cells that are badly shaped, so the shells are used; check the field's "
-                "mesh (iriftrace field check), or write the scene with --layers 40.",
-                IriftraceWarning,
-                stacklevel=3,
-            )
-            return Choice(scene, test)
-    warn_of_coarse_shells(test.resolution, field is not None)
-    return Choice(field or scene, test)
-
-
-def choose_for_devices(scene: LoadedScene, devices: Sequence[Camera]) -> LoadedScene:
-    """Choose what bends the rays of several devices alike: the field if one of them needs it."""
-    for device in devices:
-        width, height = device.resolution
-        coarser = device.scaled(min(1.0, (PIXELS / (width * height)) ** 0.5))
-        choice = choose(scene, coarser)
-        if choice.resolution is not None and not choice.resolution.suffices:
-            return choice.scene
-    return scene
-
-
-def _lost_fraction(scene: LoadedScene, origin: Any, direction: Any) -> float:
-    """Fraction of a sample of rays (Point3d, Vector3d) whose end is not known."""
+    if scene.engine != "shells":
+        return Choice(scene)
     with runtime.using(scene.variant):
-        import drjit as dr
-        import mitsuba as mi
+        samples = [_sample(scene, view) for view in views]
+        chosen = _by_samples(scene, [one for one in samples if one.rays is not None])
+    if len(samples) != 1:
+        return chosen
+    return evolve(chosen, straight=samples[0].straight, straight_s=samples[0].straight_s)
 
-        count = dr.width(origin, direction)
-        # A camera's rays all have the same origin, which is a single number an axis.
-        starts, ways = (
-            [axis + dr.zeros(mi.Float64, count) for axis in vector]
-            for vector in (origin, direction)
+
+class _Sample(NamedTuple):
+    """Rays of a view that hit the part in focus, and how many of them must be bent."""
+
+    rays: tuple[Any, Any] | None  # origins (Point3d, mm) and directions (Vector3d)
+    fewest: int
+    straight: StraightHits | None = None  # of a picture that is tested as it is
+    straight_s: float = 0.0
+
+
+def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
+    tests = [
+        found
+        for member in _members(scene)
+        for sample in samples
+        if (found := _tested(member, sample)) is not None
+    ]
+    worst = max(tests, key=lambda test: test.p95_share, default=None)
+    if worst is None or worst.suffices:
+        return Choice(scene, worst)
+    cells = scene.through_cells
+    lost = 0.0 if cells is None else _lost_fraction(cells, samples)
+    if lost > LOST_LIMIT:
+        warnings.warn(
+            f"The shells are too coarse for this view, but the field loses {lost:.1%} of its "
+            "rays in cells that are badly shaped, so the shells are used; check the field's "
+            "mesh (iriftrace field check), or write the scene with --layers 40.",
+            IriftraceWarning,
+            stacklevel=4,
         )
-        trace = scene.integrator.trace(
-            scene.mitsuba_scene,
-            lambda ray: (
-                mi.Point3d(*(dr.gather(mi.Float64, axis, ray) for axis in starts)),
-                mi.Vector3d(*(dr.gather(mi.Float64, axis, ray) for axis in ways)),
-            ),
-            count,
-            focus=(0.0, float("inf")),
-            coherent=False,
-            trace_all=True,
-        ).trace
-        status = np.array(trace.status)
-    return float(np.isin(status, [code for code in Status if code.lost]).mean())
+        return Choice(scene, worst)
+    _warn_of_coarse_shells(worst, cells is not None)
+    return Choice(cells or scene, worst, cells is not None)
+
+
+def _members(scene: LoadedScene) -> Iterator[LoadedScene]:
+    """Scenes of a single field each."""
+    if scene.ensemble is None:
+        yield scene
+    else:
+        yield from scene.ensemble.scenes()
+
+
+def _sample(scene: LoadedScene, view: View) -> _Sample:
+    if isinstance(view, tuple):
+        return _Sample(_of_bundle(*view), 1)
+    width, height = (view or scene.camera).resolution
+    whole = width * height <= PIXELS
+    if not whole:
+        view = (view or scene.camera).scaled((PIXELS / (width * height)) ** 0.5)
+    sensor = sensor_for(scene, view)
+    started = time.perf_counter()
+    straight = scene.integrator.straight(scene.mitsuba_scene, sensor)
+    seconds = time.perf_counter() - started
+    rays = scene.integrator.sharp_rays(sensor, straight, SAMPLE)
+    return _Sample(rays, FEWEST, straight, seconds) if whole else _Sample(rays, FEWEST)
+
+
+def _of_bundle(origins: FloatArray, directions: FloatArray) -> tuple[Any, Any]:
+    import mitsuba as mi
+
+    count = min(SAMPLE, len(origins))
+    chosen = (np.arange(count) * (len(origins) / count)).astype(np.int64)
+    return mi.Point3d(origins[chosen].T), mi.Vector3d(directions[chosen].T)
+
+
+def _tested(scene: LoadedScene, sample: _Sample) -> EngineTest | None:
+    fewest = sample.fewest
+    assert sample.rays is not None
+    ways = scene.integrator.moved_by_fewer_shells(scene.mitsuba_scene, *sample.rays)
+    if ways is None:
+        return None
+    displacement, moved, blind = map(np.array, ways)
+    known, unmet = np.isfinite(moved), int(blind.sum())
+    bent = known & (displacement > 0.0)
+    if bent.sum() < fewest and unmet < fewest:
+        return None
+    whole = change = shares = np.zeros(2)
+    if bent.sum() >= fewest:
+        whole, change = (np.quantile(a[known], SHARES) for a in (displacement, moved))
+        if not whole[0] > 0.0:
+            whole = np.quantile(displacement[bent], SHARES)
+        shares = change / whole
+    wrong = unmet / len(blind) > 1.0 - np.array(SHARES)
+    shares = np.where(wrong, 1.0, shares)
+    (median, p95), (median_share, p95_share) = change.tolist(), shares.tolist()
+    return EngineTest(int(known.sum()), median, p95, median_share, p95_share, unmet)
+
+
+def _lost_fraction(scene: LoadedScene, samples: list[_Sample]) -> float:
+    """Largest fraction of a sample's rays whose end is not known, in any member."""
+    return max(
+        _lost_of(member, *sample.rays)
+        for member in _members(scene)
+        for sample in samples
+        if sample.rays is not None
+    )
+
+
+def _lost_of(scene: LoadedScene, origin: Any, direction: Any) -> float:
+    import drjit as dr
+    import mitsuba as mi
+
+    count = dr.width(origin, direction)
+    # A camera's rays all have the same origin, which is a single number an axis.
+    starts, ways = (
+        [axis + dr.zeros(mi.Float64, count) for axis in vector] for vector in (origin, direction)
+    )
+    trace = scene.integrator.trace(
+        scene.mitsuba_scene,
+        lambda ray: (
+            mi.Point3d(*(dr.gather(mi.Float64, axis, ray) for axis in starts)),
+            mi.Vector3d(*(dr.gather(mi.Float64, axis, ray) for axis in ways)),
+        ),
+        count,
+        focus=(0.0, float("inf")),
+        coherent=False,
+        trace_all=True,
+    ).trace
+    lost = np.isin(np.array(trace.status), [code for code in Status if code.lost])
+    return float(lost.mean())
+
+
+def _warn_of_coarse_shells(found: EngineTest, through_cells: bool) -> None:
+    change = (
+        f"Hits of this view change by {1e3 * found.p95_mm:.3g} um ({found.p95_share:.1%} of "
+        f"the displacement; 95th percentiles) {_WHEN}"
+    )
+    if found.p95_share == 1.0:
+        change = (
+            f"{found.unmet:,} rays of a sample run through hot air between two shells and meet "
+            "none, so that no shell bends them"
+        )
+    warnings.warn(
+        f'{change}; the field itself was traced instead (load_scene with engine="shells", or '
+        "--engine shells, insists on shells)."
+        if through_cells
+        else f'{change}; load the scene with engine="continuous" (--engine continuous), or '
+        "make it with layers=20 (--layers 20).",
+        IriftraceWarning,
+        stacklevel=4,
+    )
+
+
+def warn_of_coarse_poses(
+    p95_shares: FloatArray, p95_mm: FloatArray, through_cells: FloatArray
+) -> None:
+    """The same of a sweep's n poses, (n,) arrays.
+
+    Shares are NaN where nothing is known; `through_cells` is 1 where cells served instead.
+    """
+    coarse = p95_shares > LIMIT
+    for these, what in (
+        (
+            coarse & (through_cells == 1),
+            "the field itself was traced there (--engine shells insists on shells)",
+        ),
+        (
+            coarse & (through_cells != 1),
+            "sweep with --engine continuous, or make the scene with --layers 20",
+        ),
+    ):
+        if these.any():
+            warnings.warn(
+                f"Hits of {these.sum()} of {len(these)} poses change by over {LIMIT:.0%} of the "
+                f"displacement (95th percentiles, variable engine_test_p95), by up to "
+                f"{1e3 * np.nanmax(p95_mm[these]):.3g} um, {_WHEN}; {what}.",
+                IriftraceWarning,
+                stacklevel=4,
+            )

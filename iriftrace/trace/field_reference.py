@@ -9,8 +9,8 @@ from attrs import asdict, frozen
 from iriftrace.core.errors import InputError
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
 from iriftrace.scene.load import LoadedScene
+from iriftrace.trace.engine import FEWEST
 from iriftrace.trace.pose_image import pose_image
-from iriftrace.trace.shell_convergence import FEWEST
 
 SAMPLE = 100_000
 """Pixels of the two pictures that are compared."""
@@ -49,8 +49,7 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
     """Trace a coarser picture through the shells and through the field itself, and compare.
 
     The scene's engine is ``"shells"``, and the field file that `write_scene` puts beside the XML is
-    there; The pictures have
-    about `sample` pixels.
+    there. The pictures have about `sample` pixels.
     """
     if scene.engine != "shells":
         raise InputError(
@@ -63,9 +62,7 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
             'are checked at a time; choose one, "-D member=1" for example.'
         )
     continuous = scene.with_cells()
-    tables = (scene.shells_table, continuous.shells_table)
-    own, other = ((table.get("source") or {}).get("sha256") for table in tables)
-    if own != other:
+    if not scene.same_field(continuous):
         raise InputError(
             f"The shells of {scene.name} were cut from another field than its field file, so their "
             "difference is no error of theirs; write the scene again."

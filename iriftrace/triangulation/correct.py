@@ -27,7 +27,7 @@ from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.scene.scene import AnyScene
-from iriftrace.trace.engine import choose_for_devices
+from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
 from iriftrace.triangulation.features import GATE, feature_table
@@ -291,8 +291,7 @@ def correct(
     Warns
     -----
     IriftraceWarning
-        The shells are too few for the lines of sight; where the field lies beside the scene and no
-        engine was asked for, it serves instead.
+        As :func:`iriftrace.trace.engine.choose`.
     """
     measured = np.array(points, dtype=np.float64)
     if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
@@ -317,22 +316,22 @@ def correct(
             "in another unit (--length-unit) or another frame (--cloud-to-part); give its points "
             "in mm in the frame of the scene."
         )
-    members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
+    traced = choose(loaded, camera, second).scene
+    members = (traced,) if traced.ensemble is None else traced.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.
     with np.errstate(divide="ignore", invalid="ignore"):
         pixel, second_pixel = (device.project(measured) for device in (camera, second))
     order = places_in_tiles(pixel)
     # Neither behind a device nor so far beside its picture that its lens has no ray there.
     order = order[np.isfinite(np.hstack((pixel, second_pixel))[order]).all(axis=1)]
-    scenes, shares, statuses, faces = [], [], [], []
+    shares, statuses, faces = [], [], []
     for member in members:
-        scenes.append(choose_for_devices(member, (camera, second)))
         shares.append(np.zeros_like(measured))
         statuses.append(np.full(len(measured), CorrectionStatus.FAR_FROM_PART, dtype=np.int64))
         faces.append(np.full(len(measured), -1))
         for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
             shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _air_share(
-                measured[rows], scenes[-1], camera, second, system, phase
+                measured[rows], member, camera, second, system, phase
             )
     status = np.max(statuses, axis=0)
     if len(shares) > 1:
@@ -366,7 +365,7 @@ def correct(
         face=faces[0],
         normal=loaded.part.surface.normals[faces[0]],
         system=system,
-        provenance=provenance_of_two(loaded if loaded.ensemble else scenes[0], camera),
+        provenance=provenance_of_two(traced, camera),
         field_uncertainty=field_uncertainty,
         errors=None if len(shares) == 1 else errors,
         to_part=to_part,

@@ -40,11 +40,10 @@ class FieldState:
 
 def field_state(scene: LoadedScene) -> FieldState:
     """State of a scene's field; the scatter of an ensemble's fields has their unsteadiness."""
-    table = scene.shells_table
     if scene.ensemble is None:
-        origin = _origin(table.get("source"))
+        origin = _origin(scene.source)
         return FieldState(
-            synthetic_mark(origin) is not None, _unsteadiness(origin, _heating(table))
+            synthetic_mark(origin) is not None, _unsteadiness(origin, scene.heating_k)
         )
     members = scene.ensemble.members
     return FieldState(any(synthetic_mark(_origin(one.source)) for one in members))
@@ -52,13 +51,6 @@ def field_state(scene: LoadedScene) -> FieldState:
 
 def _origin(source: Mapping[str, Any] | None) -> str:
     return str((source or {}).get("origin") or "")
-
-
-def _heating(table: Mapping[str, Any]) -> float | None:
-    """Hottest shell over ambient air, K."""
-    ambient = (table.get("air") or {}).get("temperature_k")
-    hot = [kelvin for row in table.get("shells", ()) if (kelvin := row.get("temperature_k"))]
-    return max(hot) - ambient if hot and ambient is not None and max(hot) > ambient else None
 
 
 def _unsteadiness(origin: str, heating_k: float | None) -> float | None:

@@ -28,10 +28,10 @@ from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.scene.viewpoint import refuse_one_place
-from iriftrace.trace.engine import choose_for_devices
+from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.provenance import provenance
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import traced_as_chosen
 from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
 from iriftrace.triangulation.features import GATE, feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
@@ -279,19 +279,17 @@ def measure(
     Warns
     -----
     IriftraceWarning
-        Half of the lines meet at less than 1 degree, or the shells are too few for the lines of
-        sight; where the field lies beside the scene and no engine was asked for, it serves instead.
+        Half of the lines meet at less than 1 degree, or as :func:`iriftrace.trace.engine.choose`.
     """
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
     started = time.perf_counter()
-    if loaded.ensemble is None:
-        chosen = choose_for_devices(loaded, (camera, second))
+    chosen = choose(loaded, camera, second).scene
+    if chosen.ensemble is None:
         found = _scan(chosen, camera, second, system, phase)
     else:
-        members = loaded.ensemble.scenes()
-        chosen_of = (choose_for_devices(member, (camera, second)) for member in members)
-        scans = [_scan(member, camera, second, system, phase) for member in chosen_of]
-        found = evolve(_together(scans), provenance=provenance_of_two(loaded, camera))
+        members = chosen.ensemble.scenes()
+        scans = [_scan(member, camera, second, system, phase) for member in members]
+        found = evolve(_together(scans), provenance=provenance_of_two(chosen, camera))
     measure_s = time.perf_counter() - started
     time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
     return evolve(found, time_s=time_s)
@@ -377,7 +375,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     if len(pixels) == 0:
         raise InputError(_nothing_in_common(np.empty(0, np.int64), np.empty(0, np.int64)))
     origin, direction = forward.rays(pixels)
-    hits = trace_rays(
+    hits = traced_as_chosen(
         scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
     )
     seen = hits.status == Status.GOOD

@@ -22,7 +22,7 @@ from attrs import frozen
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import row_lengths, unit_vectors
 from iriftrace.scene.load import LoadedScene
-from iriftrace.trace.render import bent_ends
+from iriftrace.trace.rays import bent_ends
 
 MISS_MM = 1e-6
 """A ray that passes a point by less has found it: a thousandth of what sensors resolve."""
@@ -43,7 +43,7 @@ class LinesOfSight:
     found: BoolArray  # the bent ray passes the point by `MISS_MM` at most
     lacking: FloatArray  # mm
     face: IntArray  # of the part, under the ray's end; -1 where it meets none
-    in_air: BoolArray  # the ray met hot air: shells, or cells of the field that are not ambient
+    in_air: BoolArray  # the ray met hot air
     lost: BoolArray  # where the ray ends is not known, see `iriftrace.image.aov_image.Status.lost`
 
 

@@ -17,7 +17,6 @@ from iriftrace.core.errors import InputError
 from iriftrace.figures import report as report_module
 from iriftrace.figures.report import report_content, write_report
 from iriftrace.image.aov_image import Status
-from iriftrace.planning.confirm import Confirmation
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.summary import front_text, ranking_table, stability_text
 from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
@@ -42,7 +41,7 @@ def sweep() -> xr.Dataset:
         table[f"rays_{status.key}"] = (("pose", "region"), rays)
     table["rays_hit"] = (("pose", "region"), np.array([[1500], [1500], [1500], [50]]))
     table["rays_open_boundary"] = ("pose", np.array([61, 0, 0, 0]))
-    table["shell_triangles_in_view"] = ("pose", np.full(4, 77))
+    table["triangles_in_view"] = ("pose", np.full(4, 77))
     table["matrix"] = (("pose", "row", "column"), POSES.matrices)
     table["azimuth"] = ("pose", POSES.azimuth_deg)
     table["elevation"] = ("pose", POSES.elevation_deg)
@@ -204,18 +203,16 @@ def test_what_decides_stands_in_the_first_box(tmp_path: Path) -> None:
     table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
     best = summary_of(table).plan.best
     table["warned"] = ("pose", np.where(np.arange(4) == best, 1 + 8, 0).astype("i1"))
-    table["through_field"] = ("pose", np.array([0.0, 1.0, 0.0, np.nan]))
+    table["through_cells"] = ("pose", np.array([0.0, 1.0, 0.0, np.nan]))
     summary = summary_of(table)
-    said = Confirmation(missing="the scene is gone")
-    content = report_content(table, summary, 4, said)
+    content = report_content(table, summary, 4)
     assert content.title == "Where to put the camera: flange.stl"
-    field_text, engines, warned, confirmed = content.rests_on
+    field_text, engines, warned = content.rests_on
     assert engines.startswith("1 of 4 poses were traced through the field itself")
     assert dict(content.assumptions)["engine"].endswith(engines)
     assert field_text.startswith("SYNTHETIC FIELD: synthetic: formulas, no simulation.")
     assert "shells too few" in warned
     assert "part reaches beyond the picture" in warned
-    assert confirmed == said.text
     column = content.ranking.headings.index("warned")
     letters = {row[1]: row[column] for row in content.ranking.rows}
     assert letters.pop(str(best)) == "sb"

@@ -71,7 +71,7 @@ def sweep(poses: PoseSet = GRID, empty: tuple[int, ...] = EMPTY, **attributes: A
     for status, rays in counts.items():
         rays[list(empty)] = -1
         table[f"rays_{status.key}"] = (("pose", "region"), rays[:, None])
-    table["shell_triangles_in_view"] = ("pose", np.where(counts[Status.GOOD] < 0, -1, 500 + number))
+    table["triangles_in_view"] = ("pose", np.where(counts[Status.GOOD] < 0, -1, 500 + number))
     for name, variable in table.items():
         if variable.dtype == np.float64:
             table[name][list(empty)] = np.nan
@@ -550,16 +550,16 @@ def test_files_of_the_sweep_are_found_again() -> None:
     found = surroundings_of(sweep(**named))
     assert found.missing == ()
     assert found.part is not None
-    assert found.shell is not None
+    assert found.hot_air is not None
     # The outermost shell encloses the part.
-    vertices, _ = found.shell
+    vertices, _ = found.hot_air
     assert np.all(vertices.min(axis=0) < found.part.bounds[0])
     assert np.all(vertices.max(axis=0) > found.part.bounds[1])
 
     named["scene"]["sha256"] = "another"
     named["part"]["path"] = "gone.ply"
     found = surroundings_of(sweep(**named))
-    assert (found.part, found.shell) == (None, None)
+    assert (found.part, found.hot_air) == (None, None)
     assert [("gone" in text, "has changed" in text) for text in found.missing] == [
         (True, False),
         (False, True),

@@ -35,7 +35,7 @@ HEADER = {
     "pose": {"origin_mm": [0, 0, 0], "matrix": np.eye(4).tolist()},
     "part": {"path": "by hand", "sha256": PART.sha256},
     "time_s": {"load": 1.0, "straight": 0.25},
-    "counts": {"open_boundary": 3, "shell_triangles_in_view": 77},
+    "counts": {"open_boundary": 3, "triangles_in_view": 77},
     "assumptions": {"engine": "by hand"},
 }
 COLUMN, ROW = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
@@ -202,10 +202,10 @@ def test_regions_hold_the_numbers_of_their_own_rays() -> None:
 
 def test_header_entries_are_handed_on() -> None:
     metrics = metrics_of()
-    assert metrics["schema"] == "iriftrace.pose/1"
+    assert metrics["schema"] == "iriftrace.pose/2"
     assert metrics["camera"] == CAMERA.as_dict()
     assert metrics["pose"] == HEADER["pose"]
-    assert metrics["shell_triangles_in_view"] == 77
+    assert metrics["triangles_in_view"] == 77
     assert tuple(metrics["time_s"]) == TIMES
     assert metrics["time_s"]["straight"] == 0.25
     assert metrics["time_s"]["write"] is None

@@ -15,7 +15,7 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import render_scene
+from iriftrace.trace.pose_image import pose_image
 from validation.inputs.solved_fields import DATA, in_tetrahedra
 
 pytestmark = pytest.mark.slow
@@ -50,12 +50,10 @@ def images(variant: str, tmp_path_factory: pytest.TempPathFactory, field: IndexF
             stack = contour_shells(cut, layers)
             volume = field if layers == LAYERS[0] else None
             xml = write_scene(folder, part, stack, CAMERA, paraview=False, field=volume)
-            found[layers, normals] = render_scene(
-                load_scene(xml, {"normals": normals}), check_shells=0
-            ).image
+            found[layers, normals] = pose_image(load_scene(xml, {"normals": normals}))
             if volume is not None:
                 scene = load_scene(xml, {"normals": normals}, engine="continuous")
-                found["continuous", normals] = render_scene(scene, check_shells=0).image
+                found["continuous", normals] = pose_image(scene)
     return found
 
 
@@ -87,9 +85,7 @@ def test_thirteen_gradient_shells_agree_with_the_continuous_solution(
     both_engines: dict[str, LoadedScene], origin: tuple[float, float, float]
 ) -> None:
     camera = CAMERA.at(look_at(origin, (0.0, 0.0, 0.0)))
-    shells, field = (
-        render_scene(scene, camera=camera, check_shells=0).image for scene in both_engines.values()
-    )
+    shells, field = (pose_image(scene, camera=camera) for scene in both_engines.values())
     good = (shells.status == Status.GOOD) & (field.status == Status.GOOD)
     exact = field.vector("displacement", good)
     norm = np.linalg.norm(exact, axis=1)

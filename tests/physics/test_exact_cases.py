@@ -10,7 +10,7 @@ import pytest
 from iriftrace.plugins.first_hit import BENDING
 from iriftrace.scenes.analytic import cylinder_radii
 from iriftrace.shells.levels import index_levels
-from iriftrace.trace.render import RayHits
+from iriftrace.trace.rays import RayHits
 from validation.oracles.closed_forms import (
     CYLINDER_UM,
     SLAB_SHIFT_UM,

@@ -9,7 +9,7 @@ import pytest
 from attrs import evolve
 
 from iriftrace.scenes.analytic import slab
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from validation.inputs.scene_rays import loaded
 
 

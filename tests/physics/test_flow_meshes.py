@@ -19,7 +19,7 @@ from iriftrace.image.aov_image import Status
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from validation.inputs.solved_fields import SOLVED, camera_at
 
 CASE = Path(__file__).parents[2] / "validation/data/quarter_cylinder"

@@ -16,6 +16,7 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
+from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.render import render_scene
 from validation.inputs.solved_fields import DATA
 
@@ -56,7 +57,7 @@ def scenes(
 @pytest.fixture(scope="module")
 def images(scenes: dict[tuple[int, str], LoadedScene]) -> dict[tuple[int, str], AovImage]:
     """The oblique view of each scene."""
-    return {key: render_scene(scene, check_shells=0).image for key, scene in scenes.items()}
+    return {key: pose_image(scene) for key, scene in scenes.items()}
 
 
 def good_um(image: AovImage) -> np.ndarray:
@@ -93,7 +94,7 @@ def test_rays_that_run_down_along_the_plume_are_counted_right(
     elevation = np.radians(elevation_deg)
     origin = (310 * np.cos(elevation), 0.0, 238.5 * np.sin(elevation))
     camera = scene.camera.at(look_at(origin, (0.0, 0.0, 0.0)))
-    rays = render_scene(scene, camera=camera, empty=True, check_shells=0).metrics.rays
+    rays = render_scene(scene, camera=camera, empty=True).metrics.rays
     assert rays.hit > 20_000
     assert rays.index_mismatch == 0
 
@@ -121,7 +122,7 @@ def test_displacement_does_not_depend_on_the_number_of_shells(
     for layers in (13, 40, 80):
         scene = scenes[layers, "gradient"]
         camera = scene.camera.at(look_at(origin, (0.0, 0.0, 0.0)))
-        values = good_um(render_scene(scene, camera=camera, check_shells=0).image)
+        values = good_um(pose_image(scene, camera=camera))
         statistics.append((values.mean(), np.median(values)))
     for values in np.transpose(statistics):
         assert np.ptp(values) < 0.01 * values.min()

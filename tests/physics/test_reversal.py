@@ -7,7 +7,7 @@ import pytest
 
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 
 CAMERA = np.array((150.0, -100.0, 120.0))
 

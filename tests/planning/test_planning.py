@@ -523,7 +523,7 @@ def with_views(table: xr.Dataset) -> xr.Dataset:
     for status in Status:
         if status is not Status.GOOD:
             table[f"rays_{status.key}"] = (("pose", "region"), np.zeros((count, 1), dtype=int))
-    table["shell_triangles_in_view"] = ("pose", np.zeros(count, dtype=int))
+    table["triangles_in_view"] = ("pose", np.zeros(count, dtype=int))
     table["matrix"] = (("pose", "row", "column"), np.tile(np.eye(4), (count, 1, 1)))
     for name in ("azimuth", "elevation", "distance"):
         table[name] = ("pose", np.arange(count, dtype=float))

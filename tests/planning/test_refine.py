@@ -173,7 +173,7 @@ def test_another_scene_than_the_swept_one_is_noticed() -> None:
         def displacement(self, matrix: np.ndarray) -> float:
             return 2e-2 + super().displacement(matrix)
 
-    with pytest.warns(IriftraceWarning, match="not those of the sweep"):
+    with pytest.warns(IriftraceWarning, match="not that of the sweep"):
         refine_pose(table, plan, Other(), evaluations=10)
 
 

@@ -9,7 +9,7 @@ import trimesh
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 
 RAYS = 4000
 BESIDE_MM = 2e-5

@@ -310,11 +310,11 @@ def test_report_counts_and_describes(shapes: dict[str, Any]) -> None:
     _, report = loaded.integrator().image(loaded, loaded.sensors()[0])
     assert report["counts"]["open_boundary"] == 0
     # All shells are in view: three icospheres of 1280 triangles; only half would be without sides.
-    assert report["counts"]["shell_triangles_in_view"] == 3 * 1280
+    assert report["counts"]["triangles_in_view"] == 3 * 1280
     assert Camera.from_dict(report["camera"]).resolution == (48, 40)
     assert set(report["time_s"]) == {"straight", "refracted", "channels"}
     away = sensor_of(camera_in_numpy((0.0, -100.0, 0.0), (0.0, -200.0, 0.0)))
-    assert loaded.integrator().image(loaded, away)[1]["counts"]["shell_triangles_in_view"] == 0
+    assert loaded.integrator().image(loaded, away)[1]["counts"]["triangles_in_view"] == 0
 
 
 @pytest.fixture

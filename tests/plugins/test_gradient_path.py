@@ -24,7 +24,8 @@ from iriftrace.plugins.calibrated_camera import sensor_of
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import is_inside, render_scene, trace_rays
+from iriftrace.trace.rays import is_inside, trace_rays
+from iriftrace.trace.render import render_scene
 from validation.inputs.shell_fields import AMBIENT, HOTTEST, field_of, hexahedra, sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")

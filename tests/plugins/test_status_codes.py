@@ -13,7 +13,7 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import CHANNELS, Status
 from iriftrace.part.part import part_of_mesh
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from validation.inputs.scene_rays import loaded
 from validation.inputs.small_scenes import (
     AMBIENT,

@@ -18,7 +18,7 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
 from iriftrace.shells.files import read_ply, write_ply
 from iriftrace.shells.stack import Shell, ShellStack
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from validation.inputs.scene_rays import ANY_CAMERA
 from validation.inputs.small_scenes import (
     channels,

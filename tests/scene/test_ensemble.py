@@ -39,7 +39,8 @@ from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.scenes.analytic import slab, slab_heights
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.pose_image import EnsembleStatistics
-from iriftrace.trace.render import render_scene, trace_rays
+from iriftrace.trace.rays import trace_rays
+from iriftrace.trace.render import render_scene
 from validation.inputs import hot_block
 from validation.inputs.shell_fields import scaled
 from validation.oracles.aov_by_hand import make_image, plate
@@ -209,6 +210,7 @@ def slab_offsets(heights: np.ndarray, layers: np.ndarray, sine: np.ndarray) -> n
     )
 
 
+@pytest.mark.filterwarnings("ignore:Hits of this view")
 @pytest.mark.usefixtures("variant")
 def test_mean_and_scatter_agree_with_the_closed_form(ten: Path) -> None:
     """Each pixel against Snell's law in plane layers, and against the linear formula.

@@ -21,7 +21,8 @@ from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import smooth_taubin
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 from iriftrace.shells.stack import ShellStack
-from iriftrace.trace.render import render_scene, trace_rays
+from iriftrace.trace.rays import trace_rays
+from iriftrace.trace.render import render_scene
 from validation.inputs.shell_fields import sphere_field
 
 pytestmark = pytest.mark.usefixtures("variant")

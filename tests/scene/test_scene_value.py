@@ -11,14 +11,17 @@ from pathlib import Path
 import attrs
 import numpy as np
 import pytest
+import pyvista as pv
 
 import iriftrace
+from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.scenes import folder_of
 from validation.inputs import hot_block
 
 pytestmark = [
     pytest.mark.usefixtures("variant"),
-    pytest.mark.filterwarnings("ignore:Hits of this view"),
+    pytest.mark.filterwarnings("ignore:Hits of"),
     pytest.mark.filterwarnings("ignore:.*rays fall on each visible face"),
 ]
 
@@ -137,3 +140,48 @@ def test_what_cannot_be_a_scene_is_refused(scene: iriftrace.Scene, tmp_path: Pat
     poses = iriftrace.PoseSet(scene.camera.matrix[None], np.zeros(1), np.zeros(1))
     with pytest.raises(InputError, match="write the scene first"):
         iriftrace.run_sweep(scene, poses, tmp_path / "sweep.nc")
+
+
+@pytest.mark.parametrize("place", [(0.0, -260.0, 40.0), (1.0, 2.0, 260.0)], ids=["side", "plume"])
+def test_commands_and_python_give_the_same_numbers(
+    tmp_path: Path, place: tuple[float, float, float]
+) -> None:
+    """Picture, points, correction and sweep of the cylinder, whichever engine is chosen for it."""
+    bundled = folder_of("cylinder")
+    field, part = iriftrace.read_field(bundled / "field.vtu"), iriftrace.read_part(bundled / "part.ply")
+    camera = iriftrace.load_scene(bundled / "scene.xml", {"scale": 0.1}).camera
+    camera = camera.at(iriftrace.look_at(place, (0.0, 0.0, 0.0)))
+    beside = np.add(place, (40.0, 0.0, 0.0))
+    second = camera.at(iriftrace.look_at(beside, (0.0, 0.0, 0.0)))
+    scene = iriftrace.Scene(part, iriftrace.HotAir(field), camera, second, "camera_2")
+    path = scene.save(tmp_path / "scene.xml", scale=1.0)
+
+    def command(*words: object) -> None:
+        assert main([str(word) for word in words]) == 0
+
+    command("render", path, "-o", tmp_path / "one.exr", "--no-figures")
+    picture = iriftrace.render_scene(scene).image
+    written = iriftrace.read_exr(tmp_path / "one.exr")
+    assert written.header["engine"] == picture.header["engine"]
+    for name, values in written.channels.items():
+        np.testing.assert_array_equal(picture.channels[name], values, err_msg=name)
+
+    command("measure", path, "-o", tmp_path / "scan.vtp")
+    scan = iriftrace.measure(scene)
+    cloud = pv.read(tmp_path / "scan.vtp")
+    np.testing.assert_array_equal(cloud.points, scan.points)
+
+    np.savetxt(tmp_path / "cloud.xyz", scan.points, fmt="%.17g")
+    command("correct", tmp_path / "cloud.xyz", path, "-o", tmp_path / "fixed.vtp")
+    fixed = pv.read(tmp_path / "fixed.vtp")
+    np.testing.assert_array_equal(fixed.points, iriftrace.correct(scan.points, scene).points)
+
+    matrices = [
+        iriftrace.look_at(np.add(place, (10.0 * k, 5.0, 0.0)), (0.0, 0.0, 0.0)) for k in range(3)
+    ]
+    np.save(tmp_path / "poses.npy", matrices)
+    command("sweep", path, "--poses", tmp_path / "poses.npy", "-o", tmp_path / "sweep.nc")
+    swept = iriftrace.run_sweep(scene, iriftrace.PoseSet(np.array(matrices)))
+    kept = iriftrace.read_sweep(tmp_path / "sweep.nc")
+    for name in ("displacement_p95", "coverage", "through_cells", "engine_test_p95"):
+        np.testing.assert_array_equal(swept[name].values, kept[name].values, err_msg=name)

@@ -22,8 +22,8 @@ def counted(**numbers: list[float]) -> xr.Dataset:
         "rays_gave_up": 0.0,
         "rays_open_boundary": 0.0,
         "hits_at_border": 0.0,
-        "every_second_shell_p95": 0.01,
-        "through_field": 0.0,
+        "engine_test_p95": 0.01,
+        "through_cells": 0.0,
     }
     columns = {name: np.full(count, value) for name, value in plain.items()}
     columns |= {name: np.array(values) for name, values in numbers.items()}
@@ -40,8 +40,8 @@ def counted(**numbers: list[float]) -> xr.Dataset:
 @pytest.mark.parametrize(
     ("numbers", "expected"),
     [
-        ({"every_second_shell_p95": [0.02, 0.04, np.nan]}, {"shells_too_few": [1]}),
-        ({"every_second_shell_p95": [0.5, 0.5], "through_field": [0, 1]}, {"shells_too_few": [0]}),
+        ({"engine_test_p95": [0.02, 0.04, np.nan]}, {"air_too_coarse": [1]}),
+        ({"engine_test_p95": [0.5, 0.5], "through_cells": [0, 1]}, {"air_too_coarse": [0]}),
         ({"rays_open_boundary": [5, 6, -1]}, {"open_boundary": [1]}),
         ({"rays_out_of_focus": [5, 6]}, {"out_of_focus": [1]}),
         ({"hits_at_border": [0, 1]}, {"part_beyond_picture": [1]}),

@@ -395,11 +395,11 @@ def without_times(metrics: dict[str, Any]) -> dict[str, Any]:
 
 def test_metrics_have_every_key_of_the_schema(hot: HotBlock) -> None:
     metrics = metrics_of(hot.image.with_suffix(".json"))
-    assert metrics["schema"] == "iriftrace.pose/1"
+    assert metrics["schema"] == "iriftrace.pose/2"
     rays = metrics["rays"]
     assert rays.keys() == {"launched", "hit", "open_boundary", *(s.key for s in Status)}
     assert rays["launched"] == 12_000 == sum(rays[s.key] for s in Status)
-    assert metrics.keys() >= NUMBERS | {"shell_triangles_in_view", "camera", "assumptions"}
+    assert metrics.keys() >= NUMBERS | {"triangles_in_view", "camera", "assumptions"}
     assert metrics["displacement_mm"].keys() == STATISTICS | {"rms"}
     assert metrics["shift_px"].keys() == STATISTICS
     times = metrics["time_s"]

@@ -186,7 +186,7 @@ def test_a_refined_pose_is_not_worse_and_is_kept(
     sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "refined.json"
-    options = ["--no-confirm", "--refine", "--evaluations=14", "-o", str(file)]
+    options = ["--refine", "--evaluations=14", "-o", str(file)]
     text = printed(capsys, "plan", sweep, "--coverage=0.6", *options)
     kept = json.loads(file.read_text())
     assert kept["score"] <= kept["start"]["score"]
@@ -368,7 +368,7 @@ def test_a_sweep_keeps_what_it_warned_of_and_plans_show_it(
     flags = {name: ((kept.values & mask) != 0).tolist() for name, mask in masks.items()}
     assert flags["out_of_focus"] == [False, False, True]
     assert flags["part_beyond_picture"] == [False, True, False]
-    assert not any(flags["shells_too_few"])
+    assert not any(flags["air_too_coarse"])
     assert read_sweep(file)["hits_at_border"].values[0] == 0
     weights = ["--displacement=0", "--coverage=0", "--axial=0", "--lateral=1"]
     said = printed(capsys, "plan", file, *weights, "--min-hits=1")

@@ -13,7 +13,7 @@ import iriftrace
 
 CHECKOUT = Path(__file__).parents[2]
 EXPORTS = set(iriftrace.__all__) - {"__version__"}
-# Neither a schema (iriftrace.pose/1, or "iriftrace.pose" in code) nor a file or an address.
+# Neither a schema (iriftrace.pose/2, or "iriftrace.pose" in code) nor a file or an address.
 DOTTED = re.compile(r"(?<![\w\"/.-])iriftrace(?:\.[A-Za-z_]\w*)+(?![\w/-])")
 KEYS_OF_FILES = {"iriftrace.rgb"}
 TEXTS = sorted(

@@ -14,7 +14,7 @@ from iriftrace.cli import main
 from iriftrace.scene.load import load_scene
 from iriftrace.trace import field_reference as shell_check
 from iriftrace.trace.field_reference import ShellError, shell_error
-from iriftrace.trace.render import render_scene
+from iriftrace.trace.pose_image import pose_image
 from validation.inputs.hot_block import HotBlock
 
 KEY = "shells_against_field"
@@ -26,8 +26,7 @@ def test_it_is_the_difference_of_two_renderings(hot: HotBlock) -> None:
     width, height = shells.camera.resolution
     found = shell_error(shells, sample=width * height)
     images = [
-        render_scene(load_scene(hot.scene, engine=engine), check_shells=0).image
-        for engine in ("shells", "continuous")
+        pose_image(load_scene(hot.scene, engine=engine)) for engine in ("shells", "continuous")
     ]
     good = [image.status == 0 for image in images]
     both = good[0] & good[1]

@@ -107,7 +107,7 @@ def test_the_demo_runs_in_an_empty_folder_outside_the_checkout(
     metrics = [
         found
         for path in (tmp_path / "out").rglob("*.json")
-        if (found := json.loads(path.read_text())).get("schema") == "iriftrace.pose/1"
+        if (found := json.loads(path.read_text())).get("schema") == "iriftrace.pose/2"
     ]
     assert len(metrics) == 1
     assert metrics[0]["rays"]["good"] > 0

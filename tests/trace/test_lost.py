@@ -21,6 +21,7 @@ from iriftrace.scenes.analytic import slab
 from iriftrace.sweep.warned import FLAGS
 from iriftrace.trace import engine, render
 from iriftrace.trace.lost import warn_of_lost_points, warn_of_lost_rays
+from iriftrace.trace.rays import trace_rays
 from iriftrace.triangulation.correct import CorrectionStatus, correct
 from iriftrace.triangulation.scan import ScanStatus, measure
 from validation.oracles.closed_forms import RoundAir
@@ -79,7 +80,7 @@ def giving_up() -> LoadedScene:
 
 def test_every_command_says_so(giving_up: LoadedScene) -> None:
     with pytest.warns(IriftraceWarning, match="lost on the way, status 6"):
-        rendering = render.render_scene(giving_up, camera=SIDE[0], empty=True, check_shells=0)
+        rendering = render.render_scene(giving_up, camera=SIDE[0], empty=True)
     assert rendering.metrics.rays.lost_fraction > 0.9
     with (
         pytest.warns(IriftraceWarning, match="points .* are left out"),
@@ -116,7 +117,7 @@ def test_rays_past_the_part_are_bent_far_less_than_the_bound(kind: str) -> None:
     scene = load_scene(BUNDLED, engine=kind)
     origin, direction = (np.tile(v, (2000, 1)) for v in ((0.0, -300.0, 0.0), (0.0, 1.0, 0.0)))
     origin = origin + np.random.default_rng(0).uniform((-80, 0, 14), (80, 0, 30), (2000, 3))
-    hits = render.trace_rays(scene, origin, direction)
+    hits = trace_rays(scene, origin, direction)
     assert (hits.status == Status.MISSED).all()
     turned = np.linalg.norm(hits.direction - direction, axis=1)
     assert 2e-5 < turned.max() < 4e-2

@@ -21,7 +21,8 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
 from iriftrace.shells.stack import Shell, ShellStack
-from iriftrace.trace.render import render_scene, trace_rays
+from iriftrace.trace.rays import trace_rays
+from iriftrace.trace.render import render_scene
 from validation.inputs.small_scenes import sphere
 
 pytestmark = pytest.mark.usefixtures("variant")
@@ -108,7 +109,7 @@ def test_header_says_where_the_picture_comes_from(scene: LoadedScene, xml: Path)
     assert header["part"]["sha256"] == scene.part.sha256
     np.testing.assert_array_equal(header["pose"]["matrix"], header["camera"]["matrix"])
     np.testing.assert_allclose(header["pose"]["origin_mm"], (0, -120, 60))
-    assert header["counts"] == {"open_boundary": 0, "shell_triangles_in_view": 3 * 1280}
+    assert header["counts"] == {"open_boundary": 0, "triangles_in_view": 3 * 1280}
     assert header["assumptions"]["engine"]
     json.dumps(header, allow_nan=False)
 
@@ -260,7 +261,7 @@ def test_save_writes_picture_and_metrics_side_by_side(scene: LoadedScene, tmp_pa
     exr, report = rendering.save(tmp_path / "pose.exr")
     assert (exr, report) == (tmp_path / "pose.exr", tmp_path / "pose.json")
     metrics = json.loads(report.read_text())
-    assert metrics["schema"] == "iriftrace.pose/1"
+    assert metrics["schema"] == "iriftrace.pose/2"
     assert metrics["time_s"]["write"] > 0
     np.testing.assert_array_equal(read_exr(exr).status, rendering.image.status)
 
@@ -319,5 +320,5 @@ def test_a_scaled_picture_states_shifts_and_steps_of_the_full_camera() -> None:
 
 def test_the_time_of_the_check_is_counted() -> None:
     scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1})
-    times = render_scene(scene, check_shells=1000).metrics.time_s
+    times = render_scene(scene).metrics.time_s
     assert 0 < times["check"] < times["total"]

@@ -27,7 +27,7 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from iriftrace.triangulation.cloud import read_cloud
 from iriftrace.triangulation.correct import CorrectionStatus, correct
 from iriftrace.triangulation.features import fit_feature

@@ -29,7 +29,7 @@ def median_um(folder: Path, air: Air) -> float:
     camera = load_scene(cylinder / "scene.xml").camera
     shells = contour_shells(read_field(cylinder / "field.vtu", air=air))
     scene = write_scene(folder, read_part(cylinder / "part.ply"), shells, camera, paraview=False)
-    metrics = render_scene(load_scene(scene, {"scale": 0.25}), check_shells=0).metrics
+    metrics = render_scene(load_scene(scene, {"scale": 0.25})).metrics
     return 1e3 * float(metrics.displacement_mm.median)
 
 

@@ -16,7 +16,7 @@ from iriftrace.scenes.analytic import tube
 from iriftrace.shells.hessian import radial_derivatives
 from iriftrace.shells.levels import index_levels
 from iriftrace.shells.stack import Shell, ShellStack
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from validation.line import Line, Section, relative
 from validation.sections.exact_shells import ANY_CAMERA
 

@@ -14,7 +14,7 @@ from iriftrace.plugins.first_hit import BENDING
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
-from iriftrace.trace.render import RayHits, trace_rays
+from iriftrace.trace.rays import RayHits, trace_rays
 from validation.curves import draw_convergence
 from validation.inputs.parts import cylinder_fine_at
 from validation.line import Line, Section, relative

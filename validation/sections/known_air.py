@@ -19,7 +19,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
 from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from validation.inputs.solved_fields import SOLVED, VIEWS, Position, camera_at
 from validation.line import Line, Section
 from validation.oracles.curved_rays import RoundCylinderAir, displacements, medium_of

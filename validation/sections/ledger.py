@@ -17,7 +17,7 @@ def _lines(folder: Path) -> list[Line]:
     lines = []
     for name in names():
         scene = load_scene(folder_of(name) / "scene.xml")
-        rays = render_scene(scene, check_shells=0).metrics.rays
+        rays = render_scene(scene).metrics.rays
         counts = {status.key: rays.of(status) for status in Status}
         ending = ", ".join(f"{count:,} {key}" for key, count in counts.items())
         lines.append(

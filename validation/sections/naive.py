@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.render import trace_rays
+from iriftrace.trace.rays import trace_rays
 from validation.line import Line, Section
 
 MOST_CROSSINGS = 100

@@ -13,7 +13,8 @@ from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.trace.render import render_scene, trace_rays
+from iriftrace.trace.pose_image import pose_image
+from iriftrace.trace.rays import trace_rays
 from validation.line import Line, Section
 from validation.oracles.numpy_tracer import NumpyTracer
 
@@ -39,7 +40,7 @@ def matched_scene(folder: Path, scale: float) -> LoadedScene:
 
 def matched(folder: Path) -> list[Line]:
     """Shells that bend nothing must change nothing."""
-    image = render_scene(matched_scene(folder / "matched", 0.5), check_shells=0).image
+    image = pose_image(matched_scene(folder / "matched", 0.5))
     hit = image.status != Status.MISSED
     largest = float(image.channels["displacement.norm"].max())
     lost = int((~np.isin(image.status[hit], (Status.GOOD, Status.OUT_OF_FOCUS))).sum())

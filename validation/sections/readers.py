@@ -24,7 +24,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import render_scene
+from iriftrace.trace.pose_image import pose_image
 from validation.field_files import comsol
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch
@@ -123,7 +123,7 @@ def traced(folder: Path, fields: Mapping[str, IndexField]) -> dict[str, AovImage
     for number, (name, field) in enumerate(fields.items()):
         stack = contour_shells(field, LAYERS, index_range=ends)
         xml = write_scene(folder / str(number), part, stack, camera(), paraview=False)
-        images[name] = render_scene(load_scene(xml), check_shells=0).image
+        images[name] = pose_image(load_scene(xml))
     return images
 
 

@@ -15,7 +15,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.components import COMPONENTS
 from iriftrace.shells.contour import contour_shells
-from iriftrace.trace.render import render_scene
+from iriftrace.trace.pose_image import pose_image
 from validation.curves import draw_convergence
 from validation.inputs.solved_fields import SOLVED, VIEWS, Position, camera_at, in_tetrahedra
 from validation.line import Line, Section
@@ -72,7 +72,7 @@ def pictures(
         for engine, key, kind in engines:
             scene = load_scene(xml, {"normals": kind}, engine=engine)
             for view, camera in cameras.items():
-                image = render_scene(scene, camera=camera, check_shells=0).image
+                image = pose_image(scene, camera=camera)
                 found[view][key, kind] = image
     return found
 

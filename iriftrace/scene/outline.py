@@ -1,0 +1,42 @@
+"""The outermost surface of a scene's hot air, by what its XML file says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import AnyIntArray
+from iriftrace.core.errors import InputError
+from iriftrace.scene.ensemble import INCLUDED, is_ensemble, member_folder
+from iriftrace.shells.files import read_ply
+
+
+def outermost_surface(scene: Path) -> Path:
+    """PLY file of the outermost shell of a scene, or of an ensemble's first member.
+
+    InputError, half a sentence, where there is none, or the scene places it elsewhere.
+    """
+    file = member_folder(scene, 1) / INCLUDED if is_ensemble(scene) else scene
+    if not file.is_file():
+        raise InputError(f"{file} is gone")
+    layers = {}
+    for shape in ElementTree.parse(file).getroot().iter("shape"):
+        name = shape.find("string[@name='filename']")
+        layer = shape.find("bsdf[@type='iso_shell']/string[@name='layer']")
+        # What is placed by the scene lies elsewhere than its file says.
+        if name is None or layer is None or shape.find("transform") is not None:
+            continue
+        if layer.get("value", "").isdecimal():
+            layers[int(layer.get("value", ""))] = scene.parent / name.get("value", "")
+    if not layers:
+        raise InputError(f"{scene} names none")
+    return layers[min(layers)]
+
+
+def read_surface(file: Path) -> tuple[NDArray[np.float32], AnyIntArray]:
+    """Vertices (n, 3), mm, and faces (m, 3) of such a file."""
+    vertices, faces, *_ = read_ply(file)
+    return vertices, faces
