@@ -211,7 +211,8 @@ def exact_rotation(values: CalibrationValues, matrix: FloatArray) -> FloatArray:
             IriftraceWarning,
             stacklevel=4,
         )
-    return nearest_rotations(matrix[None])[0]
+    (rotation,) = nearest_rotations(matrix[None])
+    return np.asarray(rotation, dtype=np.float64)
 
 
 def _matrix(values: CalibrationValues) -> FloatArray:

@@ -22,7 +22,7 @@ from iriftrace.cli.options import (
     check_order,
     check_output,
 )
-from iriftrace.cli.second_options import SecondOptions, StereoOptions
+from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import ZERO_CELSIUS_K
 
@@ -151,8 +151,7 @@ def scene(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
             "the same way; leave out --isosurfaces or --member."
         )
-    stereo = stereo_options.read(camera_options, second_options)
-    two_devices = stereo is not None or second_options.given()
+    place = devices_of(camera_options, second_options, stereo_options, measured)
     settings: dict[str, Any] = {
         "wall_temperature_k": part_options.hot_temperature,
         "trim_mm": trim,
@@ -164,21 +163,9 @@ def scene(
 
     def devices(volume: IndexField | None, stack: ShellStack) -> Camera:
         """The camera; the second device, if there is one, goes into the settings."""
-        if stereo is not None:
-            camera, second = stereo_options.devices(
-                stereo, camera_options, second_options, measured, volume, stack
-            )
-        else:
-            camera = camera_options.camera(measured, volume, stack)
+        camera, second = place(volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
-        if two_devices:
-            from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
-
-            if stereo is None:
-                second = second_options.device(camera_options, camera, measured, volume, stack)
-            usual = "fringe" if stereo is None else "stereo"
-            settings["second"] = second
-            settings["second_id"] = DEVICE_OF_SYSTEM[second_options.system or usual]
+        settings.update(second)
         return camera
 
     states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
@@ -212,3 +213,33 @@ class StereoOptions:
     def _called(self) -> str:
         """The files, for messages."""
         return " and ".join(map(str, self.stereo_calibration or ()))
+
+
+Placing = Callable[["IndexField | None", "ShellStack"], tuple["Camera", dict[str, Any]]]
+
+
+def devices_of(
+    first: CameraOptions, second: SecondOptions, rig: StereoOptions, part: Part
+) -> Placing:
+    """Check the options, and return what places the devices: the camera, and the second device.
+
+    The second device is that of `iriftrace.scene.build.build_scene`, ``second`` and ``second_id``;
+    empty without one.
+    """
+    stereo = rig.read(first, second)
+    two_devices = stereo is not None or second.given()
+
+    def place(field: IndexField | None, stack: ShellStack) -> tuple[Camera, dict[str, Any]]:
+        if not two_devices:
+            return first.camera(part, field, stack), {}
+        from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+
+        if stereo is not None:
+            camera, device = rig.devices(stereo, first, second, part, field, stack)
+        else:
+            camera = first.camera(part, field, stack)
+            device = second.device(first, camera, part, field, stack)
+        system = second.system or ("fringe" if stereo is None else "stereo")
+        return camera, {"second": device, "second_id": DEVICE_OF_SYSTEM[system]}
+
+    return place
