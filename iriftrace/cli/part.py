@@ -144,8 +144,12 @@ def subdivide(
     before = part_options.read(mesh)
     with working("Splitting the triangles"):
         split = subdivide_part(before, edge)
+        coarser = subdivide_part(before, 2 * edge)
     _save(split, output)
-    say(f"{len(before.faces):,} triangles before.")
+    say(
+        f"{len(before.faces):,} triangles before, {len(split.faces) / len(before.faces):.3g} times "
+        f'as many now; --edge "{2 * edge:g} mm" gives {len(coarser.faces):,}.'
+    )
 
 
 def __getattr__(name: str) -> Callable[..., None]:
