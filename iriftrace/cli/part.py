@@ -201,11 +201,12 @@ def _check_name(path: Path) -> None:
 def _save(made: Part, path: Path) -> None:
     """Write a part and say what it is."""
     from iriftrace.part.part import save_part
+    from iriftrace.part.region_choice import placed_regions
 
     save_part(made, path)
     extent = " x ".join(f"{high - low:.5g}" for low, high in made.bounds.T)
     say(f"{path}: {extent} mm, {made.volume:.6g} mm^3, {len(made.faces):,} triangles")
-    areas = zip(made.region_names, made.region_areas, strict=True)
+    areas = zip(placed_regions(made), made.region_areas, strict=True)
     regions = ", ".join(f"{name} ({area:.5g} mm^2)" for name, area in areas)
     lost = path.suffix.lower() != ".ply"
     say(f"Regions: {regions}{'; an STL has no room for them, a .ply keeps them' if lost else ''}.")
