@@ -7,41 +7,64 @@ pixel turns them into the focal length and the sensor's size that results state.
 
 from __future__ import annotations
 
-import json
 import re
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
-from itertools import chain
 from pathlib import Path
 from typing import Any
+from warnings import warn
 
 import numpy as np
-import yaml
 from attrs import frozen
 
+from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
+from iriftrace.camera.calibration_matlab import matlab_camera
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.geometry.transform import nearest_rotations
 
 LARGEST_PIXEL_MM = 0.5
 """No camera has such; a number of this size is one in micrometres."""
 
-# Whatever their case: OpenCV 2.4 wrote Camera_Matrix, ROS 2 writes k.
-_MATRIX = ("camera_matrix", "cameraMatrix", "K")
-_DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D")
-_WIDTH = ("image_width", "imageWidth", "width")
-_HEIGHT = ("image_height", "imageHeight", "height")
-_ROTATION = ("rvec", "rotation_vector", "R", "rotation", "rotation_matrix")
-_TRANSLATION = ("tvec", "translation_vector", "T", "t", "translation")
+LARGEST_ROUNDING = 1.5e-3
+"""Largest relative change of lengths by a rotation matrix that has three decimals."""
+
+# Case and punctuation do not count: camera_matrix is cameraMatrix and Camera_Matrix.
+MATRIX = ("camera_matrix", "K", "M", "intrinsic_matrix", "camera_intrinsics", "mtx", "KK")
+PINHOLE = ("intrinsics",)
+"""Focal lengths and principal point in Kalibr, four numbers; a matrix in other files."""
+
+DISTORTION = (
+    "distortion_coefficients",
+    "distortion_coeffs",
+    "dist_coeffs",
+    "dist_coeff",
+    "dist_coefs",
+    "dist_coef",
+    "distortion_coefficient",
+    "distortion",
+    "dist",
+    "kc",
+    "D",
+)
+WIDTH = ("image_width", "width")
+HEIGHT = ("image_height", "height")
+SIZE = ("image_size", "img_size", "resolution", "size")
+"""Width and height together."""
+
+ROTATION = ("rvec", "rotation_vector", "R", "rotation", "rotation_matrix", "Rot", "om")
+TRANSLATION = ("tvec", "translation_vector", "T", "t", "translation", "Trans")
+PROJECTION = ("P", "projection_matrix")
+LENS = ("distortion_model", "camera_model")
+FISHEYE = ("fisheye_model", "fisheye")
 _VIEWS = ("extrinsic_parameters",)
-_OF_TWO = ("M1", "cameraMatrix1", "camera_matrix_1", "K1", "M2", "K2")
-_FISHEYE = ("fisheye_model", "fisheye")
-_PROJECTION = ("P", "projection_matrix")
 _RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential")
 """Names of k1, k2, p1, p2 in Kalibr and its like."""
 
 _MODELS = ("plumb_bob", "rational_polynomial", "brown", "brown_conrady", "opencv", *_RADTAN)
+_PART_OF_A_DISTORTION = re.compile("dist|coef|radial|tangential|^[kp][1-6]$")
+_OF_TWO = re.compile("(cameramatrix|intrinsicmatrix|mtx|k|m)(2|r|right)|(camera|cam)1|right")
+"""Names of one of two cameras, folded."""
 
 
 @frozen(eq=False, kw_only=True)
@@ -104,7 +127,7 @@ def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration
     Read are ``camera_matrix``, ``distortion_coefficients`` (4, 5 or 8 in OpenCV's order; more if
     the others are 0), ``image_width``, ``image_height``, and, where they are, ``rvec`` and ``tvec``
     (world to camera) or one row of ``extrinsic_parameters``; matrices as OpenCV writes them or as
-    plain lists.
+    plain lists. Their other names in OpenCV, ROS, Kalibr and MATLAB are known, too.
 
     Parameters
     ----------
@@ -116,242 +139,207 @@ def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration
     Raises
     ------
     InputError
-        The file is missing, cannot be read, lacks one of these, or has another lens model.
+        The file is missing, cannot be read, has another lens model or two cameras, or one of the
+        values is missing.
+
+    Warns
+    -----
+    IriftraceWarning
+        The rotation is rounded to few digits; four coefficients could be those of a fisheye lens.
     """
-    file = _File(Path(path), _content(Path(path)))
-    file.refuse_other_models()
-    file.refuse_two_cameras()
-    matrix = file.array(_MATRIX, (9,)).reshape(3, 3)
-    if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
-        raise file.wrong(
-            f"{matrix.tolist()} is no camera matrix; it is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
-        )
-    if abs(matrix[0, 1]) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
-        raise file.wrong(
-            f"the camera matrix has the skew {matrix[0, 1]:g}, which is not modelled; calibrate "
-            "without it"
-        )
+    values = CalibrationValues(Path(path), calibration_content(Path(path)))
+    _refuse_two_cameras(values)
+    return calibration_of(values, length_mm)
+
+
+def calibration_of(values: CalibrationValues, length_mm: float) -> Calibration:
+    """Calibration of one camera's named values; see `read_calibration`."""
+    values = matlab_camera(values)
+    _refuse_other_models(values)
+    matrix = _matrix(values)
+    width, height = _resolution(values)
     return Calibration(
         focal_px=(float(matrix[0, 0]), float(matrix[1, 1])),
         centre_px=(float(matrix[0, 2]), float(matrix[1, 2])),
-        resolution=(file.whole(_WIDTH), file.whole(_HEIGHT)),
-        distortion=file.distortion(),
-        matrix=file.pose(length_mm),
-        views=file.views(),
+        resolution=(width, height),
+        distortion=_distortion(values),
+        matrix=_pose(values, length_mm),
+        views=_views(values),
     )
 
 
-LARGEST_BYTES = 4_000_000
-"""Size of a calibration with the poses of ten thousand boards, which YAML reads in ten seconds."""
+def to_world(rotation: FloatArray, translation: FloatArray) -> FloatArray:
+    """Camera to world, (4, 4), of the rotation (3, 3) and translation (3,) world to camera."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation.T
+    matrix[:3, 3] = -rotation.T @ translation
+    return matrix
 
 
-class _MatrixLoader(yaml.SafeLoader):  # type: ignore[misc, unused-ignore]
-    """Plain YAML, in which OpenCV's tagged matrices are mappings like any other.
+def rotation_in(values: CalibrationValues, names: tuple[str, ...] = ROTATION) -> FloatArray:
+    """A rotation, (3, 3), of a rotation vector in radians or a rotation matrix.
 
-    Aliases are refused: OpenCV writes none, and ten lines of them stand for billions of values.
+    A matrix of three or more decimals is replaced by the nearest rotation, with a warning.
     """
+    from scipy.spatial.transform import Rotation
 
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        """The next value of the file."""
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("it has aliases, which no calibration needs")
-        return super().compose_node(parent, index)
-
-
-_MatrixLoader.add_multi_constructor(
-    "tag:yaml.org,2002:opencv-",
-    lambda loader, _suffix, node: loader.construct_mapping(node, deep=True),
-)
-
-
-def _content(path: Path) -> Mapping[str, Any]:
-    try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise InputError(
-                f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
-                f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
-            )
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"The calibration {path} is no text; give the YAML or JSON that OpenCV's FileStorage "
-            "wrote."
-        ) from error
-    try:
-        if text.lstrip().startswith("<"):
-            content: Any = _xml_values(text)
-        elif text.lstrip().startswith("{"):
-            content = json.loads(text)
-        else:
-            content = _yaml_values(text)
-    except (ValueError, RecursionError, yaml.YAMLError, ElementTree.ParseError) as error:
-        raise InputError(
-            f"{path} is neither YAML, XML nor JSON of a calibration "
-            f"({' '.join(str(error).split())}); give the file that OpenCV's FileStorage wrote."
-        ) from error
-    if not isinstance(content, Mapping):
-        raise InputError(f"{path} holds no named values; give a camera calibration of OpenCV.")
-    return content
-
-
-_NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)
-
-
-def _yaml_values(text: str) -> Any:
-    """The one document of a YAML file; `rostopic echo` ends it with a line of its own."""
-    # OpenCV's first line, "%YAML:1.0", is not YAML, and neither is key:value.
-    first, _, rest = text.partition("\n")
-    plain = _NO_BLANK.sub(r"\1: ", rest if first.startswith("%YAML") else text)
-    documents = [one for one in yaml.load_all(plain, Loader=_MatrixLoader) if one is not None]
-    if len(documents) > 1:
-        raise ValueError(f"it has {len(documents)} documents instead of one")
-    return documents[0] if documents else None
-
-
-def _xml_values(text: str) -> dict[str, Any]:
-    """Named values of OpenCV's XML, matrices as mappings with ``data``."""
-    if "<!ENTITY" in text:
-        raise ValueError("it has entities, which no calibration needs")
-    root = ElementTree.fromstring(text)
-    if root.tag != "opencv_storage":
-        raise ValueError(f"its XML is <{root.tag}> and not OpenCV's <opencv_storage>")
-    return {
-        entry.tag: {"data": (entry.findtext("data") or "").split()}
-        if entry.find("data") is not None
-        else (entry.text or "").strip().strip('"')
-        for entry in root
-    }
-
-
-@frozen(eq=False)
-class _File:
-    """The named values of a calibration file, which are checked when they are asked for."""
-
-    path: Path
-    content: Mapping[str, Any]
-
-    def wrong(self, fault: str) -> InputError:
-        return InputError(f"The calibration {self.path}: {fault}.")
-
-    def named(self, names: tuple[str, ...]) -> Any:
-        folded = {str(name).casefold(): value for name, value in self.content.items()}
-        exact = (self.content[name] for name in names if name in self.content)
-        any_case = (folded[name.casefold()] for name in names if name.casefold() in folded)
-        return next(chain(exact, any_case), None)
-
-    def array(self, names: tuple[str, ...], counts: tuple[int, ...] = ()) -> FloatArray:
-        """Numbers of a matrix, flat; how many there may be (any when empty)."""
-        value = self.named(names)
-        if value is None:
-            raise self.wrong(f"{names[0]} is missing, without which there are no rays; add it")
-        if isinstance(value, Mapping):
-            value = value.get("data")
-        try:
-            numbers = np.asarray(value, dtype=np.float64).ravel()
-        except (TypeError, ValueError):
-            numbers = np.array((np.nan,))
-        if not np.isfinite(numbers).all():
-            raise self.wrong(f"{names[0]} has entries that are no finite numbers; write it again")
-        if counts and len(numbers) not in counts:
-            wanted = " or ".join(map(str, counts))
-            raise self.wrong(f"{names[0]} has {len(numbers)} numbers instead of {wanted}")
-        return numbers
-
-    def whole(self, names: tuple[str, ...]) -> int:
-        value = self.array(names, (1,))[0]
-        if value % 1 or value < 1:
-            raise self.wrong(f"{names[0]} is {value:g}, but pixels are whole numbers from 1 on")
-        return int(value)
-
-    def distortion(self) -> Distortion:
-        if self.named(_DISTORTION) is None:
-            raise self.wrong(
-                f"{_DISTORTION[0]} is missing; for a lens without distortion write "
-                f"{_DISTORTION[0]}: [0, 0, 0, 0]"
-            )
-        values = self.array(_DISTORTION)
-        if self.model() in _RADTAN and len(values) != 4:
-            raise self.wrong(
-                f"the lens model {self.model()!r} has four coefficients, k1, k2, p1, p2, but the "
-                f"file has {len(values)}; name the model of these"
-            )
-        if values[8:].any():
-            raise self.wrong(
-                f"{len(values)} distortion coefficients with thin prism or tilt terms are given, "
-                "which are not modelled; calibrate with k1 to k6, p1 and p2 only"
-            )
-        try:
-            return Distortion.of_sequence(values[:8])
-        except InputError as error:
-            raise self.wrong(str(error).rstrip(".")) from error
-
-    def model(self) -> str:
-        """Lens model that the file names, in lower case; "" for none."""
-        return str(self.named(("distortion_model", "camera_model")) or "").lower()
-
-    def refuse_other_models(self) -> None:
-        model = self.model()
-        known = (*_MODELS, "pinhole")
-        if str(self.named(_FISHEYE) or 0).lower() not in ("0", "false"):
-            raise self.wrong(
-                "it is of OpenCV's fisheye model, which is not modelled; calibrate with the one of "
-                "Brown and Conrady"
-            )
-        if model and model not in known:
-            raise self.wrong(
-                f"the lens model {model!r} is not the one of Brown and Conrady ({', '.join(known)})"
-                "; calibrate with that"
-            )
-
-    def refuse_two_cameras(self) -> None:
-        two = [name for name in _OF_TWO if name in self.content]
-        if two and self.named(_MATRIX) is None:
-            raise self.wrong(
-                f"it is of two cameras ({', '.join(two)}); write a file for each, with "
-                f"{_MATRIX[0]}, {_DISTORTION[0]}, {_WIDTH[0]} and {_HEIGHT[0]}, and {_ROTATION[0]} "
-                f"and {_TRANSLATION[0]} from the part's frame to that camera's"
-            )
-
-    def views(self) -> int:
-        return 0 if self.named(_VIEWS) is None else len(self.array(_VIEWS)) // 6
-
-    def pose(self, length_mm: float) -> FloatArray | None:
-        """Camera to world, (4, 4) array, mm."""
-        from scipy.spatial.transform import Rotation
-
-        turn, shift = self.named(_ROTATION), self.named(_TRANSLATION)
-        if shift is None and self.named(_PROJECTION) is not None:
-            # The R of a CameraInfo message of ROS is its rectification.
-            turn = None
-        if (turn is None) != (shift is None):
-            raise self.wrong("it has only one of rvec and tvec, which is no pose; give both")
-        if turn is not None:
-            rotation, translation = self.array(_ROTATION, (3, 9)), self.array(_TRANSLATION, (3,))
-        elif self.views() == 1:
-            row = self.array(_VIEWS, (6,))
-            rotation, translation = row[:3], row[3:]
-        else:
-            return None
-        if len(rotation) == 3 and np.linalg.norm(rotation) > 2 * np.pi:
-            raise self.wrong(
-                f"its rotation vector {rotation.tolist()} turns by {np.linalg.norm(rotation):.4g} "
-                "rad, more than a whole turn, so it is in degrees or no rotation vector; give "
-                "radians (axis times angle, as of OpenCV's Rodrigues), or the rotation matrix"
-            )
-        to_camera = (
-            Rotation.from_rotvec(rotation).as_matrix()
-            if len(rotation) == 3
-            else rotation.reshape(3, 3)
+    numbers = values.array(names, (3, 9))
+    if len(numbers) == 9:
+        return exact_rotation(values, numbers.reshape(3, 3))
+    if np.linalg.norm(numbers) > 2 * np.pi:
+        raise values.wrong(
+            f"its rotation vector {numbers.tolist()} turns by {np.linalg.norm(numbers):.4g} "
+            "rad, more than a whole turn, so it is in degrees or no rotation vector; give "
+            "radians (axis times angle, as of OpenCV's Rodrigues), or the rotation matrix"
         )
-        if not np.allclose(to_camera @ to_camera.T, np.eye(3), atol=1e-6) or (
-            np.linalg.det(to_camera) < 0
-        ):
-            raise self.wrong(
-                "its rotation does not turn, but stretches or mirrors; give a rotation"
+    rotation: FloatArray = Rotation.from_rotvec(numbers).as_matrix()
+    return rotation
+
+
+def exact_rotation(values: CalibrationValues, matrix: FloatArray) -> FloatArray:
+    """The rotation, (3, 3), that a matrix of rounded numbers is; see `rotation_in`."""
+    off = float(np.abs(np.linalg.svd(matrix, compute_uv=False) - 1.0).max())
+    if np.linalg.det(matrix) < 0 or off > LARGEST_ROUNDING:
+        raise values.wrong(
+            "its rotation does not turn, but stretches or mirrors (lengths change by up to "
+            f"{100 * off:.2g} %); give a rotation"
+        )
+    if off > 1e-6:
+        warn(
+            f"The rotation matrix in {values.path} is rounded to few digits; the nearest rotation "
+            f"is used, and directions are uncertain by about {off:.1g} rad.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    (rotation,) = nearest_rotations(matrix[None])
+    return np.asarray(rotation, dtype=np.float64)
+
+
+def _matrix(values: CalibrationValues) -> FloatArray:
+    """Camera matrix, (3, 3), px."""
+    names = MATRIX if values.named(MATRIX) is not None else (MATRIX[0], *PINHOLE)
+    numbers = values.array(names, (9, 4) if names[1:] == PINHOLE else (9,))
+    if len(numbers) == 4:
+        across, down, x, y = numbers
+        numbers = np.array((across, 0.0, x, 0.0, down, y, 0.0, 0.0, 1.0))
+    matrix = numbers.reshape(3, 3)
+    if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
+        raise values.wrong(
+            f"{matrix.tolist()} is no camera matrix; it is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+        )
+    if abs(matrix[0, 1]) > 1e-9 * matrix[0, 0] or matrix[1, 0] != 0:
+        raise values.wrong(
+            f"the camera matrix has the skew {matrix[0, 1]:g}, which is not modelled; calibrate "
+            "without it"
+        )
+    return matrix
+
+
+def _resolution(values: CalibrationValues) -> tuple[int, int]:
+    """Pixels across and down."""
+    if values.named(WIDTH) is None and values.named(SIZE) is not None:
+        width, height = values.array(SIZE, (2,))
+        values = CalibrationValues(values.path, {WIDTH[0]: width, HEIGHT[0]: height}, values.camera)
+    if values.named(WIDTH) is None and values.named(HEIGHT) is None:
+        raise values.wrong(
+            f"{WIDTH[0]} and {HEIGHT[0]} are missing, the pixels of the pictures; add both lines"
+        )
+    return values.whole(WIDTH), values.whole(HEIGHT)
+
+
+def _distortion(values: CalibrationValues) -> Distortion:
+    if "none" in _models(values):
+        return Distortion()
+    if values.named(DISTORTION) is None:
+        parts = [name for name in values.content if is_part_of_a_distortion(str(name))]
+        raise values.wrong(
+            f"{DISTORTION[0]} is missing; "
+            + (
+                f"if {', '.join(parts)} describes the distortion, write {DISTORTION[0]}: [k1, k2, "
+                "p1, p2, k3] with these values in OpenCV's order"
+                if parts
+                else f"for a lens without distortion write {DISTORTION[0]}: [0, 0, 0, 0]"
             )
-        matrix = np.eye(4)
-        matrix[:3, :3] = to_camera.T
-        matrix[:3, 3] = -to_camera.T @ translation * length_mm
-        return matrix
+        )
+    numbers = values.array(DISTORTION)
+    models = _models(values)
+    if models & set(_RADTAN) and len(numbers) != 4:
+        raise values.wrong(
+            f"the lens model {', '.join(models & set(_RADTAN))!r} has four coefficients, k1, k2, "
+            f"p1, p2, but the file has {len(numbers)}; name the model of these"
+        )
+    if numbers[8:].any():
+        raise values.wrong(
+            f"{len(numbers)} distortion coefficients with thin prism or tilt terms are given, "
+            "which are not modelled; calibrate with k1 to k6, p1 and p2 only"
+        )
+    named = models & set(_MODELS) or values.named(FISHEYE) is not None
+    if len(numbers) == 4 and numbers.any() and not named:
+        warn(
+            f"{values.path} has four distortion coefficients and names no lens model; they are "
+            "read as k1, k2, p1, p2. If they are k1 to k4 of a fisheye lens (cv2.fisheye), "
+            "calibrate with cv2.calibrateCamera; if not, add distortion_model: plumb_bob.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    try:
+        return Distortion.of_sequence(numbers[:8])
+    except InputError as error:
+        raise values.wrong(str(error).rstrip(".")) from error
+
+
+def is_part_of_a_distortion(name: str) -> bool:
+    """True for a name that could be that of distortion coefficients in an unknown format."""
+    return folded(name) not in map(folded, LENS) and bool(
+        _PART_OF_A_DISTORTION.search(folded(name))
+    )
+
+
+def _models(values: CalibrationValues) -> set[str]:
+    """Lens models that the file names, in lower case."""
+    found = (values.named((name,)) for name in LENS)
+    return {str(model).lower() for model in found if model}
+
+
+def _refuse_other_models(values: CalibrationValues) -> None:
+    if str(values.named(FISHEYE) or 0).lower() not in ("0", "false"):
+        raise values.wrong(
+            "it is of OpenCV's fisheye model, which is not modelled; calibrate with the one of "
+            "Brown and Conrady"
+        )
+    known = (*_MODELS, "pinhole")
+    for model in sorted(_models(values) - {*known, "none"}):
+        raise values.wrong(
+            f"the lens model {model!r} is not the one of Brown and Conrady ({', '.join(known)})"
+            "; calibrate with that"
+        )
+
+
+def _refuse_two_cameras(values: CalibrationValues) -> None:
+    two = [str(name) for name in values.content if _OF_TWO.fullmatch(folded(str(name)))]
+    if two and values.named((*MATRIX, *PINHOLE)) is None:
+        raise values.wrong(
+            f"it is of two cameras ({', '.join(two)}); read it with read_stereo_calibration "
+            "(--stereo-calibration)"
+        )
+
+
+def _views(values: CalibrationValues) -> int:
+    return 0 if values.named(_VIEWS) is None else len(values.array(_VIEWS)) // 6
+
+
+def _pose(values: CalibrationValues, length_mm: float) -> FloatArray | None:
+    """Camera to world, (4, 4) array, mm."""
+    turn, shift = values.named(ROTATION), values.named(TRANSLATION)
+    if shift is None and values.named(PROJECTION) is not None:
+        # The R of a CameraInfo message of ROS is its rectification.
+        turn = None
+    if (turn is None) != (shift is None):
+        raise values.wrong("it has only one of rvec and tvec, which is no pose; give both")
+    if turn is not None:
+        return to_world(rotation_in(values), values.array(TRANSLATION, (3,)) * length_mm)
+    if _views(values) == 1:
+        row = values.array(_VIEWS, (6,))
+        view = CalibrationValues(values.path, {"rvec": row[:3]})
+        return to_world(rotation_in(view), row[3:] * length_mm)
+    return None

@@ -31,6 +31,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import array_in, whole_file
 from iriftrace.core.units import length_factor
+from iriftrace.geometry.transform import nearest_rotations
 
 SCHEMA = "iriftrace.poses/1"
 
@@ -131,7 +132,7 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
             )
     matrices = _stack(columns["matrices"], path)
     refuse_distorted(matrices, _LARGEST_ROUNDING, f" of {path}")
-    matrices[:, :3, :3] = _nearest_rotations(matrices[:, :3, :3])
+    matrices[:, :3, :3] = nearest_rotations(matrices[:, :3, :3])
     if not columns.get("aimed", False):
         matrices = from_convention(matrices, convention)
     matrices[:, :3, 3] *= factor
@@ -184,16 +185,6 @@ def _with_axes(matrices: ArrayLike, axes: FloatArray) -> FloatArray:
     # Only signs and places change, so nothing is rounded; + 0 turns -0 into 0.
     turned[..., :3, :3] = turned[..., :3, :3] @ axes + 0.0
     return turned
-
-
-def _nearest_rotations(axes: FloatArray) -> FloatArray:
-    """Polar decomposition of the rotations that rounding has distorted; others stay as they are."""
-    products = np.swapaxes(axes, 1, 2) @ axes
-    rounded = np.abs(products - np.eye(3)).max(axis=(1, 2)) > 1e-12
-    left, _, right = np.linalg.svd(axes[rounded])
-    nearest = axes.copy()
-    nearest[rounded] = left @ right
-    return nearest
 
 
 def _text(content: bytes, path: Path) -> str:

@@ -64,13 +64,14 @@ class CameraOptions:
     distortion
         Lens distortion in OpenCV's order k1,k2,p1,p2[,k3[,k4,k5,k6]].
     calibration
-        Calibration of OpenCV (.yaml or .json) in place of the five options above; its pose, where
-        it has one, holds unless origin or target is given.
+        Calibration of OpenCV, ROS or MATLAB (.yaml, .xml or .json) in place of the five options
+        above; its pose, where it has one, holds unless origin or target is given.
     pixel_size
         Width of a pixel, "2.74 um". A calibration, which knows pixels only, needs it for the
         lengths in mm that results state; no ray depends on it.
     calibration_length_unit
-        Unit of the translation in the calibration's pose.
+        Unit of the translation in the calibration, mm by default; of a stereo calibration what
+        the file states, and m for ROS and Kalibr.
     focus
         Nearest and farthest sharp distance NEAR:FAR; "0:inf" for no limit. By default 50:250, and
         to the part's far end where the camera stands by default or as its calibration says.
@@ -90,7 +91,7 @@ class CameraOptions:
     distortion: Numbers | None = None
     calibration: Path | None = None
     pixel_size: Length | None = None
-    calibration_length_unit: str = "mm"
+    calibration_length_unit: str | None = None
     focus: Interval | None = None
     origin: Vector | None = None
     target: Vector | None = None
@@ -98,28 +99,19 @@ class CameraOptions:
 
     def camera(self, part: Part, field: IndexField | None, stack: ShellStack) -> Camera:
         """The camera these options describe, at its whole resolution."""
-        import numpy as np
-
-        from iriftrace.scene.viewpoint import part_view
-
         calibration = self._calibration()
         camera = self._described() if calibration is None else self._calibrated(calibration)
         placed = self.origin is not None or self.target is not None
         if placed or calibration is None or calibration.matrix is None:
-            return self._placed(camera, part, field, stack)
-        # In another unit it stands in the part, looks past it, or is far away.
-        sees = "" if part_view(part, camera).outside < 1.0 else "it sees nothing of the part"
-        if not sees and np.ptp(camera.project(part.vertices), axis=0).max() < FEWEST_PIXELS:
-            sees = f"the part is less than {FEWEST_PIXELS} pixels large"
-        if sees:
-            place = ", ".join(f"{value:.6g}" for value in camera.origin)
-            raise InputError(
-                f"The pose in {self.calibration}, read in {self.calibration_length_unit}, has its "
-                f"camera at ({place}) mm, from where {sees}; give the unit of its translation "
-                "(--calibration-length-unit), or --origin and --target. OpenCV's pose leads from "
-                "the part's frame to the camera's, and not back."
-            )
-        return camera if self.focus is not None else _with_all_in_focus(camera, camera, part)
+            return self.placed(camera, part, field, stack)
+        refuse_unseen_part(
+            camera,
+            part,
+            f"The pose in {self.calibration}, read in {self.calibration_length_unit or 'mm'},",
+            "give the unit of its translation (--calibration-length-unit), or --origin and "
+            "--target. OpenCV's pose leads from the part's frame to the camera's, and not back.",
+        )
+        return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
 
     def has_pose(self) -> bool:
         """True if the calibration says where its camera stands."""
@@ -156,15 +148,9 @@ class CameraOptions:
 
         if self.calibration is None:
             return None
-        standard = CameraOptions()
-        for name in ("focal_length", "sensor", "resolution", "principal_point", "distortion"):
-            if getattr(self, name) != getattr(standard, name):
-                raise InputError(
-                    f'--{name.replace("_", "-")} is "{getattr(self, name)}", but --calibration '
-                    "says that too; leave one of them out."
-                )
+        self.refuse_intrinsics("--calibration")
         try:
-            unit = length_factor(self.calibration_length_unit)
+            unit = length_factor(self.calibration_length_unit or "mm")
         except InputError as error:
             raise InputError(f"--calibration-length-unit: {error}") from error
         found = read_calibration(self.calibration, length_mm=unit)
@@ -176,6 +162,16 @@ class CameraOptions:
                 stacklevel=2,
             )
         return found
+
+    def refuse_intrinsics(self, option: str) -> None:
+        """Refuse options that a calibration, given by `option`, states too."""
+        standard = CameraOptions()
+        for name in ("focal_length", "sensor", "resolution", "principal_point", "distortion"):
+            if getattr(self, name) != getattr(standard, name):
+                raise InputError(
+                    f'--{name.replace("_", "-")} is "{getattr(self, name)}", but {option} says '
+                    "that too; leave one of them out."
+                )
 
     def _calibrated(self, calibration: Calibration) -> Camera:
         """Intrinsics and, where there is one, the pose of a calibration."""
@@ -190,7 +186,7 @@ class CameraOptions:
             pixel_size_mm=self.pixel_size, focus_mm=self.focus or FOCUS_MM, **pose
         )
 
-    def _placed(
+    def placed(
         self, camera: Camera, part: Part, field: IndexField | None, stack: ShellStack
     ) -> Camera:
         """The camera where origin, target and up have it, or where it sees all of the part."""
@@ -203,10 +199,24 @@ class CameraOptions:
             target = part.centre if self.target is None else self.target
             return camera.at(look_at(self.origin, target, self.up))
         camera = camera.at(default_viewpoint(part, field, stack, camera, self.target, self.up))
-        return camera if self.focus is not None else _with_all_in_focus(camera, camera, part)
+        return camera if self.focus is not None else with_all_in_focus(camera, camera, part)
 
 
-def _with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
+def refuse_unseen_part(camera: Camera, part: Part, source: str, remedy: str) -> None:
+    """Refuse a pose in a wrong unit or frame: it is in the part, looks past it, or is far away."""
+    import numpy as np
+
+    from iriftrace.scene.viewpoint import part_view
+
+    sees = "" if part_view(part, camera).outside < 1.0 else "it sees nothing of the part"
+    if not sees and np.ptp(camera.project(part.vertices), axis=0).max() < FEWEST_PIXELS:
+        sees = f"the part is less than {FEWEST_PIXELS} pixels large"
+    if sees:
+        place = ", ".join(f"{value:.6g}" for value in camera.origin)
+        raise InputError(f"{source} has its camera at ({place}) mm, from where {sees}; {remedy}")
+
+
+def with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
     """A device with a camera's focus interval, but as far as the part's farthest point at least."""
     from attrs import evolve
 
@@ -214,91 +224,6 @@ def _with_all_in_focus(device: Camera, camera: Camera, part: Part) -> Camera:
 
     near, far = camera.focus_mm
     return evolve(device, focus_mm=(near, max(far, math.ceil(farthest_mm(part, device)))))
-
-
-@Parameter(name="*", group=Group("Second device", sort_key=6))
-@frozen
-class SecondOptions:
-    """A second device, with which points are triangulated; see ``iriftrace measure``.
-
-    Parameters
-    ----------
-    second
-        Its position in mm, "150,-100,40"; it looks at the same target, by default through the
-        camera's lens onto the camera's sensor.
-    second_calibration
-        Its calibration of OpenCV (.yaml or .json); the pose in it holds unless second is given.
-    second_pixel_size
-        Width of its pixel, which its calibration needs, "5.4 um".
-    system
-        What it is: a projector (fringe, by default), a second camera (stereo) or a laser, whose
-        sheet is the middle column of its picture.
-    """
-
-    second: Vector | None = None
-    second_calibration: Path | None = None
-    second_pixel_size: Length | None = None
-    system: Literal["fringe", "stereo", "laser"] | None = None
-
-    def given(self) -> bool:
-        """True if there is a second device."""
-        if self.second is not None or self.second_calibration is not None:
-            return True
-        refuse_given(
-            {"--second-pixel-size": self.second_pixel_size, "--system": self.system},
-            "is of a second device, and there is none; give its position too, such as "
-            '--second "150,-100,40".',
-        )
-        return False
-
-    def device(
-        self,
-        first: CameraOptions,
-        camera: Camera,
-        part: Part,
-        field: IndexField | None,
-        stack: ShellStack,
-    ) -> Camera:
-        """The second device, at its whole resolution."""
-        from iriftrace.camera.pose import look_at
-
-        if self.second_calibration is not None:
-            device = self._calibrated(first).camera(part, field, stack)
-        elif self.second is None or self.second_pixel_size is not None:
-            raise InputError("--second-pixel-size belongs to --second-calibration; give that too.")
-        else:
-            target = part.centre if first.target is None else first.target
-            device = camera.at(look_at(self.second, target, first.up))
-        return device if first.focus is not None else _with_all_in_focus(device, camera, part)
-
-    def _calibrated(self, first: CameraOptions) -> CameraOptions:
-        """Options of the second device, where its calibration is given."""
-        if self.second_pixel_size is None:
-            raise InputError(
-                f"{self.second_calibration} knows lengths in pixels only; give the width of a "
-                'pixel too, such as --second-pixel-size "5.4 um".'
-            )
-        stands = first.origin is not None or first.target is not None or first.has_pose()
-        if first.calibration is not None and not stands:
-            raise InputError(
-                f"{first.calibration} has no pose, so nothing says where the camera stands beside "
-                "the second device; give --origin and --target too, or a calibration with the pose."
-            )
-        options = CameraOptions(
-            calibration=self.second_calibration,
-            pixel_size=self.second_pixel_size,
-            calibration_length_unit=first.calibration_length_unit,
-            focus=first.focus,
-            origin=self.second,
-            target=first.target if self.second is not None else None,
-            up=first.up,
-        )
-        if self.second is None and not options.has_pose():
-            raise InputError(
-                f"{self.second_calibration} has no pose, so nothing says where the second device "
-                "stands; give --second too."
-            )
-        return options
 
 
 @Parameter(name="*", group=Group("Orbit", sort_key=1))

@@ -80,8 +80,8 @@ def check(
         Temperature that the wall should have; by default that of the case.json beside a field of
         ``iriftrace field simulate``.
     region_temperature
-        Another temperature that a named region of the part should have, NAME=TEMPERATURE;
-        repeatable; by default those of the case.json.
+        Another temperature that a region of the part should have, NAME=TEMPERATURE, or all that a
+        pattern fits, "plane -x*=900 degC"; repeatable; by default those of the case.json.
     transition
         Width over which one wall temperature goes over into another; by default that of the
         case.json, else 0.
@@ -105,10 +105,11 @@ def check(
     with working("Checking the field"):
         from iriftrace.cfd.check.check import check_field as checked
         from iriftrace.cfd.openfoam.case import RECORD, recorded_wall
+        from iriftrace.part.region_choice import values_by_region
 
         folder = field if field.is_dir() else field.parent
         stored = recorded_wall(folder, measured)
-        regions = region_temperatures(region_temperature)
+        regions = values_by_region(measured, region_temperatures(region_temperature))
         if stored is not None:
             say(f"Wall temperatures that are not given are those of {folder / RECORD}.")
             wall_temperature = stored.default if wall_temperature is None else wall_temperature

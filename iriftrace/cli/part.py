@@ -144,8 +144,12 @@ def subdivide(
     before = part_options.read(mesh)
     with working("Splitting the triangles"):
         split = subdivide_part(before, edge)
+        coarser = subdivide_part(before, 2 * edge)
     _save(split, output)
-    say(f"{len(before.faces):,} triangles before.")
+    say(
+        f"{len(before.faces):,} triangles before, {len(split.faces) / len(before.faces):.3g} times "
+        f'as many now; --edge "{2 * edge:g} mm" gives {len(coarser.faces):,}.'
+    )
 
 
 def __getattr__(name: str) -> Callable[..., None]:
@@ -197,11 +201,12 @@ def _check_name(path: Path) -> None:
 def _save(made: Part, path: Path) -> None:
     """Write a part and say what it is."""
     from iriftrace.part.part import save_part
+    from iriftrace.part.region_choice import placed_regions
 
     save_part(made, path)
     extent = " x ".join(f"{high - low:.5g}" for low, high in made.bounds.T)
     say(f"{path}: {extent} mm, {made.volume:.6g} mm^3, {len(made.faces):,} triangles")
-    areas = zip(made.region_names, made.region_areas, strict=True)
+    areas = zip(placed_regions(made), made.region_areas, strict=True)
     regions = ", ".join(f"{name} ({area:.5g} mm^2)" for name, area in areas)
     lost = path.suffix.lower() != ".ply"
     say(f"Regions: {regions}{'; an STL has no room for them, a .ply keeps them' if lost else ''}.")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 from rich.table import Table
 
-from iriftrace.cli.camera_options import CameraOptions, Scale, SecondOptions
+from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import command_line, out, say, show_warning, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
 from iriftrace.cli.options import (
@@ -22,6 +22,7 @@ from iriftrace.cli.options import (
     check_order,
     check_output,
 )
+from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import ZERO_CELSIUS_K
 
@@ -101,6 +102,7 @@ def scene(
     part_options: PartOptions = PartOptions(),
     camera_options: CameraOptions = CameraOptions(),
     second_options: SecondOptions = SecondOptions(),
+    stereo_options: StereoOptions = StereoOptions(),
     scale: Scale = 0.5,
 ) -> None:
     """Make a complete scene folder of field, part and camera, which ``iriftrace render`` runs.
@@ -149,7 +151,7 @@ def scene(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
             "the same way; leave out --isosurfaces or --member."
         )
-    two_devices = second_options.given()
+    place = devices_of(camera_options, second_options, stereo_options, measured)
     settings: dict[str, Any] = {
         "wall_temperature_k": part_options.hot_temperature,
         "trim_mm": trim,
@@ -161,14 +163,9 @@ def scene(
 
     def devices(volume: IndexField | None, stack: ShellStack) -> Camera:
         """The camera; the second device, if there is one, goes into the settings."""
-        camera = camera_options.camera(measured, volume, stack)
+        camera, second = place(volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
-        if two_devices:
-            from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
-
-            second = second_options.device(camera_options, camera, measured, volume, stack)
-            settings["second"] = second
-            settings["second_id"] = DEVICE_OF_SYSTEM[second_options.system or "fringe"]
+        settings.update(second)
         return camera
 
     states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)

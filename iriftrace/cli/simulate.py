@@ -163,7 +163,10 @@ def _print_wall(case: Case) -> None:
         if far := measured.far_faces(case.part, case.size.wall):
             warn(far, IriftraceWarning, stacklevel=2)
         return
-    table = {name: wall.regions.get(name, wall.default) for name in case.part.region_names}
+    from iriftrace.part.region_choice import placed_regions
+
+    names = zip(placed_regions(case.part), case.part.region_names, strict=True)
+    table = {placed: wall.regions.get(name, wall.default) for placed, name in names}
     for region, kelvin in (table if wall.regions else {"all": wall.default}).items():
         say(f"  wall {region}: {kelvin:.2f} K ({kelvin - ZERO_CELSIUS_K:.0f} degC)")
 

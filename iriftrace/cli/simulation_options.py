@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from attrs import frozen
+from attrs import evolve, frozen
 from cyclopts import Group, Parameter
 
 from iriftrace.cli.options import (
@@ -46,7 +46,8 @@ class SimulationOptions:
     wall_temperature_unit
         Unit of its temperatures; by default what it states, else K.
     region_temperature
-        Another temperature for a named region of the part, NAME=TEMPERATURE; repeatable.
+        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that a pattern
+        fits, "plane -x*=900 degC"; repeatable.
     transition
         Width over which one wall temperature goes over into another (10 % to 90 %), "10 mm"; by
         default they meet in a line.
@@ -108,10 +109,12 @@ class SimulationOptions:
     ) -> Case:
         """The case these options describe in a draught, mirrored as they say or at `mirrors`."""
         from iriftrace.cfd.openfoam.case import natural_case
+        from iriftrace.part.region_choice import values_by_region
 
+        wall = self.wall()
         return natural_case(
             part,
-            self.wall(),
+            evolve(wall, regions=values_by_region(part, wall.regions)),
             resolution=self.resolution,
             background_mm=self.background_cell,
             end=self.end_time,

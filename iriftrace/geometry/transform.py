@@ -91,6 +91,19 @@ def rigid_motion(matrix: FloatArray, name: str) -> FloatArray:
     return motion
 
 
+def nearest_rotations(axes: FloatArray) -> FloatArray:
+    """Rotations nearest to matrices (n, 3, 3) that rounding has distorted; (n, 3, 3) array.
+
+    Those that are rotations to 1e-12 are returned as they are.
+    """
+    products = np.swapaxes(axes, 1, 2) @ axes
+    rounded = np.abs(products - np.eye(3)).max(axis=(1, 2)) > 1e-12
+    left, _, right = np.linalg.svd(axes[rounded])
+    nearest = axes.copy()
+    nearest[rounded] = left @ right
+    return nearest
+
+
 def apply(matrix: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 3) moved by a (4, 4) affine matrix; (n, 3) array, float64."""
     return np.asarray(points, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

@@ -13,6 +13,7 @@ from iriftrace.geometry.topology import weld
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
+from iriftrace.part.subdivision import Mesh, subdivide
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -42,7 +43,12 @@ def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:
         )
     mesh = _welded(part).decimate(1.0 - faces / len(part.faces)).triangulate()
     middles = mesh.points[mesh.regular_faces].mean(axis=1)
-    small = _of_mesh(part, mesh, part.region_of_face[part.surface.nearest(middles)[1]])
+    small = _of_mesh(
+        part,
+        np.asarray(mesh.points, dtype=np.float64),
+        mesh.regular_faces,
+        part.region_of_face[part.surface.nearest(middles)[1]],
+    )
     places = (
         (part.surface, np.concatenate((small.surface.corners, small.face_centres))),
         (small.surface, np.concatenate((part.surface.corners, part.face_centres))),
@@ -54,21 +60,26 @@ def decimate_part(part: Part, faces: int) -> tuple[Part, FloatArray]:
 def subdivide_part(part: Part, edge_mm: float) -> Part:
     """Split a part's triangles until no edge is longer, mm; its surface stays as it is.
 
-    By VTK's adaptive subdivision, which splits an edge alike in both triangles. InputError if the
-    length is not positive, or asks for more triangles than a part may have.
+    See `iriftrace.part.subdivision`. InputError if the length is not positive, or would need more
+    triangles than a part may have.
     """
     if not edge_mm > 0:
         raise InputError(f"The longest edge is {edge_mm:g} mm; give a positive length.")
     # Three such edges make the largest triangle that may stay; halving takes some times as many.
     usual = 3 * part.area / (math.sqrt(3) / 4 * edge_mm**2)
-    if usual > MOST_FACES:
+    welded = _welded(part)
+    mesh = Mesh(
+        np.asarray(welded.points, dtype=np.float64),
+        welded.regular_faces.astype(np.int64),
+        np.asarray(welded.cell_data["region"]),
+    )
+    split = subdivide(mesh, edge_mm, MOST_FACES) if usual <= MOST_FACES else None
+    if split is None:
         raise InputError(
-            f"Edges of {edge_mm:g} mm ask for some {usual:,.0f} triangles, more than the "
-            f"{MOST_FACES:,} that a part may have; give a longer one."
+            f"Edges of {edge_mm:g} mm need more triangles than the {MOST_FACES:,} that a part may "
+            "have; give a longer edge."
         )
-    # The filter's other criterion, the area, would leave cracks.
-    split = _welded(part).subdivide_adaptive(max_edge_len=edge_mm, max_tri_area=math.inf)
-    return _of_mesh(part, split, np.asarray(split.cell_data["region"]))
+    return _of_mesh(part, split.vertices, split.faces, split.region)
 
 
 def _welded(part: Part) -> pv.PolyData:
@@ -84,9 +95,8 @@ def _welded(part: Part) -> pv.PolyData:
     return cleaned
 
 
-def _of_mesh(part: Part, mesh: pv.PolyData, region: IntArray) -> Part:
+def _of_mesh(part: Part, vertices: FloatArray, faces: IntArray, region: IntArray) -> Part:
     """A mesh of triangles on a part's surface as a part, with the region of each face."""
-    faces, vertices = mesh.regular_faces, np.asarray(mesh.points, dtype=np.float64)
     kept, number = np.unique(region, return_inverse=True)
     regions = Regions(number, tuple(part.region_names[index] for index in kept))
     return part_of_mesh(

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 
 from iriftrace.camera.calibration import read_calibration
-from iriftrace.core.errors import InputError
+from iriftrace.core.errors import InputError, IriftraceWarning
 from validation.inputs.calibration_files import (
     COEFFICIENTS,
     MATRIX,
+    PLAIN,
     RVEC,
     TVEC,
     plain,
@@ -99,7 +102,8 @@ def test_names_of_opencv_2_4_without_blanks(tmp_path: Path) -> None:
         f"Camera_Matrix:!!opencv-matrix\n{matrix}\n"
         f"Distortion_Coefficients:!!opencv-matrix\n{coefficients}\n"
     )
-    found = read_calibration(tmp_path / "old.yml")
+    with pytest.warns(IriftraceWarning, match="read as k1, k2, p1, p2. If they are .* fisheye"):
+        found = read_calibration(tmp_path / "old.yml")
     assert found.resolution == (2448, 2048)
     assert found.distortion.coefficients[:4] == tuple(COEFFICIENTS[:4])
 
@@ -202,7 +206,7 @@ def test_files_that_are_something_else(tmp_path: Path, text: str, message: str) 
 def test_a_file_of_two_cameras_is_refused(tmp_path: Path) -> None:
     """As OpenCV's stereo example writes it."""
     (tmp_path / "intrinsics.json").write_text('{"M1": [1], "D1": [0], "M2": [1], "D2": [0]}')
-    with pytest.raises(InputError, match=r"two cameras .M1, M2.; write a file for each"):
+    with pytest.raises(InputError, match=r"two cameras .M2.; read it with .*--stereo-cal"):
         read_calibration(tmp_path / "intrinsics.json")
 
 
@@ -211,13 +215,65 @@ def test_a_calibration_that_says_it_is_no_fisheye(tmp_path: Path) -> None:
     assert read_calibration(plain(tmp_path / "camera.json", fisheye_model=0)).views == 0
 
 
-def test_aliases_are_refused_before_they_grow(tmp_path: Path) -> None:
-    """Ten lines that stand for ten billion numbers."""
+def test_aliases_are_read_unless_they_stand_for_too_much(tmp_path: Path) -> None:
+    """PyYAML writes lists that occur twice as aliases; ten lines may be ten billion numbers."""
+    values = PLAIN | {"also": PLAIN["distortion_coefficients"]}
+    (tmp_path / "twice.yaml").write_text(text := yaml.safe_dump(values))
+    assert "*id001" in text
+    found = read_calibration(tmp_path / "twice.yaml")
+    assert found.distortion.coefficients == (*COEFFICIENTS, 0, 0, 0)
     lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 10)]
-    (tmp_path / "bomb.yaml").write_text("\n".join([*lines, "camera_matrix: *a9"]))
-    with pytest.raises(InputError, match="aliases, which no calibration needs"):
-        read_calibration(tmp_path / "bomb.yaml")
+    for text, fault in (
+        ("\n".join([*lines, "camera_matrix: *a9"]), "aliases stand for more than 4,000,000"),
+        ("camera_matrix: &a [1, *a]", "alias to a value that contains the alias"),
+    ):
+        (tmp_path / "bomb.yaml").write_text(text)
+        with pytest.raises(InputError, match=fault):
+            read_calibration(tmp_path / "bomb.yaml")
+
+
+def test_a_rounded_rotation_becomes_the_nearest_one(tmp_path: Path) -> None:
+    """Four decimals are rounding, two are none; a rotation vector of degrees is refused."""
+    exact = cv2.Rodrigues(RVEC)[0]
+    path = plain(tmp_path / "c.json", R=exact.round(4).tolist(), T=[0, 0, 1])
+    with pytest.warns(IriftraceWarning, match="rounded to few digits.*uncertain by about"):
+        matrix = read_calibration(path).matrix
+    assert matrix is not None
+    np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(matrix[:3, :3], exact.T, rtol=0, atol=1e-4)
+    path = plain(tmp_path / "c.json", R=exact.round(2).tolist(), T=[0, 0, 1])
+    with pytest.raises(InputError, match=r"stretches or mirrors .lengths change"):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize("name", ["distCoef", "dist_coeff", "Distortion", "D", "kc"])
+def test_other_names_of_the_distortion(tmp_path: Path, name: str) -> None:
+    changes = {"distortion_coefficients": None, name: COEFFICIENTS.tolist()}
+    found = read_calibration(plain(tmp_path / "c.json", **changes))
+    assert found.distortion.coefficients[:5] == tuple(COEFFICIENTS)
+
+
+def test_no_zeros_are_advised_where_the_distortion_has_another_name(tmp_path: Path) -> None:
+    path = plain(tmp_path / "c.json", distortion_coefficients=None, lens_distortion=[0.1], k1=0.1)
+    with pytest.raises(InputError, match="lens_distortion, k1") as caught:
+        read_calibration(path)
+    assert "0, 0" not in str(caught.value)
+
+
+def test_a_camera_of_matlab(tmp_path: Path) -> None:
+    """Rows times matrices, rows before columns, and the first pixel's centre at (1, 1)."""
+    k1, k2, p1, p2, k3 = COEFFICIENTS.tolist()
+    of_matlab = MATRIX + np.outer((1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    for names in ({"IntrinsicMatrix": of_matlab.T.tolist()}, {"K": of_matlab.tolist()}):
+        values = {"RadialDistortion": [k1, k2, k3], "TangentialDistortion": [p1, p2]}
+        path = tmp_path / "camera.json"
+        path.write_text(json.dumps(values | names | {"ImageSize": [2048, 2448]}))
+        found = read_calibration(path)
+        assert found.focal_px == (3653.8, 3657.25)
+        assert found.centre_px == (1209.5, 1030.0)
+        assert found.resolution == (2448, 2048)
+        assert found.distortion.coefficients == (*COEFFICIENTS, 0, 0, 0)
 
 
 def test_a_calibration_too_large_to_be_one(tmp_path: Path) -> None:

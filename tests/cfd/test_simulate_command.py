@@ -41,11 +41,11 @@ def fails(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 def test_case_is_written_without_openfoam(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """And the program says what it will be: air, cells, times, temperatures of the regions."""
-    words = ["part.stl", "-o", "case", WALL, "--region-temperature=plane +z=450 degC"]
+    words = ["part.stl", "-o", "case", WALL, "--region-temperature=* +z*=450 degC"]
     assert main(["field", "simulate", *words, "--transition=5mm", "--write-only"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert re.search(r"wall plane \+z: 723.15 K \(450 degC\)", said)
-    assert re.search(r"wall plane -x: 1373.15 K", said)
+    assert re.search(r"wall plane \+z \(z [\d.]+ mm\): 723.15 K \(450 degC\)", said)
+    assert re.search(r"wall plane -x \(x -[\d.]+ mm\): 1373.15 K", said)
     assert "normal (B)" in said
     assert (folder / "case/system/controlDict").is_file()
     assert main(["field", "simulate", *words, "--transition=5mm", "--write-only"]) == 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -13,56 +12,18 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.field.readers.members import member_at, members
+from validation.field_files import ensight
 from validation.inputs.field_grids import AMBIENT, solid
 
 
 def write(
     folder: Path, *, binary: bool, times: tuple[float, ...] = (), name: str = "a.case"
 ) -> Path:
-    """The box of air as EnSight Gold; at later times the air is 10 K hotter each."""
+    """The box of air; at later times the air is 10 K hotter each."""
     grid = solid()
-    points = np.asarray(grid.points)
-    # VTK's voxels have two pairs of corners the other way round.
-    cells = np.asarray(grid.cell_connectivity).reshape(-1, 8)[:, [0, 1, 3, 2, 4, 5, 7, 6]] + 1
-    kelvin = AMBIENT + 50.0 * points[:, 0]
-
-    def line(text: str) -> bytes:
-        return text.ljust(80).encode() if binary else f"{text}\n".encode()
-
-    def integers(values: np.ndarray) -> bytes:
-        if binary:
-            return values.astype("<i4").tobytes()
-        return "".join("".join(f"{v:10d}" for v in row) + "\n" for row in values).encode()
-
-    def reals(values: np.ndarray) -> bytes:
-        return (
-            values.astype("<f4").tobytes()
-            if binary
-            else "".join(f"{v:12.5e}\n" for v in values).encode()
-        )
-
-    def number(value: int) -> bytes:
-        return struct.pack("<i", value) if binary else f"{value:10d}\n".encode()
-
-    head = line("C Binary") if binary else b""
-    geometry = head + b"".join(map(line, ("made", "of air", "node id off", "element id off")))
-    geometry += line("part") + number(1) + line("air") + line("coordinates") + number(len(points))
-    geometry += b"".join(reals(axis) for axis in points.T)
-    geometry += line("hexa8") + number(len(cells)) + integers(cells)
-    (folder / "air.geo").write_bytes(geometry)
-    for step in range(max(1, len(times))):
-        text = line("T") + line("part") + number(1) + line("coordinates")
-        text += reals(kelvin + 10.0 * step)
-        (folder / (f"air{step}.T" if times else "air.T")).write_bytes(text)
-    case = ["FORMAT", "type: ensight gold", "GEOMETRY", "model: air.geo", "VARIABLE"]
-    if times:
-        case += ["scalar per node: 1 T air*.T", "TIME", "time set: 1"]
-        case += [f"number of steps: {len(times)}", "filename start number: 0"]
-        case += ["filename increment: 1", "time values:", *map(str, times)]
-    else:
-        case += ["scalar per node: T air.T"]
-    (folder / name).write_text("\n".join(case) + "\n")
-    return folder / name
+    kelvin = AMBIENT + 50.0 * np.asarray(grid.points)[:, 0]
+    states = [kelvin + 10.0 * step for step in range(max(1, len(times)))]
+    return ensight.write(folder / name, grid, states, binary=binary, times=times)
 
 
 def assert_the_box(field: IndexField, hotter: float = 0.0) -> None:
@@ -93,11 +54,11 @@ def test_a_case_with_several_times(tmp_path: Path, binary: bool) -> None:
 
 def test_damaged_cases_are_refused(tmp_path: Path) -> None:
     path = write(tmp_path, binary=True)
-    geometry = (tmp_path / "air.geo").read_bytes()
-    (tmp_path / "air.geo").write_bytes(geometry[: len(geometry) // 2])
+    geometry = (tmp_path / "a.geo").read_bytes()
+    (tmp_path / "a.geo").write_bytes(geometry[: len(geometry) // 2])
     with pytest.raises(InputError, match=r"cannot be read|no volume cells"):
         read_field(path)
-    (tmp_path / "air.geo").unlink()
+    (tmp_path / "a.geo").unlink()
     with pytest.raises(InputError, match=r"cannot be read|no volume cells"):
         read_field(path)
     path.write_text("something else")

@@ -52,6 +52,25 @@ def test_subdivided_parts_are_the_same_surface() -> None:
     np.testing.assert_allclose(part.surface.distance(found.vertices), 0.0, atol=1e-6)
 
 
+def test_slivers_are_cut_across_and_not_along() -> None:
+    """A prism of 100 mm by 1 mm: 32 pieces along each edge, two triangles between two of them."""
+    angles = 2.0 * np.pi * np.arange(200) / 200
+    outline = np.stack((np.cos(angles), np.sin(angles)), axis=1) / (2.0 * np.sin(np.pi / 200))
+    prism = trimesh.creation.extrude_triangulation(
+        np.vstack((outline, (0.0, 0.0))),
+        np.array([(k, (k + 1) % 200, 200) for k in range(200)]),
+        100.0,
+    )
+    part = part_of_mesh(prism.vertices, prism.faces, name="prism")
+    found = subdivide_part(part, 4.0)
+    assert found.closed
+    assert found.volume == pytest.approx(part.volume, rel=1e-12)
+    lateral = np.abs(found.face_normals[:, 2]) < 0.5
+    assert lateral.sum() == 200 * 32 * 2
+    # With the heads, whose fans are slivers too; VTK's adaptive subdivision gives 108,800.
+    assert len(found.faces) < 25_000
+
+
 def test_triangles_without_area_are_left_out() -> None:
     """Two of them: corners at one place, and one corner twice."""
     box = trimesh.creation.box((20.0, 20.0, 20.0))
@@ -64,10 +83,21 @@ def test_triangles_without_area_are_left_out() -> None:
     assert len(found.region_names) == 6
 
 
-@pytest.mark.parametrize(("edge", "why"), [(0.0, "positive length"), (1e-3, "give a longer one")])
+@pytest.mark.parametrize(("edge", "why"), [(0.0, "positive length"), (1e-3, "give a longer edge")])
 def test_impossible_edges_are_refused(edge: float, why: str) -> None:
     with pytest.raises(InputError, match=why):
         subdivide_part(cylinder(), edge)
+
+
+def test_the_command_says_what_longer_edges_give(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    box, fine = tmp_path / "box.stl", tmp_path / "fine.ply"
+    trimesh.creation.box((20.0, 20.0, 20.0)).export(box)
+    assert main(["part", "subdivide", str(box), "-o", str(fine), "--edge=5 mm"]) == 0
+    count = len(subdivide_part(read_part(box), 10.0).faces)
+    said = f"12 triangles before, {len(read_part(fine).faces) / 12:.3g} times as many now; --edge"
+    assert f'{said} "10 mm" gives {count}.' in " ".join(capsys.readouterr().out.split())
 
 
 def test_the_command_says_how_far_the_surface_moved(

@@ -20,6 +20,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_files import read_poses, write_poses
 from iriftrace.camera.pose_set import PoseSet
+from iriftrace.camera.stereo import read_stereo_calibration
 from iriftrace.cli import main
 from iriftrace.field.path_data import FIELD_FILE, load_field_file
 from iriftrace.field.read import read_field
@@ -35,11 +36,11 @@ from iriftrace.studies.study import read_study
 from iriftrace.sweep.journal import Piece, Work, journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
 from iriftrace.triangulation.cloud import read_cloud, save_cloud
-from validation.field_files import comsol
+from validation.field_files import comsol, ensight
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch
-from validation.inputs import hot_block
-from validation.inputs.calibration_files import COEFFICIENTS, PLAIN
+from validation.inputs import hot_block, stereo_files
+from validation.inputs.calibration_files import COEFFICIENTS, PLAIN, written_by_opencv
 
 _CELLS = 6
 """Cells along an edge of the small field: every reader still sees each of its branches."""
@@ -133,6 +134,16 @@ def _case(folder: Path) -> None:
         Patch("outside", "patch", lambda c: np.ones(len(c), dtype=bool), None),
     ]
     write_case(folder / "case", grid, {"1": {"T": kelvins}}, patches)
+
+
+def _ensight(binary: bool) -> Callable[[Path], object]:
+    """Writes the small field as EnSight Gold."""
+
+    def make(folder: Path) -> None:
+        grid = hot_block.air(_CELLS)
+        ensight.write(folder / "air.case", grid, [np.asarray(grid["T"])], binary=binary)
+
+    return make
 
 
 def _comsol(name: str, separator: str) -> Callable[[Path], object]:
@@ -335,6 +346,8 @@ DOORS = (
     Door(".vtp", _surfaces, lambda folder: import_shells(folder / "shells.vtp")),
     Door(".vtm", _blocks, _field("air.vtm")),
     Door(".pvd", _series, _field("air.pvd")),
+    Door("EnSight, text", _ensight(False), _field("air.case")),
+    Door("EnSight, binary", _ensight(True), _field("air.case")),
     Door("OpenFOAM case", _case, _field("case")),
     Door("COMSOL text", _comsol("air.txt", " "), _scattered("air.txt"), ("air.txt",)),
     Door("COMSOL csv", _comsol("air.csv", ","), _scattered("air.csv"), ("air.csv",)),
@@ -368,6 +381,21 @@ DOORS = (
     Door("AOV EXR", _image_of_pose, _metrics, ("out.exr",)),
     Door("calibration, OpenCV YAML", _calibration, _calibrated("camera.yaml")),
     Door("calibration, JSON", _plain_calibration, _calibrated("camera.json")),
+    Door(
+        "calibration, OpenCV XML",
+        lambda folder: written_by_opencv(folder / "camera.xml"),
+        _calibrated("camera.xml"),
+    ),
+    Door(
+        "stereo calibration, OpenCV YAML",
+        lambda folder: stereo_files.opencv(folder / "stereo.yaml"),
+        lambda folder: read_stereo_calibration(folder / "stereo.yaml"),
+    ),
+    Door(
+        "stereo calibration, MATLAB JSON",
+        lambda folder: stereo_files.matlab(folder / "stereo.json", old=True),
+        lambda folder: read_stereo_calibration(folder / "stereo.json"),
+    ),
     *(
         Door(
             f"poses, {ending}",

@@ -11,6 +11,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
+from iriftrace.part.region_choice import placed_regions
 
 HOTTEST = 3000.0
 """K; above it air is no longer the mixture whose properties are used."""
@@ -61,7 +62,7 @@ class WallTemperatures:
         if unknown:
             raise InputError(
                 f'{part.path} has no region "{unknown[0]}"; its regions are '
-                f"{', '.join(part.region_names)}."
+                f"{', '.join(placed_regions(part))}."
             )
 
     def of_regions(self, part: Part) -> dict[float, list[int]]:

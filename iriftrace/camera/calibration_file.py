@@ -1,0 +1,197 @@
+"""Text of calibration files: YAML, XML or JSON to named values, and these by their many names."""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+LARGEST_BYTES = 4_000_000
+"""Size of a calibration with the poses of ten thousand boards, which YAML reads in ten seconds."""
+
+LARGEST_VALUES = 4_000_000
+"""Numbers in a file, with its aliases written out; each takes one byte at least."""
+
+
+class _MatrixLoader(yaml.SafeLoader):  # type: ignore[misc, unused-ignore]
+    """Plain YAML, in which OpenCV's tagged matrices are mappings like any other.
+
+    PyYAML writes lists that occur twice as aliases. Ten lines of aliases can stand for billions of
+    values, so the values are counted as if each alias were written out.
+    """
+
+    def __init__(self, stream: str) -> None:
+        super().__init__(stream)
+        self._values: dict[yaml.Node, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """The next value of the file."""
+        alias = self.check_event(yaml.AliasEvent)
+        node = super().compose_node(parent, index)
+        if alias and node not in self._values:
+            raise yaml.YAMLError("it has an alias to a value that contains the alias")
+        if not alias:
+            self._values[node] = 1 + sum(self._values[child] for child in _children(node))
+        if self._values[node] > LARGEST_VALUES:
+            raise yaml.YAMLError(f"its aliases stand for more than {LARGEST_VALUES:,} values")
+        return node
+
+
+def _children(node: yaml.Node) -> Iterable[yaml.Node]:
+    """Nodes that a sequence or a mapping holds."""
+    if isinstance(node, yaml.SequenceNode):
+        return list(node.value)
+    if isinstance(node, yaml.MappingNode):
+        return [child for pair in node.value for child in pair]
+    return ()
+
+
+_MatrixLoader.add_multi_constructor(
+    "tag:yaml.org,2002:opencv-",
+    lambda loader, _suffix, node: loader.construct_mapping(node, deep=True),
+)
+
+
+def calibration_content(path: Path) -> Mapping[str, Any]:
+    """Named values of a calibration file.
+
+    Matrices are flat or nested lists, or mappings with these under ``data``. An InputError if the
+    file cannot be read or holds no named values.
+    """
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise InputError(
+                f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
+                f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
+            )
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"The calibration {path} is no text; give the YAML or JSON that OpenCV's FileStorage "
+            "wrote."
+        ) from error
+    try:
+        if text.lstrip().startswith("<"):
+            content: Any = _xml_values(text)
+        elif text.lstrip().startswith("{"):
+            content = json.loads(text)
+        else:
+            content = _yaml_values(text)
+    except (ValueError, RecursionError, yaml.YAMLError, ElementTree.ParseError) as error:
+        raise InputError(
+            f"{path} is neither YAML, XML nor JSON of a calibration "
+            f"({' '.join(str(error).split())}); give the file that OpenCV's FileStorage wrote."
+        ) from error
+    if not isinstance(content, Mapping):
+        raise InputError(f"{path} holds no named values; give a camera calibration of OpenCV.")
+    return content
+
+
+_NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)
+
+
+def _yaml_values(text: str) -> Any:
+    """The one document of a YAML file; `rostopic echo` ends it with a line of its own."""
+    # OpenCV's first line, "%YAML:1.0", is not YAML, and neither is key:value.
+    first, _, rest = text.partition("\n")
+    plain = _NO_BLANK.sub(r"\1: ", rest if first.startswith("%YAML") else text)
+    documents = [one for one in yaml.load_all(plain, Loader=_MatrixLoader) if one is not None]
+    if len(documents) > 1:
+        raise ValueError(f"it has {len(documents)} documents instead of one")
+    return documents[0] if documents else None
+
+
+def _xml_values(text: str) -> Any:
+    """Named values of OpenCV's XML."""
+    if "<!ENTITY" in text:
+        raise ValueError("it has entities, which no calibration needs")
+    root = ElementTree.fromstring(text)
+    if root.tag != "opencv_storage":
+        raise ValueError(f"its XML is <{root.tag}> and not OpenCV's <opencv_storage>")
+    return {entry.tag: _xml_value(entry) for entry in root}
+
+
+def _xml_value(entry: ElementTree.Element) -> Any:
+    """A mapping, a sequence (its entries have the tag ``_``), or words; one word for a scalar."""
+    if len(entry) and all(child.tag == "_" for child in entry):
+        return [_xml_value(child) for child in entry]
+    if len(entry):
+        return {child.tag: _xml_value(child) for child in entry}
+    text = (entry.text or "").strip()
+    words = text.split()
+    return text.strip('"') if text.startswith('"') or len(words) < 2 else words
+
+
+def folded(name: str) -> str:
+    """A name without case and punctuation: camera_matrix and cameraMatrix are the same."""
+    return "".join(letter for letter in name.casefold() if letter.isalnum())
+
+
+@frozen(eq=False)
+class CalibrationValues:
+    """Named values of one camera, checked when they are read.
+
+    Attributes
+    ----------
+    path : Path
+        The file, for messages.
+    content : mapping
+    camera : str
+        Which of several cameras of the file, for messages; "" for the only one.
+    """
+
+    path: Path
+    content: Mapping[str, Any]
+    camera: str = ""
+
+    def wrong(self, fault: str) -> InputError:
+        """The error for a fault of this file."""
+        camera = f", {self.camera}" if self.camera else ""
+        return InputError(f"The calibration {self.path}{camera}: {fault}.")
+
+    def named(self, names: Iterable[str]) -> Any:
+        """Value under the first of the names that the file has, in any case; None without one."""
+        names = tuple(names)
+        for name in names:
+            if name in self.content:
+                return self.content[name]
+        any_case = {folded(str(name)): value for name, value in self.content.items()}
+        found = (any_case[folded(name)] for name in names if folded(name) in any_case)
+        return next(found, None)
+
+    def array(self, names: tuple[str, ...], counts: tuple[int, ...] = ()) -> FloatArray:
+        """Numbers of a matrix, flat; how many there may be (any when empty)."""
+        value = self.named(names)
+        if value is None:
+            raise self.wrong(f"{names[0]} is missing, without which there are no rays; add it")
+        if isinstance(value, Mapping):
+            value = value.get("data")
+        try:
+            numbers = np.asarray(value, dtype=np.float64).ravel()
+        except (TypeError, ValueError):
+            numbers = np.array((np.nan,))
+        if not np.isfinite(numbers).all():
+            raise self.wrong(f"{names[0]} has entries that are no finite numbers; write it again")
+        if counts and len(numbers) not in counts:
+            allowed = " or ".join(map(str, counts))
+            raise self.wrong(f"{names[0]} has {len(numbers)} numbers instead of {allowed}")
+        return numbers
+
+    def whole(self, names: tuple[str, ...]) -> int:
+        """A number of pixels."""
+        value = self.array(names, (1,))[0]
+        if value % 1 or value < 1:
+            raise self.wrong(f"{names[0]} is {value:g}, but pixels are whole numbers from 1 on")
+        return int(value)

@@ -1,0 +1,81 @@
+"""Parameters of MATLAB's Camera Calibrator and Stereo Camera Calibrator, as text.
+
+What ``jsonencode(toStruct(stereoParams))`` or a writer of YAML puts out. MATLAB multiplies rows by
+matrices where its names are ``IntrinsicMatrix`` and ``RotationOfCamera2``, so these are transposed;
+``K`` and ``PoseCamera2`` of newer versions are not. Its first pixel's centre is (1, 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from attrs import evolve
+
+from iriftrace.camera.calibration_file import CalibrationValues
+from iriftrace.core.arrays import FloatArray
+
+_RADIAL, _TANGENTIAL = ("RadialDistortion",), ("TangentialDistortion",)
+_OLD_MATRIX, _MATRIX = ("IntrinsicMatrix",), ("K",)
+_SIZE = ("ImageSize",)
+_ROTATION, _TRANSLATION = ("RotationOfCamera2",), ("TranslationOfCamera2",)
+_UNITS = {
+    "millimeters": "mm",
+    "centimeters": "cm",
+    "meters": "m",
+    "inches": "in",
+}
+
+
+def is_matlab(values: CalibrationValues) -> bool:
+    """True for the struct of MATLAB's cameraParameters."""
+    return values.named(_RADIAL) is not None
+
+
+def matlab_camera(values: CalibrationValues) -> CalibrationValues:
+    """The values of one camera under OpenCV's names and conventions; others as they are."""
+    if not is_matlab(values):
+        return values
+    inner = values.named(("Intrinsics",))
+    if isinstance(inner, Mapping):
+        values = evolve(values, content={**inner, **values.content})
+    radial, tangential = values.array(_RADIAL, (2, 3)), values.array(_TANGENTIAL, (2,))
+    if values.named(_MATRIX) is not None:
+        matrix = values.array(_MATRIX, (9,)).reshape(3, 3).copy()
+    else:
+        matrix = values.array(_OLD_MATRIX, (9,)).reshape(3, 3).T.copy()
+    matrix[:2, 2] -= 1.0
+    height, width = values.array(_SIZE, (2,))
+    return evolve(
+        values,
+        content={
+            "camera_matrix": matrix,
+            "distortion_coefficients": (*radial[:2], *tangential, *radial[2:]),
+            "image_width": width,
+            "image_height": height,
+        },
+    )
+
+
+def matlab_motion(values: CalibrationValues, *, rows: bool) -> tuple[FloatArray, FloatArray] | None:
+    """Rotation (3, 3) and translation (3,) from camera 1 to camera 2; None where it has none.
+
+    `rows` is true for stereoParameters, whose rotation multiplies rows, and false for what
+    stereoParametersToOpenCV returns.
+    """
+    pose = values.named(("PoseCamera2",))
+    if isinstance(pose, Mapping):
+        pose = evolve(values, content=pose)
+        return pose.array(("R",), (9,)).reshape(3, 3), pose.array(("Translation",), (3,))
+    if pose is not None:
+        matrix = values.array(("PoseCamera2",), (16,)).reshape(4, 4)
+        return matrix[:3, :3], matrix[:3, 3]
+    if values.named(_ROTATION) is None:
+        return None
+    rotation = values.array(_ROTATION, (9,)).reshape(3, 3)
+    return rotation.T if rows else rotation, values.array(_TRANSLATION, (3,))
+
+
+def matlab_length_unit(values: CalibrationValues) -> str | None:
+    """Unit of the translation, as `iriftrace.core.units.length_factor` takes it."""
+    stated = values.named(("WorldUnits",))
+    return None if stated is None else _UNITS.get(str(stated).lower(), str(stated))

@@ -1,0 +1,310 @@
+"""Calibrations of two cameras in one file, or one file each: lenses, and R and T between them.
+
+Programs name the values of two cameras in three ways: with a number or a side at the name (``M1``,
+``cameraMatrixLeft``), in a mapping for each camera (``cam0``, ``left``), or in two files. All three
+become the named values of two cameras and the rest, and then every value is found by its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from warnings import warn
+
+import numpy as np
+from attrs import evolve, frozen
+
+from iriftrace.camera.calibration import (
+    DISTORTION,
+    FISHEYE,
+    HEIGHT,
+    LENS,
+    MATRIX,
+    PINHOLE,
+    PROJECTION,
+    ROTATION,
+    SIZE,
+    TRANSLATION,
+    WIDTH,
+    Calibration,
+    calibration_of,
+    exact_rotation,
+    is_part_of_a_distortion,
+    rotation_in,
+    to_world,
+)
+from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
+from iriftrace.camera.calibration_matlab import is_matlab, matlab_length_unit, matlab_motion
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.units import length_factor
+
+BASELINES_MM = (3.0, 20_000.0)
+"""Distances of two cameras outside of which the unit of T is wrong: metres read as mm or back."""
+
+_SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"))
+_OF_A_CAMERA = ("", "cam", "camera", "cameraparameters", "cameraparams", "sensor", "intrinsics")
+_RECTIFICATION = ("R", "rectification_matrix", "rectification")
+_KALIBR = ("T_cn_cnm1",)
+_MATLABS_ROTATION = ("rotationOfCamera2",)
+_SHARED = (*WIDTH, *HEIGHT, *SIZE, *LENS, *FISHEYE)
+_NAMES = tuple(
+    map(folded, (*MATRIX, *PINHOLE, *DISTORTION, *_RECTIFICATION, *PROJECTION, *_SHARED))
+)
+
+
+@frozen(eq=False, kw_only=True)
+class StereoCalibration:
+    """Two calibrated cameras, and how the second one stands to the first.
+
+    Attributes
+    ----------
+    first, second : Calibration
+        Without poses.
+    rotation : (3, 3) array
+        From the frame of camera 1 to that of camera 2, as ``R`` of OpenCV's stereoCalibrate.
+    translation_mm : (3,) array, mm
+        ``T`` of stereoCalibrate.
+    length_unit : str
+        Unit in which T was read.
+    """
+
+    first: Calibration
+    second: Calibration
+    rotation: FloatArray
+    translation_mm: FloatArray
+    length_unit: str
+
+    @property
+    def baseline_mm(self) -> float:
+        """Distance of the two cameras, mm."""
+        return float(np.linalg.norm(self.translation_mm))
+
+    @property
+    def angle_deg(self) -> float:
+        """Angle between the axes of the two cameras, degrees."""
+        return float(np.degrees(np.arccos(np.clip(self.rotation[2, 2], -1.0, 1.0))))
+
+    def placed(self, matrix: FloatArray) -> tuple[Calibration, Calibration]:
+        """Both calibrations with their poses, where camera 1 has the pose (4, 4), to world, mm."""
+        rotation = matrix[:3, :3].T
+        translation = -rotation @ matrix[:3, 3]
+        second = to_world(
+            self.rotation @ rotation, self.rotation @ translation + self.translation_mm
+        )
+        return (
+            evolve(self.first, matrix=to_world(rotation, translation)),
+            evolve(self.second, matrix=second),
+        )
+
+
+def read_stereo_calibration(
+    *paths: str | Path, length_unit: str | None = None
+) -> StereoCalibration:
+    """Read a calibration of two cameras.
+
+    Read are the values of OpenCV's stereoCalibrate (``M1 D1 M2 D2 R T`` and their other names),
+    ROS's pairs (the baseline is that of the projection matrices), Kalibr's camchain, and MATLAB's
+    stereoParameters, as YAML, XML or JSON.
+
+    Parameters
+    ----------
+    *paths : path
+        One file; or two, of which each has one camera, the first being camera 1, or which hold
+        intrinsics and extrinsics.
+    length_unit : str, optional
+        Unit of the translation. When left out, what MATLAB states, metre for Kalibr and ROS, and
+        else mm.
+
+    Raises
+    ------
+    InputError
+        A file is missing, cannot be read, or has other lens models; it has not two cameras or not
+        their relative pose; the baseline is impossible, as its unit is another.
+
+    Warns
+    -----
+    IriftraceWarning
+        The rotation is rounded to few digits; four coefficients could be those of a fisheye lens;
+        the right camera stands to the left of the left one.
+    """
+    if len(paths) not in (1, 2):
+        raise InputError(
+            f"{len(paths)} files are given as the calibration of two cameras; give one or two."
+        )
+    contents = [calibration_content(Path(path)) for path in paths]
+    values = CalibrationValues(Path(paths[0]), contents[0])
+    if len(contents) == 2 and all(_is_camera(content) for content in contents):
+        named = [str(content.get("camera_name", "")) for content in contents]
+        first, second = (
+            CalibrationValues(Path(path), content)
+            for path, content in zip(paths, contents, strict=True)
+        )
+        rest = evolve(values, content={})
+        sides = ("left", "right") if "left" in named[0] and "right" in named[1] else ("1", "2")
+    else:
+        if len(contents) == 2:
+            values = evolve(values, content={**contents[0], **contents[1]})
+        first, second, sides = _two_cameras(values)
+        rest = values
+    rotation, translation, usual = _motion(first, second, rest)
+    unit = length_unit or usual
+    shift = translation * length_factor(unit)
+    _check_baseline(rest, float(np.linalg.norm(shift)), unit)
+    if sides[0] in ("left", "l") and (-rotation.T @ shift)[0] < 0.0:
+        warn(
+            f"In {values.path} the right camera stands to the left of the left one. If that is "
+            "wrong, R and T lead from right to left: invert them.",
+            IriftraceWarning,
+            stacklevel=2,
+        )
+    return StereoCalibration(
+        first=calibration_of(_lens(first), 1.0),
+        second=calibration_of(_lens(second), 1.0),
+        rotation=rotation,
+        translation_mm=shift,
+        length_unit=unit,
+    )
+
+
+def _is_camera(content: Mapping[str, Any]) -> bool:
+    """True if the values are those of a single camera."""
+    values = CalibrationValues(Path(), content)
+    return is_matlab(values) or isinstance(values.named((*MATRIX, *PINHOLE)), (list, Mapping))
+
+
+def _is_shared(name: str) -> bool:
+    """True for values that may hold for both cameras, and for unknown ones of a distortion."""
+    known = folded(name) in map(folded, _SHARED)
+    return known or (folded(name) not in _NAMES and is_part_of_a_distortion(name))
+
+
+def _lens(values: CalibrationValues) -> CalibrationValues:
+    """The values without the pose, which a relative one would be taken for."""
+    pose = set(map(folded, (*ROTATION, *TRANSLATION)))
+    content = {name: value for name, value in values.content.items() if folded(name) not in pose}
+    return evolve(values, content=content)
+
+
+def _two_cameras(
+    values: CalibrationValues,
+) -> tuple[CalibrationValues, CalibrationValues, tuple[str, str]]:
+    """The values of each camera, and what the file calls the two."""
+    by_name = {folded(str(name)): (str(name), value) for name, value in values.content.items()}
+    shared = {name: value for name, value in values.content.items() if _is_shared(str(name))}
+    if values.named(_MATLABS_ROTATION) is not None and values.named(SIZE) is not None:
+        # What stereoParametersToOpenCV returns is OpenCV's, but for rows before columns.
+        shared[SIZE[0]] = values.array(SIZE, (2,))[::-1]
+    for sides in _SIDES:
+        found = [_camera_of(by_name, side) for side in sides]
+        if all(_is_camera(content) for content in found):
+            first, second = (
+                evolve(values, content={**shared, **content}, camera=f"camera {number}")
+                for number, content in enumerate(found, start=1)
+            )
+            _refuse_third(values, by_name, sides)
+            return first, second, sides
+    names = ", ".join(map(str, list(values.content)[:12])) or "none"
+    raise values.wrong(
+        f"it has not two camera matrices under names known here, such as M1 and M2, "
+        f"cameraMatrixLeft and cameraMatrixRight, or cam0 and cam1 (its names are {names}); "
+        "rename them, or give a file for each camera"
+    )
+
+
+def _refuse_third(
+    values: CalibrationValues, by_name: Mapping[str, tuple[str, Any]], sides: tuple[str, str]
+) -> None:
+    """Refuse files of more cameras, of which any two could be meant."""
+    others = {"1": ("0", "3"), "0": ("2",)}.get(sides[0], ())
+    for other in others:
+        if _is_camera(_camera_of(by_name, other)):
+            raise values.wrong(
+                "it has more than two cameras; write a file with the two that measured"
+            )
+
+
+def _camera_of(by_name: Mapping[str, tuple[str, Any]], side: str) -> dict[str, Any]:
+    """Values of one side: its mapping, or the values whose names start or end with it."""
+    for word in _OF_A_CAMERA:
+        for name in (word + side, side + word):
+            if isinstance(by_name.get(name, ("", None))[1], Mapping) and not _is_matrix(
+                by_name[name][1]
+            ):
+                return dict(by_name[name][1])
+    found = {}
+    for base in _NAMES:
+        for name in (base + side, side + base, f"cam{side}{base}", f"camera{side}{base}"):
+            if name in by_name:
+                found[base] = by_name[name][1]
+    return found
+
+
+def _is_matrix(value: Mapping[str, Any]) -> bool:
+    return "data" in value
+
+
+def _motion(
+    first: CalibrationValues, second: CalibrationValues, rest: CalibrationValues
+) -> tuple[FloatArray, FloatArray, str]:
+    """Rotation and translation from camera 1 to camera 2, and the unit usual for these."""
+    if is_matlab(first) or rest.named(_MATLABS_ROTATION) is not None:
+        motion = matlab_motion(rest, rows=is_matlab(first))
+        if motion is not None:
+            unit = matlab_length_unit(first) or "mm"
+            return exact_rotation(rest, motion[0]), motion[1], unit
+    if second.named(_KALIBR) is not None:
+        matrix = second.array(_KALIBR, (16,)).reshape(4, 4)
+        return exact_rotation(second, matrix[:3, :3]), matrix[:3, 3], "m"
+    for values in (rest, second):
+        if values.named(ROTATION) is not None and values.named(TRANSLATION) is not None:
+            _refuse_pose_of_the_first(first)
+            return rotation_in(values), values.array(TRANSLATION, (3,)), "mm"
+    rectified = [camera.named(_RECTIFICATION) for camera in (first, second)]
+    projected = [camera.named(PROJECTION) for camera in (first, second)]
+    if all(value is not None for value in rectified + projected):
+        rotation, shift = _motion_of_rectified(first, second)
+        return rotation, shift, "m" if first.named(LENS) is not None else "mm"
+    raise rest.wrong(
+        "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them; add both"
+    )
+
+
+def _motion_of_rectified(
+    first: CalibrationValues, second: CalibrationValues
+) -> tuple[FloatArray, FloatArray]:
+    """Motion from camera 1 to camera 2 of rectifications R and projections P.
+
+    A point has the places R1 x1 and R2 x2 in the two rectified frames, which differ by the
+    baseline along x alone: P[0, 3] / P[0, 0].
+    """
+    turns, shifts = [], []
+    for camera in (first, second):
+        turns.append(exact_rotation(camera, camera.array(_RECTIFICATION, (9,)).reshape(3, 3)))
+        projection = camera.array(PROJECTION, (12,)).reshape(3, 4)
+        shifts.append(projection[:, 3] / projection[0, 0])
+    shift = turns[1].T @ (shifts[1] - shifts[0])
+    if not np.isfinite(shift).all() or not shift.any():
+        raise first.wrong(
+            "its projection matrices have no baseline (P[0, 3] is 0 in both), as of cameras that "
+            "were calibrated one by one; calibrate the pair"
+        )
+    return turns[1].T @ turns[0], shift
+
+
+def _refuse_pose_of_the_first(first: CalibrationValues) -> None:
+    if first.named(TRANSLATION) is not None and first.array(TRANSLATION, (3,)).any():
+        raise first.wrong(
+            "both cameras have a pose of their own; write a file for each and read these "
+            "(--calibration and --second-calibration)"
+        )
+
+
+def _check_baseline(values: CalibrationValues, baseline_mm: float, unit: str) -> None:
+    low, high = BASELINES_MM
+    if not low <= baseline_mm <= high:
+        raise values.wrong(
+            f"its two cameras are {baseline_mm:.4g} mm apart where T is in {unit}; give the unit "
+            "of T (--calibration-length-unit)"
+        )

@@ -1,0 +1,245 @@
+"""Options about the second device of a scene, and the two devices they stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from attrs import frozen
+from cyclopts import Group, Parameter
+
+from iriftrace.cli.camera_options import (
+    FOCUS_MM,
+    CameraOptions,
+    refuse_unseen_part,
+    with_all_in_focus,
+)
+from iriftrace.cli.console import say
+from iriftrace.cli.options import Length, Vector, refuse_given
+from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    from iriftrace.camera.camera import Camera
+    from iriftrace.camera.stereo import StereoCalibration
+    from iriftrace.field.index_field import IndexField
+    from iriftrace.part.part import Part
+    from iriftrace.shells.stack import ShellStack
+
+SECOND = Group("Second device", sort_key=6)
+
+
+@Parameter(name="*", group=SECOND)
+@frozen
+class SecondOptions:
+    """A second device, with which points are triangulated; see ``iriftrace measure``.
+
+    Parameters
+    ----------
+    second
+        Its position in mm, "150,-100,40"; it looks at the same target, by default through the
+        camera's lens onto the camera's sensor.
+    second_calibration
+        Its calibration of OpenCV (.yaml or .json); the pose in it holds unless second is given.
+    second_pixel_size
+        Width of its pixel, which its calibration needs, "5.4 um".
+    system
+        What it is: a projector (fringe, by default), a second camera (stereo) or a laser, whose
+        sheet is the middle column of its picture.
+    """
+
+    second: Vector | None = None
+    second_calibration: Path | None = None
+    second_pixel_size: Length | None = None
+    system: Literal["fringe", "stereo", "laser"] | None = None
+
+    def given(self) -> bool:
+        """True if there is a second device."""
+        if self.second is not None or self.second_calibration is not None:
+            return True
+        refuse_given(
+            {"--second-pixel-size": self.second_pixel_size, "--system": self.system},
+            "is of a second device, and there is none; give its position too, such as "
+            '--second "150,-100,40".',
+        )
+        return False
+
+    def device(
+        self,
+        first: CameraOptions,
+        camera: Camera,
+        part: Part,
+        field: IndexField | None,
+        stack: ShellStack,
+    ) -> Camera:
+        """The second device, at its whole resolution."""
+        from iriftrace.camera.pose import look_at
+
+        if self.second_calibration is not None:
+            device = self._calibrated(first).camera(part, field, stack)
+        elif self.second is None or self.second_pixel_size is not None:
+            raise InputError("--second-pixel-size belongs to --second-calibration; give that too.")
+        else:
+            target = part.centre if first.target is None else first.target
+            device = camera.at(look_at(self.second, target, first.up))
+        return device if first.focus is not None else with_all_in_focus(device, camera, part)
+
+    def _calibrated(self, first: CameraOptions) -> CameraOptions:
+        """Options of the second device, where its calibration is given."""
+        if self.second_pixel_size is None:
+            raise InputError(
+                f"{self.second_calibration} knows lengths in pixels only; give the width of a "
+                'pixel too, such as --second-pixel-size "5.4 um".'
+            )
+        stands = first.origin is not None or first.target is not None or first.has_pose()
+        if first.calibration is not None and not stands:
+            raise InputError(
+                f"{first.calibration} has no pose, so nothing says where the camera stands beside "
+                "the second device; give --origin and --target too, or a calibration with the pose."
+            )
+        options = CameraOptions(
+            calibration=self.second_calibration,
+            pixel_size=self.second_pixel_size,
+            calibration_length_unit=first.calibration_length_unit,
+            focus=first.focus,
+            origin=self.second,
+            target=first.target if self.second is not None else None,
+            up=first.up,
+        )
+        if self.second is None and not options.has_pose():
+            raise InputError(
+                f"{self.second_calibration} has no pose, so nothing says where the second device "
+                "stands; give --second too."
+            )
+        return options
+
+
+@Parameter(name="*", group=SECOND)
+@frozen
+class StereoOptions:
+    """Two cameras of one calibration, in place of the options of each.
+
+    Parameters
+    ----------
+    stereo_calibration
+        Calibration of two cameras with R and T between them (OpenCV, ROS, Kalibr, MATLAB; .yaml,
+        .xml or .json); give it twice for two files.
+    cloud_to_part
+        Text file of a 4 x 4 rigid motion, in mm, from the frame of camera 1, in which a stereo
+        sensor's cloud is, to the part's: the one that ``iriftrace correct`` takes. Without it,
+        origin and target place camera 1.
+    """
+
+    stereo_calibration: Annotated[list[Path] | None, Parameter(negative=())] = None
+    cloud_to_part: Path | None = None
+
+    def read(self, first: CameraOptions, second: SecondOptions) -> StereoCalibration | None:
+        """The stereo calibration; None if none is given."""
+        from iriftrace.camera.stereo import read_stereo_calibration
+
+        if self.stereo_calibration is None:
+            refuse_given(
+                {"--cloud-to-part": self.cloud_to_part},
+                "places the cameras of a --stereo-calibration, and none is given; give that too.",
+            )
+            return None
+        refuse_given(
+            {
+                "--calibration": first.calibration,
+                "--second": second.second,
+                "--second-calibration": second.second_calibration,
+            },
+            "is given, but --stereo-calibration describes both cameras; leave one of them out.",
+        )
+        if self.cloud_to_part is not None:
+            refuse_given(
+                {"--origin": first.origin, "--target": first.target},
+                "is given, but --cloud-to-part places the cameras; leave one of them out.",
+            )
+        first.refuse_intrinsics("--stereo-calibration")
+        if first.pixel_size is None:
+            raise InputError(
+                f"{self._called()} knows lengths in pixels only; give the width of a pixel too, "
+                'such as --pixel-size "3.45 um" (no ray depends on it, only the focal length and '
+                "the sensor's size that results state)."
+            )
+        return read_stereo_calibration(
+            *self.stereo_calibration, length_unit=first.calibration_length_unit
+        )
+
+    def devices(
+        self,
+        stereo: StereoCalibration,
+        first: CameraOptions,
+        second: SecondOptions,
+        part: Part,
+        field: IndexField | None,
+        stack: ShellStack,
+    ) -> tuple[Camera, Camera]:
+        """Camera 1 and camera 2 of the calibration that was read, at their whole resolution."""
+        from iriftrace.geometry.transform import parse_transform, rigid_motion
+
+        size = first.pixel_size or 0.0
+        sizes = (size, second.second_pixel_size or size)
+        focus = first.focus or FOCUS_MM
+        if self.cloud_to_part is not None:
+            motion = str(self.cloud_to_part)
+            matrix = rigid_motion(parse_transform(motion), motion)
+        else:
+            camera = stereo.first.camera(pixel_size_mm=size, focus_mm=focus)
+            matrix = first.placed(camera, part, field, stack).matrix
+        cameras = []
+        for calibration, width in zip(stereo.placed(matrix), sizes, strict=True):
+            camera = calibration.camera(
+                pixel_size_mm=width, focus_mm=focus, matrix=calibration.matrix
+            )
+            refuse_unseen_part(
+                camera,
+                part,
+                f"The calibration {self._called()}, with T in {stereo.length_unit},",
+                "give the unit of T (--calibration-length-unit), or another motion "
+                "(--cloud-to-part). The motion leads from the frame of camera 1 to the part's, R "
+                "and T from the frame of camera 1 to that of camera 2.",
+            )
+            if first.focus is None:
+                camera = with_all_in_focus(camera, camera, part)
+            cameras.append(camera)
+        say(
+            f"Stereo calibration: baseline {stereo.baseline_mm:.5g} mm (T read in "
+            f"{stereo.length_unit}), {stereo.angle_deg:.3g} deg between the axes."
+        )
+        return cameras[0], cameras[1]
+
+    def _called(self) -> str:
+        """The files, for messages."""
+        return " and ".join(map(str, self.stereo_calibration or ()))
+
+
+Placing = Callable[["IndexField | None", "ShellStack"], tuple["Camera", dict[str, Any]]]
+
+
+def devices_of(
+    first: CameraOptions, second: SecondOptions, rig: StereoOptions, part: Part
+) -> Placing:
+    """Check the options, and return what places the devices: the camera, and the second device.
+
+    The second device is that of `iriftrace.scene.build.build_scene`, ``second`` and ``second_id``;
+    empty without one.
+    """
+    stereo = rig.read(first, second)
+    two_devices = stereo is not None or second.given()
+
+    def place(field: IndexField | None, stack: ShellStack) -> tuple[Camera, dict[str, Any]]:
+        if not two_devices:
+            return first.camera(part, field, stack), {}
+        from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+
+        if stereo is not None:
+            camera, device = rig.devices(stereo, first, second, part, field, stack)
+        else:
+            camera = first.camera(part, field, stack)
+            device = second.device(first, camera, part, field, stack)
+        system = second.system or ("fringe" if stereo is None else "stereo")
+        return camera, {"second": device, "second_id": DEVICE_OF_SYSTEM[system]}
+
+    return place

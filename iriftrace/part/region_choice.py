@@ -1,0 +1,74 @@
+"""Regions of a part as a user names them, and as messages show them: with their place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from iriftrace.core.errors import InputError
+from iriftrace.part.part import Part
+
+_ALONG_AN_AXIS = re.compile(r"(?:plane|head) [+-](?P<axis>[xyz])(?: \d+)?")
+
+
+def placed_regions(part: Part) -> tuple[str, ...]:
+    """Names of a part's regions; a plane across an axis with its place, ``plane -x 1 (x 80 mm)``.
+
+    Names of holes hold their places already.
+    """
+    return tuple(name + _place(part, number, name) for number, name in enumerate(part.region_names))
+
+
+def _place(part: Part, number: int, name: str) -> str:
+    match = _ALONG_AN_AXIS.fullmatch(name)
+    chosen = part.region_of_face == number
+    if match is None or not chosen.any():
+        return ""
+    axis = "xyz".index(match["axis"])
+    middle = np.average(part.face_centres[chosen, axis], weights=part.face_areas[chosen])
+    return f" ({match['axis']} {round(float(middle), 3) + 0.0:.4g} mm)"
+
+
+def regions_like(part: Part, pattern: str) -> tuple[str, ...]:
+    """Names of the regions that a name, with its place or without, or a pattern stands for.
+
+    Patterns have ``*`` and ``?``. An InputError, with the regions of the part, if there is none.
+    """
+    if pattern in part.region_names:
+        return (pattern,)
+    found = tuple(
+        name
+        for name, placed in zip(part.region_names, placed_regions(part), strict=True)
+        if placed == pattern or fnmatchcase(name, pattern)
+    )
+    if not found:
+        raise InputError(
+            f'{part.path} has no region "{pattern}"; its regions are '
+            f"{', '.join(placed_regions(part))}. An asterisk stands for several, such as "
+            f'"{part.region_names[0].split()[0]}*".'
+        )
+    return found
+
+
+def values_by_region(part: Part, values: Mapping[str, float]) -> dict[str, float]:
+    """Values of each region that names or patterns stand for; a full name precedes patterns.
+
+    An InputError if a pattern fits no region, or two of them give a region different values.
+    """
+    found = {name: value for name, value in values.items() if name in part.region_names}
+    patterns: dict[str, str] = {}
+    for pattern in (name for name in values if name not in found):
+        for name in regions_like(part, pattern):
+            if name in values:
+                continue
+            other = patterns.setdefault(name, pattern)
+            if values[other] != values[pattern]:
+                raise InputError(
+                    f'"{other}" and "{pattern}" give the region "{name}" different values; give '
+                    "it a value by its full name too."
+                )
+            found[name] = values[pattern]
+    return found

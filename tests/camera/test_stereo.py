@@ -1,0 +1,146 @@
+"""Calibrations of two cameras as OpenCV, ROS, Kalibr and MATLAB write them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from iriftrace.camera.pose import look_at
+from iriftrace.camera.stereo import StereoCalibration, read_stereo_calibration
+from iriftrace.core.errors import InputError, IriftraceWarning
+from validation.inputs import stereo_files as rig
+
+
+def _assert_the_rig(found: StereoCalibration, coefficients: tuple[np.ndarray, ...]) -> None:
+    assert_allclose(found.rotation, rig.ROTATION, rtol=0, atol=1e-12)
+    assert_allclose(found.translation_mm, rig.TRANSLATION, rtol=0, atol=1e-9)
+    for camera, matrix, lens in zip(
+        (found.first, found.second), rig.MATRICES, coefficients, strict=True
+    ):
+        assert_allclose(camera.focal_px, (matrix[0, 0], matrix[1, 1]), rtol=1e-15)
+        assert_allclose(camera.centre_px, matrix[:2, 2], rtol=1e-15)
+        assert camera.resolution == rig.SIZE
+        assert camera.distortion.coefficients == (*lens, 0, 0, 0)
+        assert camera.matrix is None
+
+
+@pytest.mark.parametrize("ending", ["yaml", "xml", "json"])
+@pytest.mark.parametrize("names", rig.NAMES)
+def test_names_and_formats_of_opencv(tmp_path: Path, names: str, ending: str) -> None:
+    found = read_stereo_calibration(rig.opencv(tmp_path / f"stereo.{ending}", names))
+    _assert_the_rig(found, rig.COEFFICIENTS)
+    assert found.length_unit == "mm"
+    assert found.baseline_mm == pytest.approx(np.linalg.norm(rig.TRANSLATION))
+
+
+WRITERS: dict[str, tuple[Callable[[Path], tuple[Path, ...]], str]] = {
+    "PyYAML": (lambda folder: (rig.pyyaml(folder / "a.yaml"),), "mm"),
+    "Kalibr": (lambda folder: (rig.kalibr(folder / "camchain.yaml"),), "m"),
+    "ROS": (rig.ros, "m"),
+    "ROS messages": (lambda folder: rig.ros(folder, message=True), "m"),
+    "MATLAB": (lambda folder: (rig.matlab(folder / "a.json", old=False),), "cm"),
+    "older MATLAB": (lambda folder: (rig.matlab(folder / "a.json", old=True),), "cm"),
+    "MATLAB to OpenCV": (lambda folder: (rig.from_matlab_to_opencv(folder / "a.json"),), "mm"),
+}
+
+
+@pytest.mark.parametrize("program", WRITERS)
+def test_other_programs(tmp_path: Path, program: str) -> None:
+    write, unit = WRITERS[program]
+    found = read_stereo_calibration(*write(tmp_path))
+    _assert_the_rig(found, rig.FOUR if program == "Kalibr" else rig.COEFFICIENTS)
+    assert found.length_unit == unit
+
+
+def test_intrinsics_and_extrinsics_in_two_files(tmp_path: Path) -> None:
+    """As OpenCV's stereo_calib writes them; R1, P1 and the like are of rectified pictures."""
+    inner = rig.opencv(tmp_path / "intrinsics.yml", R=None, T=None)
+    outer = tmp_path / "extrinsics.yml"
+    storage = cv2.FileStorage(str(outer), cv2.FILE_STORAGE_WRITE)
+    for name, value in {"R": rig.ROTATION, "T": rig.TRANSLATION, "R1": np.eye(3)}.items():
+        storage.write(name, value)
+    storage.release()
+    _assert_the_rig(read_stereo_calibration(inner, outer), rig.COEFFICIENTS)
+
+
+def test_both_cameras_project_as_opencv_does(tmp_path: Path) -> None:
+    """R2 = R R1 and t2 = R t1 + T, with OpenCV's own projection of points of the world."""
+    found = read_stereo_calibration(rig.opencv(tmp_path / "stereo.yaml"))
+    pose = look_at((100.0, -500.0, 200.0), (0.0, 0.0, 0.0))
+    inverse = np.linalg.inv(pose)
+    turns = (inverse[:3, :3], rig.ROTATION @ inverse[:3, :3])
+    shifts = (inverse[:3, 3], rig.ROTATION @ inverse[:3, 3] + rig.TRANSLATION)
+    points = np.random.default_rng(1).uniform(-20, 20, (100, 3))
+    for number, calibration in enumerate(found.placed(pose)):
+        expected, _ = cv2.projectPoints(
+            points,
+            cv2.Rodrigues(turns[number])[0],
+            shifts[number],
+            rig.MATRICES[number],
+            rig.COEFFICIENTS[number],
+        )
+        camera = calibration.camera(pixel_size_mm=3.45e-3, matrix=calibration.matrix)
+        assert_allclose(camera.project(points), expected[:, 0] + 0.5, rtol=0, atol=1e-6)
+
+
+def test_the_unit_of_the_translation(tmp_path: Path) -> None:
+    metres = rig.opencv(tmp_path / "m.yaml", T=1e-3 * rig.TRANSLATION)
+    with pytest.raises(InputError, match=r"0\.2326 mm apart where T is in mm"):
+        read_stereo_calibration(metres)
+    _assert_the_rig(read_stereo_calibration(metres, length_unit="m"), rig.COEFFICIENTS)
+
+
+def test_left_and_right_exchanged(tmp_path: Path) -> None:
+    """The inverse motion, as it leads from right to left."""
+    inverse = {"R": rig.ROTATION.T, "T": -rig.ROTATION.T @ rig.TRANSLATION}
+    path = rig.opencv(tmp_path / "stereo.yaml", "sides", **inverse)
+    with pytest.warns(IriftraceWarning, match="right camera stands to the left"):
+        read_stereo_calibration(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"R": None}, "R and T from camera 1 to camera 2 are missing"),
+        ({"R": np.array((1.1, 20.0, 3.0))}, "in degrees or no rotation vector"),
+        ({"R": -np.eye(3)}, "stretches or mirrors"),
+        ({"M2": None}, "has not two camera matrices .*its names are image_width"),
+        ({"D2": None}, "camera 2: distortion_coefficients is missing; for a lens without"),
+        ({"D2": None, "lens_distortion": np.ones(5)}, "if lens_distortion describes"),
+        ({"image_width": None, "image_height": None}, "image_width and image_height are missing"),
+        ({"M0": np.eye(3), "D0": np.zeros(5)}, "more than two cameras"),
+        ({"T": np.zeros(3)}, "0 mm apart"),
+        ({"fisheye_model": 1}, "fisheye model, which is not modelled"),
+    ],
+)
+def test_wrong_files(tmp_path: Path, changes: dict[str, object], message: str) -> None:
+    path = rig.opencv(tmp_path / "stereo.yaml", **changes)
+    with pytest.raises(InputError, match=message) as caught:
+        read_stereo_calibration(path)
+    assert str(path) in str(caught.value)
+
+
+def test_lens_models_that_are_not_modelled(tmp_path: Path) -> None:
+    for name, value in {"distortion_model": "equidistant", "camera_model": "omni"}.items():
+        with pytest.raises(InputError, match=f"camera 1: the lens model '{value}'"):
+            read_stereo_calibration(rig.kalibr(tmp_path / "camchain.yaml", **{name: value}))
+
+
+def test_cameras_calibrated_one_by_one(tmp_path: Path) -> None:
+    """Their projections have no baseline; poses of their own need --calibration."""
+    left, _ = rig.ros(tmp_path)
+    with pytest.raises(InputError, match="have no baseline"):
+        read_stereo_calibration(left, left)
+    values = {"camera_matrix": rig.MATRICES[0].tolist(), "D": [0.0] * 4, "image_size": [640, 480]}
+    single = tmp_path / "single.json"
+    single.write_text(json.dumps(values | {"rvec": [0, 0, 1], "tvec": [0, 0, 9]}))
+    with pytest.raises(InputError, match="both cameras have a pose of their own"):
+        read_stereo_calibration(single, single)
+    with pytest.raises(InputError, match="3 files are given"):
+        read_stereo_calibration(left, left, left)
