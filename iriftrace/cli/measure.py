@@ -86,7 +86,8 @@ def measure(
     scene
         The scene's XML file.
     output
-        The cloud, .vtp or .ply; its numbers (.json) and picture (.png) go beside it.
+        The cloud, .vtp, .ply, .e57, .asc, .xyz, .txt or .csv; its numbers (.json) and picture
+        (.png) go next to it.
     acceptance
         Say the errors that VDI/VDE 2634 tests on the part's spheres and planes: probing error of
         form and of size, sphere-spacing error, flatness error.
@@ -97,11 +98,19 @@ def measure(
 
     check_input(scene)
     require_scene(scene)
-    check_output(output, "scan.vtp", ".ply")
+    check_cloud_output(output, "scan.vtp")
     check_numbers(output, "iriftrace.scan")
     loaded = trace.load(scene)
     check_kept(output, loaded.part.path)
     write_scan(loaded, output, system, phase, feature, acceptance, figures, gate)
+
+
+def check_cloud_output(output: Path, example: str) -> None:
+    """Refuse before the work a cloud that could not be written after it."""
+    from iriftrace.triangulation.cloud_write import WRITTEN, check_cloud_name
+
+    check_output(output, example, *WRITTEN)
+    check_cloud_name(output)
 
 
 def write_scan(
@@ -166,6 +175,7 @@ def correct(
     length_unit: str | None = None,
     columns: Annotated[str | None, Parameter(negative=())] = None,
     cloud_to_part: Path | None = None,
+    in_cloud_frame: Annotated[bool, Parameter(negative=())] = False,
     system: System = None,
     phase: Phase = None,
     feature: Features = None,
@@ -188,8 +198,9 @@ def correct(
     scene
         The scene's XML file.
     output
-        The corrected cloud, .vtp or .ply, in mm in the scene's frame; its numbers (.json) go
-        beside it.
+        The corrected cloud, .vtp, .ply, .e57, .asc, .xyz, .txt or .csv, in mm in the scene's frame:
+        all rows of the measured cloud in their order, with their further columns and what was added
+        to each; its numbers (.json) go next to it.
     length_unit
         Unit of the cloud; by default that in the names of its columns, metre of an .e57, else mm.
     columns
@@ -197,6 +208,8 @@ def correct(
         X,Actual Y,Actual Z" or "2,3,4". By default those whose names are x, y and z.
     cloud_to_part
         Text file of a 4 x 4 rigid motion from the cloud's frame, in mm, to the scene's.
+    in_cloud_frame
+        Write the corrected points in the frame and unit of the measured cloud.
     field_uncertainty
         Standard uncertainty of the field, as a share of the air's contrast in refractive index,
         "5 %"; the corrections' is the same share of them.
@@ -209,14 +222,15 @@ def correct(
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
-    check_output(output, "corrected.vtp", ".ply")
+    check_cloud_output(output, "corrected.vtp")
     check_kept(output, cloud)
     check_numbers(output, "iriftrace.correction")
     chosen = None if columns is None else columns.split(",")
-    points = read_cloud(cloud, length_unit=length_unit, columns=chosen)
+    read = read_cloud(cloud, length_unit=length_unit, columns=chosen)
+    motion = None
     if cloud_to_part is not None:
-        motion = parse_transform(str(cloud_to_part))
-        points = apply(rigid_motion(motion, str(cloud_to_part)), points)
+        motion = rigid_motion(parse_transform(str(cloud_to_part)), str(cloud_to_part))
+    points = read.points if motion is None else apply(motion, read.points)
     loaded = trace.load(scene)
     check_kept(output, loaded.part.path)
     check_choices(feature or (), loaded.part)
@@ -225,7 +239,7 @@ def correct(
             points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
         )
     features = found.features(loaded.part, feature or (), gate)
-    files = found.save(output, features)
+    files = found.save(output, features, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame)
     values = found.as_dict()
     counts, error = values["points"], values["error_mm"]
     say(

@@ -10,28 +10,21 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from attrs import field, frozen
-from numpy.typing import ArrayLike, NDArray
-from scipy.special import stdtrit
+from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import places_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
-from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
-from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
-from iriftrace.triangulation.features import GATE, feature_table
-from iriftrace.triangulation.field_state import FieldState, field_state
+from iriftrace.triangulation.correction import Correction, CorrectionStatus
+from iriftrace.triangulation.field_state import field_state
 from iriftrace.triangulation.scan import (
     Phase,
     System,
@@ -40,8 +33,6 @@ from iriftrace.triangulation.scan import (
     triangulated,
 )
 from iriftrace.triangulation.two_points import lines_of_sight
-
-SCHEMA = "iriftrace.correction/1"
 
 REACH_MM = 1.0
 """Farthest distance from the part of a point that is still one of it.
@@ -64,29 +55,6 @@ MANY = 0.05
 PIECE = 1_000_000
 """Points that are corrected at a time: 0.6 GB of rays."""
 
-COVERAGE_FACTOR = 2
-"""Of expanded uncertainties of what is known well: 95.45 % of a normal distribution."""
-
-COVERED = 0.9772498680518208
-"""Of that distribution below twice its standard deviation."""
-
-
-class CorrectionStatus(PointStatus):
-    """Outcome of a measured point.
-
-    Outside the field neither line of sight meets hot air of which anything is known; uncertain is
-    an air's share that scatters over an ensemble's members by more than itself; of a point that is
-    lost, the refracted ray from a device is not known (`iriftrace.image.aov_image.Status.lost`).
-    """
-
-    CORRECTED = 0
-    FAR_FROM_PART = 1
-    HIDDEN = 2
-    SEVERAL_IMAGES = 3
-    OUTSIDE_FIELD = 4
-    UNCERTAIN = 5
-    LOST = 6
-
 
 _DOUBTFUL = {
     CorrectionStatus.FAR_FROM_PART: "are far from the part or on its outline and stay as they were "
@@ -96,165 +64,6 @@ _DOUBTFUL = {
     "measured them; check where the scene has the devices, and the frame of the cloud "
     "(--cloud-to-part).",
 }
-
-
-@frozen(eq=False)
-class Correction:
-    """Corrected points.
-
-    Attributes
-    ----------
-    measured : (n, 3) array, mm, world
-    error : (n, 3) array, mm
-        The air's share of each; 0 where it is not known.
-    status : (n,) array of int
-        `CorrectionStatus`; points with another one than 0 stay as they were measured.
-    face : (n,) array of int
-        Of the part; -1 where the camera's line meets none.
-    normal : (n, 3) array
-        The part's outward unit normal there.
-    system : str
-    provenance : dict
-        As in `iriftrace.Scan`.
-    field_uncertainty : float
-        Relative standard uncertainty of the air's contrast, n - n of the ambient air, without its
-        unsteadiness; 0 if it is not stated.
-    errors : (k, n, 3) array or None, mm
-        The air's share by each member of an ensemble, whose mean `error` is; None for one field.
-    to_part : (m,) array or None, mm
-        Distance of a sample of the measured points from the part.
-    state : FieldState
-        Whether the air is synthetic, and how far unsteady.
-    """
-
-    measured: FloatArray
-    error: FloatArray
-    status: NDArray[np.int64]
-    face: IntArray
-    normal: FloatArray
-    system: str
-    provenance: dict[str, Any]
-    field_uncertainty: float = 0.0
-    errors: FloatArray | None = None
-    to_part: FloatArray | None = None
-    state: FieldState = field(factory=FieldState)
-
-    @property
-    def u_contrast(self) -> float:
-        """Relative standard uncertainty of the air's contrast with its unsteadiness; 0: unknown."""
-        if not self.field_uncertainty:
-            return 0.0
-        return math.hypot(self.field_uncertainty, self.state.unsteadiness or 0.0)
-
-    @property
-    def u_normal(self) -> FloatArray | None:
-        """(n,) array, mm: standard uncertainty of what was taken out, along the normal.
-
-        The members' standard deviation, and the contrast's uncertainty times the correction, which
-        is proportional to it, in quadrature. NaN of points that stay as they are; None where
-        neither is known.
-        """
-        if self.errors is None and not self.u_contrast:
-            return None
-        found: FloatArray = self.u_contrast * np.einsum("ij,ij->i", self.error, self.normal)
-        if self.errors is not None:
-            found = np.hypot(found, scatter_along(self.errors, self.normal))
-        return np.where(self.status == CorrectionStatus.CORRECTED, np.abs(found), np.nan)
-
-    @property
-    def points(self) -> FloatArray:
-        """(n, 3) array, mm, world: the measured points without the air's share."""
-        return self.measured - self.error
-
-    def features(
-        self, part: Part, choices: Sequence[str], gate: float | None = GATE
-    ) -> list[dict[str, Any]]:
-        """Features of the corrected points, measured and corrected; see `feature_table`.
-
-        Of each size three expanded uncertainties, mm, None where one is not known:
-        ``size_uncertainty_mm`` U = k u of the share that was air, with ``coverage_factor`` k by
-        Student's t for as many fields as it was estimated from (GUM, annex G), 2 for many or one;
-        ``fit_uncertainty_mm`` (k = 2) of the fit to the corrected points, by their scatter;
-        ``total_uncertainty_mm``, the root of the sum of their squares. That of synthetic air is not
-        known.
-        """
-        good = self.status == CorrectionStatus.CORRECTED
-        measured, face = self.measured[good], self.face[good]
-        clouds = {"measured": measured, "corrected": self.points[good]}
-        by_member = () if self.errors is None else measured - self.errors[:, good]
-        rows = feature_table(clouds, face, part, choices, by_member, gate)
-        for row in rows:
-            air, factor = self._air_uncertainty(row["size_mm"], row.pop("size_scatter_mm", None))
-            u = row["u_size_mm"]["corrected"]
-            fit = None if u is None else COVERAGE_FACTOR * u
-            row |= {
-                "size_uncertainty_mm": air,
-                "coverage_factor": factor,
-                "fit_uncertainty_mm": fit,
-                "total_uncertainty_mm": None
-                if air is None or fit is None
-                else math.hypot(air, fit),
-            }
-        return rows
-
-    def _air_uncertainty(
-        self, size: dict[str, float | None], scatter: float | None
-    ) -> tuple[float | None, float | None]:
-        """Expanded uncertainty, mm, of the share of a size that was air, and its k."""
-        measured, corrected = size["measured"], size["corrected"]
-        known = self.u_normal is not None and not self.state.synthetic
-        if measured is None or corrected is None or not known:
-            return None, None
-        by_field = abs(self.u_contrast * (measured - corrected))
-        factor = self._coverage_factor(by_field, scatter or 0.0)
-        return factor * math.hypot(by_field, scatter or 0.0), factor
-
-    def _coverage_factor(self, by_field: float, scatter: float) -> float:
-        """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
-
-        The field's uncertainty is taken for known; the scatter over n fields has n - 1.
-        """
-        if self.errors is None or not scatter:
-            return COVERAGE_FACTOR
-        degrees = (len(self.errors) - 1) * (math.hypot(by_field, scatter) / scatter) ** 4
-        return float(stdtrit(degrees, COVERED))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain JSON values, schema ``iriftrace.correction/1``."""
-        corrected, u = self.status == CorrectionStatus.CORRECTED, self.u_normal
-        return {
-            "schema": SCHEMA,
-            **self.provenance,
-            "system": self.system,
-            "points": {"measured": len(self.measured), **CorrectionStatus.counts(self.status)},
-            "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
-            **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
-            **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
-            "field_uncertainty": self.field_uncertainty or None,
-            "unsteadiness": self.state.unsteadiness,
-        }
-
-    def save(self, path: str | Path, features: Sequence[dict[str, Any]] = ()) -> tuple[Path, Path]:
-        """Write the corrected cloud (.vtp or .ply), with what was added, and its numbers (.json).
-
-        Parameters
-        ----------
-        path : path
-        features : sequence of dict
-            Written with the numbers.
-
-        Raises
-        ------
-        InputError
-            If the name ends neither in .vtp nor in .ply.
-        """
-        columns: dict[str, NDArray[Any]] = {
-            **by_axis("correction", -self.error),
-            **({} if self.u_normal is None else {"u_normal": self.u_normal}),
-            "status": self.status.astype(np.int32),
-        }
-        values = self.as_dict() | {"features": list(features)}
-        return save_cloud(path, self.points, columns, values)
 
 
 def correct(

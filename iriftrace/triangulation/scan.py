@@ -32,9 +32,10 @@ from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.render import trace_rays
-from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
+from iriftrace.triangulation.cloud_write import by_axis, save_cloud
 from iriftrace.triangulation.features import GATE, feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
+from iriftrace.triangulation.statistics import PointStatus, scatter_along, spread
 from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.scan/1"
@@ -203,7 +204,7 @@ class Scan:
         features: Sequence[dict[str, Any]] = (),
         acceptance: Sequence[dict[str, Any]] = (),
     ) -> tuple[Path, Path]:
-        """Write the cloud (.vtp or .ply) and, beside it, its numbers (.json).
+        """Write the cloud and, next to it, its numbers (.json).
 
         Parameters
         ----------
@@ -214,7 +215,7 @@ class Scan:
         Raises
         ------
         InputError
-            If the name ends neither in .vtp nor in .ply.
+            If the name ends in none of `iriftrace.triangulation.cloud_write.WRITTEN`.
         """
         values = self.as_dict() | {"features": list(features)}
         if acceptance:

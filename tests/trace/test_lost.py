@@ -21,7 +21,8 @@ from iriftrace.scenes.analytic import slab
 from iriftrace.sweep.warned import FLAGS
 from iriftrace.trace import engine, render
 from iriftrace.trace.lost import warn_of_lost_points, warn_of_lost_rays
-from iriftrace.triangulation.correct import CorrectionStatus, correct
+from iriftrace.triangulation.correct import correct
+from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.scan import ScanStatus, measure
 from validation.oracles.closed_forms import RoundAir
 

@@ -29,7 +29,8 @@ from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.render import trace_rays
 from iriftrace.triangulation.cloud import read_cloud
-from iriftrace.triangulation.correct import CorrectionStatus, correct
+from iriftrace.triangulation.correct import correct
+from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.scan import Scan, ScanStatus, measure
 from validation.inputs import hot_block
@@ -251,7 +252,7 @@ def test_pixels_without_a_point_are_left_out(tmp_path: Path) -> None:
     cloud, empty = tmp_path / "cloud.xyz", tmp_path / "empty.xyz"
     np.savetxt(cloud, rows, fmt="%.17g")
     with pytest.warns(IriftraceWarning, match="2 of 50 points .* left out"):
-        read = read_cloud(cloud)
+        read = read_cloud(cloud).points
     np.testing.assert_array_equal(read, np.delete(points, [3, 17], axis=0))
     np.savetxt(empty, np.full((4, 3), np.nan))
     with pytest.raises(InputError, match="no point that is finite"):
@@ -276,7 +277,7 @@ def test_named_columns_are_the_coordinates(header: str, columns: list[int], tmp_
     mark = ";" if ";" in header else "," if "," in header else " "
     cloud = tmp_path / "cloud.csv"
     np.savetxt(cloud, points[:, columns], fmt="%.17g", delimiter=mark, header=header, comments="")
-    np.testing.assert_array_equal(read_cloud(cloud), points[:, :3])
+    np.testing.assert_array_equal(read_cloud(cloud).points, points[:, :3])
 
 
 @pytest.mark.parametrize("ending", [".ply", ".vtp"])
