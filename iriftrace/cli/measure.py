@@ -245,8 +245,9 @@ def correct(
     say(
         f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
         f"{_um(error['median'])} (median; 95th percentile {_um(error['p95'])}). As measured stay "
-        f"{counts['far_from_part']:,} far from the part or on its outline, {counts['hidden']:,} "
-        f"hidden from a device, {counts['several_images']:,} with several images, "
+        f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
+        f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
+        f"device or beyond its lens, {counts['several_images']:,} with several images, "
         f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
         f"lost on the way and {counts['uncertain']:,} whose correction is uncertain by more than "
         "itself. As measured, the cloud lies "

@@ -53,9 +53,9 @@ def save_cloud(
 ) -> tuple[Path, Path]:
     """Write points (n, 3) with columns (n,) and, next to them, values in a JSON file.
 
-    In a .vtp, with 0 for coordinates that are not finite; in a .ply with the same names as properties; as text, whose first line has the names;
-    or in an .e57, which is in metres and holds colours, intensities and numbers of rows and columns
-    alone.
+    In a .vtp, with 0 for coordinates that are not finite; in a .ply with the same names as
+    properties; as text, whose first line has the names; or in an .e57, which is in metres and holds
+    colours, intensities and numbers of rows and columns alone.
 
     Parameters
     ----------

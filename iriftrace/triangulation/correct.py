@@ -10,15 +10,17 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import places_in_tiles
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose_for_devices
@@ -56,13 +58,20 @@ PIECE = 1_000_000
 """Points that are corrected at a time: 0.6 GB of rays."""
 
 
+MOSTLY_PART = 3
+"""Times as many points nearer than `REACH_MM` than up to twice as far: a cloud that is aligned with
+the part and holds its table as well. Of one that is not, as many lie in both layers."""
+
 _DOUBTFUL = {
-    CorrectionStatus.FAR_FROM_PART: "are far from the part or on its outline and stay as they were "
-    "measured, beside corrected ones; align the cloud with the part (--cloud-to-part), and take "
-    "out what is not the part.",
+    CorrectionStatus.FAR_FROM_PART: "are far from the part (more than 1 mm) or on its outline and "
+    "stay as they were measured; that is right for a table, clamps and outliers, otherwise align "
+    "the cloud with the part (--cloud-to-part).",
     CorrectionStatus.HIDDEN: "are hidden from one of the scene's devices, which cannot have "
     "measured them; check where the scene has the devices, and the frame of the cloud "
     "(--cloud-to-part).",
+    CorrectionStatus.OUTSIDE_VIEW: "lie behind one of the scene's devices or beyond its lens, "
+    "which cannot have measured them; check where the scene has the devices, and the frame of the "
+    "cloud (--cloud-to-part).",
 }
 
 
@@ -103,64 +112,33 @@ def correct(
         The shells are too few for the lines of sight; where the field lies beside the scene and no
         engine was asked for, it serves instead.
     """
-    measured = np.array(points, dtype=np.float64)
-    if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
-        raise InputError(
-            f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm."
-        )
-    if not np.isfinite(measured).all():
-        raise InputError("Some points of the cloud are not finite; leave them out.")
-    if not 0.0 <= field_uncertainty < 1.0:
-        raise InputError(
-            f"The field's uncertainty is {field_uncertainty:g}, but it is a share of the air's "
-            "contrast; give one from 0 to 1, such as 0.05 (5 %)."
-        )
+    measured = _checked(points, field_uncertainty)
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
-    # At random: sensors write every so many rows alike.
-    chosen = np.random.default_rng(0).choice(len(measured), min(SAMPLE, len(measured)), False)
-    to_part = loaded.part.surface.distance(measured[chosen])
-    if np.median(to_part) > REACH_MM:
-        raise InputError(
-            f"The cloud lies {np.median(to_part):.3g} mm beside the part (median), so it is "
-            "another part's, "
-            "in another unit (--length-unit) or another frame (--cloud-to-part); give its points "
-            "in mm in the frame of the scene."
-        )
+    in_box, to_part = _near_part(measured, loaded.part)
     members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.
     with np.errstate(divide="ignore", invalid="ignore"):
         pixel, second_pixel = (device.project(measured) for device in (camera, second))
+    in_view = np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1)
     order = places_in_tiles(pixel)
-    # Neither behind a device nor so far beside its picture that its lens has no ray there.
-    order = order[np.isfinite(np.hstack((pixel, second_pixel))[order]).all(axis=1)]
+    order = order[(in_view & in_box)[order]]
     scenes, shares, statuses, faces = [], [], [], []
     for member in members:
         scenes.append(choose_for_devices(member, (camera, second)))
         shares.append(np.zeros_like(measured))
-        statuses.append(np.full(len(measured), CorrectionStatus.FAR_FROM_PART, dtype=np.int64))
+        outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
+        statuses.append(np.where(in_view, *outside).astype(np.int64))
         faces.append(np.full(len(measured), -1))
         for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
             shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _air_share(
                 measured[rows], scenes[-1], camera, second, system, phase
             )
-    status = np.max(statuses, axis=0)
-    if len(shares) > 1:
-        scatter, mean = np.std(shares, axis=0, ddof=1), np.mean(shares, axis=0)
-        vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
-        status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
-    if not (status == CorrectionStatus.CORRECTED).any():
-        counts = CorrectionStatus.counts(status)
-        raise InputError(
-            f"None of the {len(status):,} points can be corrected: {counts['far_from_part']:,} are "
-            f"far from the part, {counts['hidden']:,} hidden from a device, "
-            f"{counts['several_images']:,} have several images, {counts['outside_field']:,} are "
-            f"seen through no hot air that is known, of {counts['lost']:,} the rays were lost on "
-            f"the way and of {counts['uncertain']:,} the correction "
-            "is uncertain by more than itself; the cloud is "
-            f"{_across(measured):.3g} mm across and the part {_across(loaded.part.bounds):.3g} mm: "
-            "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
-            "the devices."
-        )
+    status = _common_status(statuses, shares)
+    # What stands behind the part, such as a table, is hidden and none of it.
+    hidden = np.flatnonzero(status == CorrectionStatus.HIDDEN)
+    far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
+    status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
+    _refuse_none(status, measured, loaded.part)
     for code, sentence in _DOUBTFUL.items():
         share = np.mean(status == code)
         if share > MANY:
@@ -180,6 +158,83 @@ def correct(
         errors=None if len(shares) == 1 else errors,
         to_part=to_part,
         state=field_state(loaded),
+    )
+
+
+def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
+    """The points (n, 3) of a cloud that can be corrected."""
+    measured = np.array(points, dtype=np.float64)
+    if measured.ndim != 2 or measured.shape[1:] != (3,) or len(measured) == 0:
+        raise InputError(
+            f"The cloud is an array of shape {measured.shape}; give n > 0 points, (n, 3), in mm."
+        )
+    if not np.isfinite(measured).all():
+        raise InputError("Some points of the cloud are not finite; leave them out.")
+    if not 0.0 <= field_uncertainty < 1.0:
+        raise InputError(
+            f"The field's uncertainty is {field_uncertainty:g}, but it is a share of the air's "
+            "contrast; give one from 0 to 1, such as 0.05 (5 %)."
+        )
+    return measured
+
+
+def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]:
+    """Mask (n,) of the points in a box around a part, and the distance, mm, of a sample of them.
+
+    The box is larger than the part's by twice `REACH_MM`.
+
+    Raises
+    ------
+    InputError
+        The cloud is not one of the part where it stands.
+    """
+    low, high = part.bounds + np.array([[-2.0], [2.0]]) * REACH_MM
+    in_box = ((measured >= low) & (measured <= high)).all(axis=1)
+    to_part = part.surface.distance(_sample(measured[in_box]))
+    near = int((to_part <= REACH_MM).sum())
+    next_to_it = int((to_part <= 2 * REACH_MM).sum()) - near
+    if near <= 0.5 * len(to_part) and near <= MOSTLY_PART * next_to_it:
+        middle = np.median(part.surface.distance(_sample(measured)))
+        raise InputError(
+            f"The cloud lies {middle:.3g} mm beside the part (median), so it is another part's, in "
+            "another unit (--length-unit) or another frame (--cloud-to-part); give its points in "
+            "mm in the frame of the scene."
+        )
+    return in_box, to_part
+
+
+def _sample(points: FloatArray) -> FloatArray:
+    """At most `SAMPLE` of the points (n, 3), at random: sensors write every so many rows alike."""
+    rows = np.random.default_rng(0).choice(len(points), min(SAMPLE, len(points)), False)
+    return points[rows]
+
+
+def _common_status(statuses: Sequence[IntArray], shares: Sequence[FloatArray]) -> IntArray:
+    """Outcome (n,) of each point by those in the air of each member of an ensemble."""
+    status = np.max(statuses, axis=0)
+    if len(shares) > 1:
+        scatter, mean = np.std(shares, axis=0, ddof=1), np.mean(shares, axis=0)
+        vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
+        status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
+    return np.asarray(status)
+
+
+def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
+    """An InputError where no point can be corrected."""
+    if (status == CorrectionStatus.CORRECTED).any():
+        return
+    counts = CorrectionStatus.counts(status)
+    raise InputError(
+        f"None of the {len(status):,} points can be corrected: {counts['far_from_part']:,} are "
+        f"far from the part, {counts['hidden']:,} hidden from a device, "
+        f"{counts['outside_view']:,} behind a device or beyond its lens, "
+        f"{counts['several_images']:,} have several images, {counts['outside_field']:,} are "
+        f"seen through no hot air that is known, of {counts['lost']:,} the rays were lost on "
+        f"the way and of {counts['uncertain']:,} the correction "
+        "is uncertain by more than itself; the cloud is "
+        f"{_across(measured):.3g} mm across and the part {_across(part.bounds):.3g} mm: "
+        "check its unit (--length-unit), its frame (--cloud-to-part) and where the scene has "
+        "the devices."
     )
 
 

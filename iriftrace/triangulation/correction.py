@@ -76,7 +76,7 @@ class Correction:
     errors : (k, n, 3) array or None, mm
         The air's share by each member of an ensemble, whose mean `error` is; None for one field.
     to_part : (m,) array or None, mm
-        Distance of a sample of the measured points from the part.
+        Distance of a sample of the measured points in a box around the part from it.
     state : FieldState
         Whether the air is synthetic, and how far unsteady.
     """

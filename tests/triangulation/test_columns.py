@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,29 @@ def test_coordinates_are_read_by_their_names(
 ) -> None:
     cloud = write(tmp_path / "cloud.csv", header, columns, mark)
     np.testing.assert_array_equal(read_cloud(cloud).points, POINTS[:, :3])
+
+
+def test_cells_may_be_quoted_or_empty_and_a_count_may_come_first(tmp_path: Path) -> None:
+    """Empty coordinates are not measured; a wrong count is warned of."""
+    tables = {
+        "quoted.csv": '"x","y","z","i"\n"1.5","2.5","3.5",""\n"4.5","5.5","6.5","7"\n',
+        "empty.csv": "x;y;z;i\n1,5;2,5;3,5;\n;;;\n4,5;5,5;6,5;7\n",
+        "tabs.txt": "x\ty\tz\ti\n1.5\t2.5\t3.5\t\n\t\t\t9\n4.5\t5.5\t6.5\t7\n",
+        "count.xyz": "2\n1.5 2.5 3.5\n4.5 5.5 6.5\n",
+        "comma.csv": "2\n1.5,2.5,3.5\n4.5,5.5,6.5\n",
+        "wrong.asc": "3\n1.5 2.5 3.5\n4.5 5.5 6.5\n",
+    }
+    for name, text in tables.items():
+        (tmp_path / name).write_text(text)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            read = read_cloud(tmp_path / name)
+        np.testing.assert_array_equal(read.points, [(1.5, 2.5, 3.5), (4.5, 5.5, 6.5)])
+        texts = " ".join(str(one.message) for one in said)
+        assert ("1 of 3 points" in texts) is (name in ("empty.csv", "tabs.txt"))
+        assert ("states 3 points and holds 2" in texts) is (name == "wrong.asc")
+        if "i" in read.columns:
+            np.testing.assert_array_equal(read.columns["i"][[0, -1]], [np.nan, 7.0])
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
