@@ -27,6 +27,7 @@ from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
 from iriftrace.triangulation.field_state import field_state
+from iriftrace.triangulation.larger import Larger, larger_than
 from iriftrace.triangulation.scan import (
     Phase,
     System,
@@ -57,6 +58,9 @@ MANY = 0.05
 PIECE = 1_000_000
 """Points that are corrected at a time: 0.6 GB of rays."""
 
+
+ON_PART_MM = 0.02
+"""Median distance of a cloud that lies on the part, so that nobody asks for the part's size."""
 
 MOSTLY_PART = 3
 """Times as many points nearer than `REACH_MM` than up to twice as far: a cloud that is aligned with
@@ -115,6 +119,7 @@ def correct(
     measured = _checked(points, field_uncertainty)
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
     in_box, to_part = _near_part(measured, loaded.part)
+    larger = _larger(measured, to_part, loaded.part)
     members = (loaded,) if loaded.ensemble is None else loaded.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -139,9 +144,13 @@ def correct(
     far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
     status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
     _refuse_none(status, measured, loaded.part)
+    if larger is not None:
+        warnings.warn(larger.sentence(loaded.part.growth), IriftraceWarning, stacklevel=2)
     for code, sentence in _DOUBTFUL.items():
         share = np.mean(status == code)
-        if share > MANY:
+        # Points far from a part of another size are no matter of the alignment.
+        explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
+        if share > MANY and not explained:
             warnings.warn(f"{share:.0%} of the points {sentence}", IriftraceWarning, stacklevel=2)
     lost = int((status == CorrectionStatus.LOST).sum())
     warn_of_lost_points(lost, len(status), "stay as they were measured")
@@ -157,6 +166,8 @@ def correct(
         field_uncertainty=field_uncertainty,
         errors=None if len(shares) == 1 else errors,
         to_part=to_part,
+        larger=larger,
+        growth=loaded.part.growth,
         state=field_state(loaded),
     )
 
@@ -194,6 +205,9 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
     near = int((to_part <= REACH_MM).sum())
     next_to_it = int((to_part <= 2 * REACH_MM).sum()) - near
     if near <= 0.5 * len(to_part) and near <= MOSTLY_PART * next_to_it:
+        larger = larger_than(measured, part)
+        if larger is not None:
+            raise InputError(larger.sentence(part.growth))
         middle = np.median(part.surface.distance(_sample(measured)))
         raise InputError(
             f"The cloud lies {middle:.3g} mm beside the part (median), so it is another part's, in "
@@ -201,6 +215,11 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
             "mm in the frame of the scene."
         )
     return in_box, to_part
+
+
+def _larger(measured: FloatArray, to_part: FloatArray, part: Part) -> Larger | None:
+    """Whether the cloud is of a larger part, where it does not lie on this one."""
+    return larger_than(measured, part) if np.median(to_part) > ON_PART_MM else None
 
 
 def _sample(points: FloatArray) -> FloatArray:

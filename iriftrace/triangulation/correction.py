@@ -8,18 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import field, frozen
+from attrs import asdict, field, frozen
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.transform import apply
+from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.triangulation.cloud import Cloud
 from iriftrace.triangulation.cloud_write import by_axis, save_cloud
 from iriftrace.triangulation.features import GATE, feature_table
 from iriftrace.triangulation.field_state import FieldState
+from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.statistics import PointStatus, scatter_along, spread
 
 SCHEMA = "iriftrace.correction/1"
@@ -77,6 +79,11 @@ class Correction:
         The air's share by each member of an ensemble, whose mean `error` is; None for one field.
     to_part : (m,) array or None, mm
         Distance of a sample of the measured points in a box around the part from it.
+    larger : Larger or None
+        By how much the cloud is larger than the part, where that explains most of its distance.
+    growth : Growth or None
+        Thermal expansion of the part, at whose hot temperature sizes hold; None where it is not
+        known.
     state : FieldState
         Whether the air is synthetic, and how far unsteady.
     """
@@ -91,6 +98,8 @@ class Correction:
     field_uncertainty: float = 0.0
     errors: FloatArray | None = None
     to_part: FloatArray | None = None
+    larger: Larger | None = None
+    growth: Growth | None = None
     state: FieldState = field(factory=FieldState)
 
     @property
@@ -121,7 +130,13 @@ class Correction:
         return self.measured - self.error
 
     def features(
-        self, part: Part, choices: Sequence[str], gate: float | None = GATE
+        self,
+        part: Part,
+        choices: Sequence[str],
+        gate: float | None = GATE,
+        *,
+        u_expansion: float | None = None,
+        u_temperature_k: float | None = None,
     ) -> list[dict[str, Any]]:
         """Features of the corrected points, measured and corrected; see `feature_table`.
 
@@ -131,6 +146,10 @@ class Correction:
         ``fit_uncertainty_mm`` (k = 2) of the fit to the corrected points, by their scatter;
         ``total_uncertainty_mm``, the root of the sum of their squares. That of synthetic air is not
         known.
+
+        Of a part that is expanded also ``at_reference``: the ``temperature_k`` of its drawing,
+        ``size_mm`` there, and ``expansion_uncertainty_mm`` (k = 2) by the standard uncertainties of
+        the expansion (relative) and of the hot temperature (K), None where one is not given.
         """
         good = self.status == CorrectionStatus.CORRECTED
         measured, face = self.measured[good], self.face[good]
@@ -149,6 +168,15 @@ class Correction:
                 if air is None or fit is None
                 else math.hypot(air, fit),
             }
+            size = row["size_mm"]["corrected"]
+            if self.growth is not None and size is not None:
+                known = u_expansion is not None and u_temperature_k is not None
+                u = self.growth.u_reference_size(size, u_expansion or 0.0, u_temperature_k or 0.0)
+                row["at_reference"] = {
+                    "temperature_k": self.growth.reference_k,
+                    "size_mm": self.growth.reference_size(size),
+                    "expansion_uncertainty_mm": COVERAGE_FACTOR * u if known else None,
+                }
         return rows
 
     def _air_uncertainty(
@@ -184,6 +212,8 @@ class Correction:
             "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
             **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
             **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
+            **({} if self.larger is None else {"larger": asdict(self.larger)}),
+            "growth": None if self.growth is None else asdict(self.growth),
             "field_uncertainty": self.field_uncertainty or None,
             "unsteadiness": self.state.unsteadiness,
         }
