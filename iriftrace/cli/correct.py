@@ -18,7 +18,13 @@ from iriftrace.cli.triangulation_options import (
     System,
     check_cloud_output,
 )
-from iriftrace.cli.triangulation_text import say_features, say_field, um
+from iriftrace.cli.triangulation_text import (
+    print_regions,
+    say_features,
+    say_field,
+    say_relations,
+    um,
+)
 
 if TYPE_CHECKING:
     from iriftrace.part.growth import Growth
@@ -80,7 +86,7 @@ def correct(
     from iriftrace.scene.file import require_scene
     from iriftrace.triangulation.cloud import read_cloud
     from iriftrace.triangulation.correct import correct as take_out
-    from iriftrace.triangulation.features import check_choices
+    from iriftrace.triangulation.feature_table import check_choices
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)
@@ -107,7 +113,10 @@ def correct(
         u_expansion=expansion_uncertainty,
         u_temperature_k=temperature_uncertainty,
     )
-    files = found.save(output, features, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame)
+    regions = found.regions(loaded.part)
+    files = found.save(
+        output, features, regions, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
+    )
     values = found.as_dict()
     counts, error = values["points"], values["error_mm"]
     say(
@@ -123,6 +132,8 @@ def correct(
         f"{um(values['to_part_mm']['p95'])})."
     )
     say_features(features, "corrected", gate, found.growth, synthetic=found.state.synthetic)
+    say_relations(features, "corrected", found.growth)
+    print_regions(regions, "Refraction error along the normal by region, taken out")
     _say_expansion(found.growth, features)
     if found.state.synthetic:
         say(

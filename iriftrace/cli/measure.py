@@ -11,7 +11,13 @@ from iriftrace.cli.console import say, working
 from iriftrace.cli.options import check_input, check_kept, check_numbers
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_options import Features, Gate, Phase, System, check_cloud_output
-from iriftrace.cli.triangulation_text import say_features, say_field, um
+from iriftrace.cli.triangulation_text import (
+    print_regions,
+    say_features,
+    say_field,
+    say_relations,
+    um,
+)
 
 if TYPE_CHECKING:
     from iriftrace.scene.load import LoadedScene
@@ -72,7 +78,7 @@ def write_scan(
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and say what it found."""
     from iriftrace.triangulation.acceptance import acceptance as accepted
-    from iriftrace.triangulation.features import check_choices
+    from iriftrace.triangulation.feature_table import check_choices
     from iriftrace.triangulation.scan import measure as simulate
 
     check_choices(feature or (), loaded.part)
@@ -80,7 +86,8 @@ def write_scan(
         scan = simulate(loaded, system=system, phase=phase)
     features = scan.features(loaded.part, feature or (), gate)
     errors = accepted(features, loaded.part) if acceptance else []
-    files = list(scan.save(output, features, errors))
+    regions = scan.regions(loaded.part)
+    files = list(scan.save(output, features, errors, regions))
     values = scan.as_dict()
     if figures:
         from iriftrace.figures.scan import scan_figure
@@ -106,6 +113,8 @@ def write_scan(
     say_field(scan.provenance)
     say("Files: " + ", ".join(map(str, files)))
     say_features(features, "cold", gate, loaded.part.growth)
+    say_relations(features, "cold", loaded.part.growth)
+    print_regions(regions, "Error along the normal by region")
     for row in errors:
         value = row["error_mm"]
         say(

@@ -33,7 +33,7 @@ Features = Annotated[
 
 
 def _read_gate(text: str, option: str) -> float | None:
-    from iriftrace.triangulation.features import check_gate
+    from iriftrace.triangulation.outliers import check_gate
 
     gate = None if text.strip().lower() == "none" else numbers(text, 1, option)[0]
     check_gate(gate)

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from iriftrace.cli.console import say
+from rich.table import Table
+
+from iriftrace.cli.console import out, say
 from iriftrace.cli.options import celsius
+
+MOST_LINES = 12
+"""Distances and angles, and regions, that are printed; the JSON file has all."""
 
 if TYPE_CHECKING:
     from iriftrace.part.growth import Growth
@@ -83,3 +88,61 @@ def _uncertainty(row: dict[str, Any], synthetic: bool) -> str:
 def um(millimetres: float) -> str:
     """A length in micrometres."""
     return f"{round(1e3 * millimetres, 4):.3g} um"
+
+
+def say_relations(features: list[dict[str, Any]], true: str, growth: Growth | None) -> None:
+    """Distances and angles of planes as measured through hot air, and cold or corrected."""
+    from iriftrace.triangulation.relations import relations
+
+    rows = relations(features)
+    at = "" if growth is None else f" at {celsius(growth.hot_k)}"
+    for row in rows[:MOST_LINES]:
+        pair = " and ".join(str(region or "all points") for region in row["regions"])
+        if row["kind"] == "angle":
+            angles = row["angle_deg"]
+            minutes = 60 * (angles[true] - angles["measured"])
+            say(
+                f"Angle of {pair}: {angles['measured']:.4f} deg as measured through hot air, "
+                f"{angles[true]:.4f} deg {true} ({minutes:+.2g}')."
+            )
+            continue
+        hot, size = row["size_mm"]["measured"], row["size_mm"][true]
+        cold = (
+            ""
+            if growth is None
+            else (f" At {celsius(growth.reference_k)} it is {growth.reference_size(size):.4f} mm.")
+        )
+        say(
+            f"Distance of {pair}{at}: {hot:.4f} mm as measured through hot air, {size:.4f} mm "
+            f"{true}: the air makes it {um(abs(hot - size))} "
+            f"{'smaller' if hot < size else 'larger'}.{cold}"
+        )
+    if len(rows) > MOST_LINES:
+        say(f"{len(rows) - MOST_LINES} more distances and angles are in the JSON file.")
+
+
+def print_regions(rows: list[dict[str, Any]], title: str) -> None:
+    """A row for each region with points, those with most of them first."""
+    seen = sorted((row for row in rows if row["points"]), key=lambda row: -int(row["points"]))
+    table = Table(title=title, title_justify="left")
+    table.add_column("region")
+    for heading in ("points", "measured", "median (um)", "rms (um)", "p95 (um)"):
+        table.add_column(heading, justify="right")
+    for row in seen[:MOST_LINES]:
+        values = row["along_normal_mm"]
+        table.add_row(
+            row["region"],
+            f"{row['points']:,}",
+            f"{row['measured']:.0%}",
+            *(f"{1e3 * values[key]:.3g}" for key in ("median", "rms", "p95")),
+        )
+    out.print(table)
+    say(
+        "Measured: area of the triangles on which a point lies, of the region's"
+        + (
+            f"; {len(seen) - MOST_LINES} more regions are in the JSON file"
+            * (len(seen) > MOST_LINES)
+        )
+        + (f"; of {len(rows) - len(seen)} regions no point was measured" * (len(rows) > len(seen)))
+        + "."
+    )

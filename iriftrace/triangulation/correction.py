@@ -19,9 +19,12 @@ from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.triangulation.cloud import Cloud
 from iriftrace.triangulation.cloud_write import by_axis, save_cloud
-from iriftrace.triangulation.features import GATE, feature_table
+from iriftrace.triangulation.feature_table import feature_table
 from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
+from iriftrace.triangulation.outliers import GATE
+from iriftrace.triangulation.region_table import region_table
+from iriftrace.triangulation.relations import relations
 from iriftrace.triangulation.statistics import PointStatus, scatter_along, spread
 
 SCHEMA = "iriftrace.correction/1"
@@ -218,10 +221,17 @@ class Correction:
             "unsteadiness": self.state.unsteadiness,
         }
 
+    def regions(self, part: Part) -> list[dict[str, Any]]:
+        """What was taken out along the normal by region of the part; see `region_table`."""
+        good = self.status == CorrectionStatus.CORRECTED
+        along = np.einsum("ij,ij->i", self.error, self.normal)
+        return region_table(part, self.face[good], along[good])
+
     def save(
         self,
         path: str | Path,
         features: Sequence[dict[str, Any]] = (),
+        regions: Sequence[dict[str, Any]] = (),
         *,
         cloud: Cloud | None = None,
         motion: FloatArray | None = None,
@@ -232,7 +242,7 @@ class Correction:
         Parameters
         ----------
         path : path
-        features : sequence of dict
+        features, regions : sequences of dict
             Written with the numbers.
         cloud : Cloud, optional
             Whose `points` were corrected: all of its rows are written in their order, with its
@@ -256,6 +266,8 @@ class Correction:
         points, status = factor * apply(back, self.points), self.status.astype(np.int32)
         values = self.as_dict() | {
             "features": list(features),
+            "relations": relations(features),
+            "regions": list(regions),
             "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
         }
         if cloud is None:
