@@ -97,9 +97,9 @@ from .trace.rays import RayHits as RayHits
 from .trace.rays import trace_rays as trace_rays
 from .trace.render import Rendering as Rendering
 from .trace.render import render_scene as render_scene
-from .triangulation.correct import Correction as Correction
-from .triangulation.correct import CorrectionStatus as CorrectionStatus
 from .triangulation.correct import correct as correct
+from .triangulation.correction import Correction as Correction
+from .triangulation.correction import CorrectionStatus as CorrectionStatus
 from .triangulation.features import Feature as Feature
 from .triangulation.features import fit_feature as fit_feature
 from .triangulation.scan import Scan as Scan

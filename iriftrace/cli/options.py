@@ -287,7 +287,7 @@ def check_output(path: Path | None, example: str, *others: str, make: bool = Fal
     """
     if path is None:
         return
-    suffixes = (Path(example).suffix, *others)
+    suffixes = tuple(dict.fromkeys((Path(example).suffix, *others)))
     if path.is_dir():
         raise InputError(
             f"The output {path} is a folder; name a file in it, such as {path / example}."

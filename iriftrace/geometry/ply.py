@@ -19,12 +19,14 @@ class PlyMesh:
     """A mesh as its file has it: (n, 3) vertices, (m, 3) faces, further columns by name.
 
     Where the file's faces were not all triangles, their columns are longer or shorter than `faces`.
+    Remarks are the header's lines ``obj_info``.
     """
 
     vertices: FloatArray
     faces: IntArray
     vertex_columns: dict[str, NDArray[Any]]
     face_columns: dict[str, NDArray[Any]]
+    remarks: tuple[str, ...] = ()
 
 
 def read_ply(path: Path) -> PlyMesh:
@@ -32,7 +34,7 @@ def read_ply(path: Path) -> PlyMesh:
 
     What is wrong with a damaged file is raised as the reader of trimesh finds it, or as ValueError.
     """
-    _refuse_stated(path)
+    remarks = _remarks(_checked_header(path))
     # Imported late, as whoever writes a mesh needs no reader.
     import trimesh
 
@@ -44,7 +46,7 @@ def read_ply(path: Path) -> PlyMesh:
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     check_corners(vertices, faces)
-    return PlyMesh(vertices, faces, _columns(raw, "vertex"), _columns(raw, "face"))
+    return PlyMesh(vertices, faces, _columns(raw, "vertex"), _columns(raw, "face"), remarks)
 
 
 def check_corners(vertices: FloatArray, faces: IntArray) -> None:
@@ -59,8 +61,13 @@ def check_corners(vertices: FloatArray, faces: IntArray) -> None:
         raise ValueError(f"a triangle names vertex {wrong}, but there are {len(vertices)}")
 
 
-def _refuse_stated(path: Path) -> None:
-    """Refuse a header that states more than the file has: its reader would make room for it."""
+def _remarks(header: bytes) -> tuple[str, ...]:
+    lines = header.decode("ascii", "replace").splitlines()
+    return tuple(line for line in lines if line.startswith("obj_info "))
+
+
+def _checked_header(path: Path) -> bytes:
+    """The header; a ValueError if it states more than the file has, which readers make room for."""
     with path.open("rb") as file:
         head, end, _ = file.read(HEADER_LIMIT).partition(b"end_header")
     if not end:
@@ -78,6 +85,7 @@ def _refuse_stated(path: Path) -> None:
     size = path.stat().st_size
     if least > size:
         raise ValueError(f"its header states at least {least:,} bytes, and it has {size:,}")
+    return head
 
 
 HEADER_LIMIT = 1_000_000
@@ -150,16 +158,20 @@ def write_ply_points(
     columns: Mapping[str, NDArray[Any]],
     *,
     comments: Sequence[str] = (),
+    remarks: Sequence[str] = (),
 ) -> None:
-    """Write (n, 3) points, mm, as binary little-endian PLY, their places in double precision.
+    """Write (n, 3) points as binary little-endian PLY, their places in double precision.
 
-    The columns of float64 are ``double``, those of float32 ``float``, whole numbers ``int``; what
-    is not ASCII in the comments becomes question marks.
+    The columns of float64 are ``double``, those of float32 ``float``, bytes ``uchar``, other whole
+    numbers ``int``; blanks in their names become ``_``, and what is not ASCII question marks.
+    `remarks` are whole lines of the header, as `PlyMesh` has them.
     """
+    columns = {"_".join(name.split()): values for name, values in columns.items()}
     named = dict(zip("xyz", np.transpose(points), strict=True)) | dict(columns)
     kinds = {name: _kind(values) for name, values in named.items()}
     header = [
         *(f"comment {comment}" for comment in comments),
+        *remarks,
         f"element vertex {len(points)}",
         *(f"property {_PROPERTY[kind]} {name}" for name, kind in kinds.items()),
     ]
@@ -178,11 +190,13 @@ def _write(path: str | Path, header: Sequence[str], *tables: NDArray[Any]) -> No
             file.write(table.tobytes())
 
 
-_PROPERTY = {"<f8": "double", "<f4": "float", "<i4": "int"}
+_PROPERTY = {"<f8": "double", "<f4": "float", "<i4": "int", "u1": "uchar"}
 """Words of PLY for kinds of numbers."""
 
 
 def _kind(values: NDArray[Any]) -> str:
+    if values.dtype == np.uint8:
+        return "u1"
     if values.dtype.kind in "iub":
         return "<i4"
     return "<f4" if values.dtype == np.float32 else "<f8"

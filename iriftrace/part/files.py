@@ -14,6 +14,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.geometry.ply import HEADER_LIMIT, check_corners, read_ply, write_ply
+from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions
 
 # Mitsuba reads face properties only with a number at the end, and calls this one ``face_region``;
@@ -37,6 +38,7 @@ class MeshFile:
     regions: Regions | None
     unit: str | None  # of length, where the file itself declares one
     sha256: str
+    growth: Growth | None = None
 
 
 def load_mesh_file(path: Path) -> MeshFile:
@@ -49,11 +51,12 @@ def load_mesh_file(path: Path) -> MeshFile:
             f"{path} is of a format {suffix!r} that cannot be read; convert it to "
             "PLY, STL, OBJ or GLB."
         )
-    unit, region_columns = None, []
+    unit, region_columns, growth = None, [], None
     mesh: Any
     try:
         if suffix == "ply":
             mesh = read_ply(path)
+            growth = Growth.of_header(_header(path))
             region_columns = [
                 mesh.face_columns[name] for name in _READ_PROPERTIES if name in mesh.face_columns
             ]
@@ -76,7 +79,14 @@ def load_mesh_file(path: Path) -> MeshFile:
     except ValueError as error:
         raise InputError(f"{path} is damaged: {error}; export it again.") from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
-    return MeshFile(vertices, faces, regions, unit, sha256_of(path))
+    return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth)
+
+
+def _header(path: Path) -> list[str]:
+    """Lines of a PLY file's header."""
+    with path.open("rb") as file:
+        header = file.read(HEADER_LIMIT).partition(b"end_header")[0]
+    return header.decode("utf-8", errors="replace").splitlines()
 
 
 def _regions(path: Path, column: Any, face_count: int) -> Regions:
@@ -92,10 +102,7 @@ def _regions(path: Path, column: Any, face_count: int) -> Regions:
             "its faces are not triangles; export it as triangles or drop the regions."
         )
     ids, of_face = np.unique(np.rint(given).astype(np.int64), return_inverse=True)
-    with path.open("rb") as file:
-        header = file.read(HEADER_LIMIT).partition(b"end_header")[0]
-    lines = header.decode("utf-8", errors="replace").splitlines()
-    matches = filter(None, map(_REGION_COMMENT.fullmatch, lines))
+    matches = filter(None, map(_REGION_COMMENT.fullmatch, _header(path)))
     named = {int(match[1]): match[2] for match in matches}
     found = tuple(named.get(i, f"region {i}") for i in ids.tolist())
     if len(set(found)) < len(found):
@@ -116,7 +123,13 @@ def check_part_name(path: Path) -> None:
         )
 
 
-def write_mesh_file(path: Path, vertices: FloatArray, faces: IntArray, regions: Regions) -> None:
+def write_mesh_file(
+    path: Path,
+    vertices: FloatArray,
+    faces: IntArray,
+    regions: Regions,
+    growth: Growth | None = None,
+) -> None:
     """Write a surface, mm: as PLY with a region for each face, or as STL without.
 
     Regions are the face property ``region_0`` (a float, so that Mitsuba reads it as the mesh
@@ -128,11 +141,12 @@ def write_mesh_file(path: Path, vertices: FloatArray, faces: IntArray, regions: 
         with whole_file(path) as temporary:
             mesh.export(temporary, file_type="stl")
         return
+    grown = [] if growth is None else [growth.comment()]
     names = [f"region {number} {name}" for number, name in enumerate(regions.names)]
     write_ply(
         path,
         vertices,
         faces,
-        comments=["iriftrace part, millimetre", *names],
+        comments=["iriftrace part, millimetre", *grown, *names],
         face_columns={_WRITTEN_PROPERTY: regions.of_face},
     )

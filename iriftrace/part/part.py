@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.units import length_factor
+from iriftrace.core.units import ZERO_CELSIUS_K, length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours, weld
@@ -20,6 +20,7 @@ from iriftrace.geometry.transform import apply, checked_matrix
 from iriftrace.geometry.triangles import area_vectors, unit_vectors
 from iriftrace.part.duplicates import distinct_faces
 from iriftrace.part.files import load_mesh_file, write_mesh_file
+from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
 
 PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
@@ -61,6 +62,8 @@ class Part:
         The unit in which the file was read.
     closed
         Whether every edge belongs to an even number of triangles.
+    growth
+        Thermal expansion that the vertices contain, where it is known.
     """
 
     vertices: FloatArray
@@ -72,6 +75,7 @@ class Part:
     sha256: str
     length_unit: str
     closed: bool
+    growth: Growth | None = None
 
     def __repr__(self) -> str:
         extent = " x ".join(f"{length:.5g}" for length in np.ptp(self.bounds, axis=0))
@@ -224,15 +228,17 @@ def read_part(
         left out, or its unit is doubtful.
     """
     path = Path(path)
-    growth = _growth(expansion, reference_temperature_k, hot_temperature_k)
     if length_unit is not None:
         length_factor(length_unit)  # refuses an unknown unit before the file is read
     file = load_mesh_file(path)
+    growth, factor = _growth(
+        path, file.growth, expansion, reference_temperature_k, hot_temperature_k
+    )
     stated = file.unit and _SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
     length_unit = length_unit or stated or "mm"
-    vertices = file.vertices * (length_factor(length_unit) * growth)
+    vertices = file.vertices * (length_factor(length_unit) * factor)
     _check_unit(path, vertices, stated or length_unit, length_unit)
-    return part_of_mesh(
+    part = part_of_mesh(
         vertices,
         file.faces,
         name=str(path),
@@ -242,6 +248,7 @@ def read_part(
         transform=transform,
         region_angle_deg=region_angle_deg,
     )
+    return evolve(part, growth=growth)
 
 
 def part_of_mesh(
@@ -334,22 +341,30 @@ def save_part(part: Part, path: str | Path) -> None:
         The name has another ending, or the folder does not exist.
     """
     regions = Regions(part.region_of_face, part.region_names)
-    write_mesh_file(Path(path), part.vertices, part.faces, regions)
+    write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth)
 
 
-def _growth(expansion: float | None, reference_k: float, hot_k: float | None) -> float:
+def _growth(
+    path: Path,
+    stated: Growth | None,
+    expansion: float | None,
+    reference_k: float,
+    hot_k: float | None,
+) -> tuple[Growth | None, float]:
+    """Growth of a part whose file states one or not, and by what its coordinates are enlarged."""
     if expansion is None:
-        return 1.0
+        return stated, 1.0
     if hot_k is None:
         raise InputError(
             "thermal expansion needs the part's hot temperature as well; give both or neither."
         )
-    if not (np.isfinite([expansion, reference_k, hot_k]).all() and abs(expansion) < 1e-3):
+    if stated is not None:
         raise InputError(
-            f"thermal expansion of {expansion} per kelvin from {reference_k} K to {hot_k} K is not "
-            "that of a solid; steel has about 14e-6/K."
+            f"{path} states that it is expanded to {stated.hot_k - ZERO_CELSIUS_K:g} degC already; "
+            "give the part as it was drawn, or leave out the expansion (--expansion)."
         )
-    return 1.0 + expansion * (hot_k - reference_k)
+    growth = Growth(expansion, reference_k, hot_k)
+    return growth, growth.factor
 
 
 def _check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> None:

@@ -19,7 +19,7 @@ from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.rank import limits_of, ranked_region
 from iriftrace.sweep.reload import load_swept_scene, swept_camera, swept_part
 from iriftrace.sweep.store import WHOLE_PART
-from iriftrace.triangulation.features import chosen_points, surface_kind
+from iriftrace.triangulation.feature_table import chosen_points, surface_kind
 from iriftrace.triangulation.first_order import first_order_error, first_order_size
 from iriftrace.triangulation.scan import Scan, System, measure
 

@@ -211,6 +211,15 @@ def is_corrected(text: str) -> bool:
     return _CORRECTED.search(text.casefold()) is not None
 
 
+def refuse_corrected(file: Path, names: Iterable[str]) -> None:
+    """Refuse a cloud of which a column's name, or a line of names, says that it is corrected."""
+    if any(map(is_corrected, names)):
+        raise InputError(
+            f"{file} is corrected already, as its column correction_x says, and the refraction "
+            "error would be removed twice; give the cloud as it was measured."
+        )
+
+
 def listed(names: Sequence[str]) -> str:
     """The first names, between commas."""
     rest = [f"and {len(names) - _MOST_LISTED} more"] if len(names) > _MOST_LISTED else []

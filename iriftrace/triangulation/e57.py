@@ -2,37 +2,60 @@
 
 from __future__ import annotations
 
+import io
 import sys
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.child import ChildError, output_of, run_limited
 from iriftrace.core.errors import InputError
+from iriftrace.core.files import whole_file
 
 _SECONDS, _BYTES_A_SECOND = 5, 1_000_000
 _MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
 """Limits of the child: imports take half a second and less than 1 GB of address space."""
 
+_COLUMNS = {
+    "intensity": ("intensity", np.float32),
+    "red": ("colorRed", np.uint8),
+    "green": ("colorGreen", np.uint8),
+    "blue": ("colorBlue", np.uint8),
+    "row_index": ("rowIndex", np.uint16),
+    "column_index": ("columnIndex", np.uint16),
+}
+"""Names of further columns here; their names and types in E57."""
 
-def read_e57(path: Path) -> FloatArray:
-    """Read the points (n, 3) of the one scan of an E57 file, at its pose, in the file's unit.
 
-    The standard's unit is the metre; some programs write mm. Points that the file marks as invalid
-    are left out; those at the scanner's origin are NaN.
-    """
+def check_e57(path: Path) -> None:
+    """Refuse an E57 file where the library for it is missing."""
     if find_spec("pye57") is None:
         raise InputError(
-            f"{path} is an E57 file, which needs pye57: pip install 'iriftrace[e57]'; or export "
-            "the cloud as .ply."
+            f"{path} is an E57 file, which needs pye57: pip install 'iriftrace[e57]'; or use a "
+            ".ply."
         )
+
+
+def read_e57(path: Path) -> tuple[FloatArray, dict[str, NDArray[Any]]]:
+    """Read the points (n, 3) of the one scan of an E57 file, at its pose, in the file's unit.
+
+    And by name the columns (n,) of `_COLUMNS` that it has. The standard's unit is the metre; some
+    programs write mm. Points that the file marks as invalid are left out; those at the scanner's
+    origin are NaN.
+    """
+    check_e57(path)
     try:
-        points = output_of(__name__, str(path), str(path.stat().st_size))
+        written = output_of(__name__, str(path), str(path.stat().st_size))
     except ChildError as error:
         raise InputError(f"{path} cannot be read ({error}); export the cloud again.") from error
-    return np.frombuffer(points).reshape(-1, 3)
+    with np.load(io.BytesIO(written), allow_pickle=False) as arrays:
+        columns = {name: arrays[name] for name in arrays.files}
+    return columns.pop("points"), columns
 
 
 def _points(path: str) -> bytes:
@@ -41,8 +64,12 @@ def _points(path: str) -> bytes:
     try:
         file = pye57.E57(path)
         scans = file.scan_count
-        scan = file.read_scan(0, ignore_missing_fields=True) if scans == 1 else {}
-        origin = file.get_header(0).translation if scans == 1 else None
+        scan, origin = {}, None
+        if scans == 1:
+            scan = file.read_scan(
+                0, intensity=True, colors=True, row_column=True, ignore_missing_fields=True
+            )
+            origin = file.get_header(0).translation
     except pye57.libe57.E57Exception as error:
         # Where in its own source the library noticed comes after four asterisks.
         raise ValueError(str(error).partition("****")[0].strip()) from error
@@ -55,7 +82,31 @@ def _points(path: str) -> bytes:
     rows = rows.astype(np.float64)
     # Not measured, like (0, 0, 0) in a file without poses.
     rows[(rows == origin).all(axis=1)] = np.nan
-    return rows.tobytes()
+    further = {name: scan[theirs] for name, (theirs, _) in _COLUMNS.items() if theirs in scan}
+    written = io.BytesIO()
+    np.savez(written, points=rows, **further)
+    return written.getvalue()
+
+
+def write_e57(
+    path: Path, points: FloatArray, measured: BoolArray, columns: Mapping[str, NDArray[Any]]
+) -> None:
+    """Write points (n, 3), m, as the one scan of an E57 file, in single precision.
+
+    With those of the columns (n,) that it can hold, of `_COLUMNS`; points that were not `measured`
+    are marked as invalid.
+    """
+    import pye57
+
+    places = np.where(measured[:, None], points, 0.0)
+    data = {f"cartesian{axis}": places[:, i] for i, axis in enumerate("XYZ")}
+    for name, (theirs, kind) in _COLUMNS.items():
+        if name in columns:
+            data[theirs] = np.asarray(columns[name]).astype(kind)
+    if not measured.all():
+        data["cartesianInvalidState"] = (~measured).astype(np.int8)
+    with whole_file(path) as partial, pye57.E57(str(partial), mode="w") as file:
+        file.write_scan_raw(data)
 
 
 if __name__ == "__main__":

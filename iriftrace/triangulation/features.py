@@ -1,65 +1,32 @@
 """Gaussian best-fit features of points: least squares of the distances from the surface or curve.
 
 As ISO 10360-6 asks of software for coordinate measuring machines. A start in closed form, then
-Levenberg and Marquardt's method by SciPy. Outliers of measured points are left out by a gate of
-robust standard deviations.
+Levenberg and Marquardt's method by SciPy.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import chain
-from typing import Any, Literal, get_args
+from collections.abc import Callable, Sequence
+from typing import Literal, get_args
 
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.part.part import Part
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
 
 Kind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
 
 SAMPLE = 1000
 """Points that choose between the principal axes of a cylinder or cone, which differ by far."""
 
-FOUND_KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere")
-"""Surfaces that regions are taken for, the first that fits: a plane fits as a wide cylinder too, a
-cylinder as a cone, and two rings of corners lie on a sphere whatever they belong to."""
-
-FOUND_SHARE = 1e-3
-"""Of a region's extent: farthest off a surface a region may be that is one. Files in single
-precision are off by 1e-7, free-form regions by some percent."""
-
-NO_FEATURE = 0.1
-"""Form deviation as a share of the extent beyond which a fitted feature means nothing."""
-
-FEWEST_MEASURED = 100
-"""Measured points of a region for a feature of its own; metrics ask for as many rays."""
-
-GATE = 3.5
-"""Robust standard deviations beyond which a point is an outlier: a choice. One of 2,150 points of
-normal noise is beyond, and would have changed a standard deviation by 0.3 %."""
-
-LEAST_GATE = 1.0
-
-NORMAL_MAD = 1.4826
-"""Standard deviation of normal noise over the median of its sizes."""
-
-ROUNDS = 20
-"""Most rounds of the robust start and of the gate, which take three to eight."""
-
 FEWEST = {"plane": 3, "line": 2, "circle": 3, "sphere": 4, "cylinder": 5, "cone": 6}
 """Points that determine each kind of feature."""
 
 DIMENSIONS = {"plane": 2, "line": 1, "circle": 2, "sphere": 3, "cylinder": 3, "cone": 3}
 """Dimensions in which those points have an extent: on a plane lies no one sphere."""
-
-SETTLED = 0.05
-"""Of the noise: a robust fit that moves by less is good enough to judge outliers by."""
 
 FLAT = 1e-6
 """Extent, as a share of the largest, that is the rounding of single precision."""
@@ -148,7 +115,7 @@ def fit_feature(
         If there are too few points, or they do not determine the feature.
     """
     places = np.asarray(points, dtype=np.float64)
-    _check_kind(kind)
+    check_kind(kind)
     if places.ndim != 2 or places.shape[1] != 3:
         raise InputError(f"The points are an array of shape {places.shape}; give (n, 3), mm.")
     if len(places) < FEWEST[kind]:
@@ -184,240 +151,13 @@ def fit_feature(
     )
 
 
-def check_gate(gate: float | None) -> None:
-    """Refuse a gate that leaves out half of the points or is no number."""
-    if gate is not None and not gate >= LEAST_GATE:
-        raise InputError(
-            f"The gate is {gate:g} robust standard deviations, which leaves out good points; give "
-            f"at least {LEAST_GATE:g}, or none for all points (--gate)."
-        )
-
-
-def inliers(points: FloatArray, kind: str, gate: float | None) -> BoolArray:
-    """Mask (n,) of the points (n, 3), mm, that are no outliers of a feature; all without a gate.
-
-    They lie within `gate` robust standard deviations, 1.4826 times the median distance, of the
-    least-squares fit to themselves: from a robust fit on, points are left out and the rest fitted
-    again until the set stands.
-    """
-    if gate is None or len(points) < 2 * FEWEST[kind]:
-        return np.ones(len(points), dtype=bool)
-    # Of points without noise, the rounding of single precision is no outlier.
-    least = FLAT * float(np.ptp(points, axis=0).max())
-    found = _robust_fit(points[:: max(1, len(points) // SAMPLE)], kind, least)
-    kept = np.zeros(len(points), dtype=bool)
-    for _ in range(ROUNDS):
-        off = np.abs(found.distances(points))
-        before, kept = kept, off <= max(gate * NORMAL_MAD * float(np.median(off)), least)
-        if np.array_equal(kept, before):
-            break
-        found = fit_feature(points[kept], kind, near=found)
-    return kept
-
-
-def _robust_fit(points: FloatArray, kind: str, least: float) -> Feature:
-    """Fit that outliers hardly change: the loss soft_l1 by reweighted least squares."""
-    found = fit_feature(points, kind)
-    for _ in range(ROUNDS):
-        off = found.distances(points)
-        scale = NORMAL_MAD * float(np.median(np.abs(off)))
-        if scale <= least:
-            break
-        found = fit_feature(points, kind, 1.0 / np.sqrt(1.0 + (off / scale) ** 2), found)
-        if np.abs(found.distances(points) - off).max() < SETTLED * scale:
-            break
-    return found
-
-
-def feature_table(
-    clouds: Mapping[str, FloatArray],
-    face: IntArray,
-    part: Part,
-    choices: Sequence[str],
-    by_member: Iterable[FloatArray] = (),
-    gate: float | None = GATE,
-) -> list[dict[str, Any]]:
-    """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
-
-    `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
-    region, ``"cylinder:lateral"``; ``"sphere:"`` is for all points; a kind alone for all regions
-    that are one, and of a part of one region for all points. Without any choice, `found_features`.
-    Warns of points that are no such feature or leave its diameter uncertain, and leaves out what
-    they do not determine.
-
-    Outliers of the cloud ``"measured"`` (else of the first) by `inliers` are left out of all.
-
-    Gives ``kind``, ``region``, ``points`` that were fitted and ``left_out``, and by cloud
-    ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`; with
-    the same points by each member of an ensemble also ``size_scatter_mm``, the size's standard
-    deviation over them, None for a feature without a size.
-    """
-    check_choices(choices, part)
-    check_gate(gate)
-    gated = clouds.get("measured", next(iter(clouds.values())))
-    members = list(by_member)
-    found = found_features(part, face)
-    rows = []
-    several = len(part.region_names) > 1
-    for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
-        kind, region, mask = chosen_points(choice, face, part)
-        chosen = np.flatnonzero(mask)
-        count = len(chosen)
-        try:
-            if several and ":" not in choice:
-                raise InputError(
-                    f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
-                    f"are {', '.join(found) or 'none'}."
-                )
-            chosen = chosen[inliers(gated[chosen], kind, gate)]
-            fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
-        except InputError as error:
-            warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=3)
-            continue
-        doubts = (
-            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
-            for name, fit in fits.items()
-        )
-        doubt = _other_surface(part, kind, region) or next(filter(None, doubts), None)
-        if doubt:
-            warnings.warn(doubt, IriftraceWarning, stacklevel=3)
-        row: dict[str, Any] = {
-            "kind": kind,
-            "region": region or None,
-            "points": len(chosen),
-            "left_out": count - len(chosen),
-            "size_mm": {name: fit.size_mm for name, fit in fits.items()},
-            "u_size_mm": {name: fit.u_size_mm for name, fit in fits.items()},
-            "form_mm": {name: fit.form_mm for name, fit in fits.items()},
-            "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
-            "direction": {
-                name: None if fit.direction is None else fit.direction.tolist()
-                for name, fit in fits.items()
-            },
-        }
-        if members:
-            sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in members]
-            known = [size for size in sizes if size is not None]
-            row["size_scatter_mm"] = float(np.std(known, ddof=1)) if known else None
-        rows.append(row)
-    return rows
-
-
-def _other_surface(part: Part, kind: str, region: str) -> str | None:
-    """Why a region's points are no surface of a kind, where it is one of another."""
-    is_a = _kind_of_region(part, region) if region and kind in FOUND_KINDS else None
-    if is_a is None or _lies_on(_corners(part, region), kind):
-        return None
-    return f"The points of {region} are no {kind}, as that is a {is_a}; choose {is_a}:{region}."
-
-
-def _doubt(fit: Feature, extent: float, region: str, found: Sequence[str]) -> str | None:
-    """Why a feature of points of this extent, mm, means nothing or little; None where it does."""
-    where = f"The points of {region or 'the whole part'}"
-    if fit.form_mm > NO_FEATURE * extent:
-        return (
-            f"{where} are no {fit.kind}, as they lie {fit.form_mm:.3g} mm apart across the fitted "
-            f"one; choose one of the part's features: {', '.join(found) or 'it has none'}."
-        )
-    if fit.u_size_mm is not None and fit.u_size_mm > fit.form_mm:
-        return (
-            f"{where} span too little of a {fit.kind}: by their scatter alone its diameter of "
-            f"{fit.size_mm:.5g} mm is uncertain by {fit.u_size_mm:.2g} mm (k = 1), more than their "
-            "form deviation; measure more of its circumference."
-        )
-    return None
-
-
-def check_choices(choices: Iterable[str], part: Part) -> None:
-    """An InputError for a choice of `feature_table` whose kind or region there is not."""
-    for choice in choices:
-        kind = choice.partition(":")[0]
-        if choice in part.region_names and kind not in get_args(Kind):
-            is_a = _kind_of_region(part, choice) or "cylinder"
-            raise InputError(
-                f"A feature is a kind of surface and a region; give such as {is_a}:{choice}."
-            )
-        _check_kind(kind)
-        chosen_points(choice, np.empty(0, dtype=np.int64), part)
-        if ":" not in choice and len(part.region_names) > 1:
-            kinds = {name: _kind_of_region(part, name) for name in part.region_names}
-            if kind not in kinds.values():
-                known = [f"{found}:{name}" for name, found in kinds.items() if found]
-                raise InputError(
-                    f"No region of the part is a {kind}; name the region whose points it shall be "
-                    f"fitted to ({kind}:REGION, or {kind}: for all points), or choose one of what "
-                    f"there is: {', '.join(known) or 'no simple surface'}."
-                )
-
-
-def _check_kind(kind: str) -> None:
+def check_kind(kind: str) -> None:
+    """An InputError for a kind of feature that there is not."""
     if kind not in get_args(Kind):
         raise InputError(
             f"There is no feature {kind!r}; use one of {', '.join(get_args(Kind))}, of a region "
             "such as cylinder:lateral."
         )
-
-
-def _regions_of(choice: str, found: Sequence[str]) -> list[str]:
-    """The features of a choice; all of its kind that were found, if it names no region."""
-    same = [one for one in found if one.partition(":")[0] == choice]
-    return same or [choice]
-
-
-def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, BoolArray]:
-    """Kind, region ("" for all of the part) and mask (n,) of the points of a feature.
-
-    Choice and face as for `feature_table`.
-    """
-    kind, _, region = choice.partition(":")
-    if not region:
-        return kind, region, np.ones(len(face), dtype=bool)
-    if region not in part.region_names:
-        raise InputError(
-            f"The part has no region {region!r}; use one of {', '.join(part.region_names)}."
-        )
-    return kind, region, part.region_of_face[face] == part.region_names.index(region)
-
-
-def found_features(part: Part, face: IntArray) -> list[str]:
-    """Features that regions of a part are: ``"cylinder:lateral"``.
-
-    Regions on whose faces (n,) fewer than `FEWEST_MEASURED` points were measured are left out.
-    """
-    region = part.region_of_face
-    measured = np.bincount(region[face], minlength=len(part.region_names))
-    found = []
-    for number in np.flatnonzero(measured >= FEWEST_MEASURED):
-        kind = _kind_of_region(part, part.region_names[number])
-        if kind is not None:
-            found.append(f"{kind}:{part.region_names[number]}")
-    return found
-
-
-def _kind_of_region(part: Part, name: str) -> str | None:
-    """Kind of surface that a region is, None where it is none of `FOUND_KINDS`."""
-    return surface_kind(_corners(part, name))
-
-
-def _corners(part: Part, region: str) -> FloatArray:
-    """Vertices of a region, (n, 3), mm."""
-    faces = part.faces[part.region_of_face == part.region_names.index(region)]
-    corners: FloatArray = part.vertices[np.unique(faces)]
-    return corners
-
-
-def surface_kind(corners: FloatArray) -> str | None:
-    """Kind of surface that corners (n, 3) of a region lie on: one of `FOUND_KINDS`, or None."""
-    return next((kind for kind in FOUND_KINDS if _lies_on(corners, kind)), None)
-
-
-def _lies_on(corners: FloatArray, kind: str) -> bool:
-    """True if corners (n, 3) lie on a surface of a kind, and are enough to tell."""
-    sample = corners[:: max(1, len(corners) // SAMPLE)]
-    allowed = FOUND_SHARE * float(np.ptp(sample, axis=0).max())
-    # A surface through any points tells nothing.
-    enough = kind == "plane" or len(sample) > 2 * FEWEST[kind]
-    return enough and fit_feature(sample, kind).form_mm <= allowed
 
 
 def _axes(points: FloatArray, root: FloatArray) -> FloatArray:

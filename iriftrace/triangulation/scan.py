@@ -32,9 +32,13 @@ from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.rays import traced_as_chosen
-from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
-from iriftrace.triangulation.features import GATE, feature_table
+from iriftrace.triangulation.cloud_write import by_axis, save_cloud
+from iriftrace.triangulation.feature_table import feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
+from iriftrace.triangulation.outliers import GATE
+from iriftrace.triangulation.region_table import region_table
+from iriftrace.triangulation.relations import relations
+from iriftrace.triangulation.statistics import PointStatus, scatter_along, spread
 from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.scan/1"
@@ -197,26 +201,35 @@ class Scan:
         by_member = () if self.errors is None else self.true + self.errors
         return feature_table(clouds, self.face, part, choices, by_member, gate)
 
+    def regions(self, part: Part) -> list[dict[str, Any]]:
+        """Errors along the normal by region of the part; see `region_table`."""
+        return region_table(part, self.face, self.error_normal)
+
     def save(
         self,
         path: str | Path,
         features: Sequence[dict[str, Any]] = (),
         acceptance: Sequence[dict[str, Any]] = (),
+        regions: Sequence[dict[str, Any]] = (),
     ) -> tuple[Path, Path]:
-        """Write the cloud (.vtp or .ply) and, beside it, its numbers (.json).
+        """Write the cloud and, next to it, its numbers (.json).
 
         Parameters
         ----------
         path : path
-        features, acceptance : sequences of dict
+        features, acceptance, regions : sequences of dict
             Written with the numbers.
 
         Raises
         ------
         InputError
-            If the name ends neither in .vtp nor in .ply.
+            If the name ends in none of `iriftrace.triangulation.cloud_write.WRITTEN`.
         """
-        values = self.as_dict() | {"features": list(features)}
+        values = self.as_dict() | {
+            "features": list(features),
+            "relations": relations(features),
+            "regions": list(regions),
+        }
         if acceptance:
             values["acceptance"] = list(acceptance)
         scatter = self.scatter_normal

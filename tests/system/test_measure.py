@@ -147,7 +147,7 @@ def test_corners_of_an_stl_count_once(tmp_path: Path) -> None:
 
     trimesh.creation.icosphere(2).export(tmp_path / "ball.stl")
     with pytest.warns(UserWarning, match="does not say from which"):
-        assert len(read_cloud(tmp_path / "ball.stl")) == 162
+        assert len(read_cloud(tmp_path / "ball.stl").points) == 162
 
 
 def test_a_cloud_of_no_points_says_so(tmp_path: Path) -> None:

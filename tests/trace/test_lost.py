@@ -22,7 +22,8 @@ from iriftrace.sweep.warned import FLAGS
 from iriftrace.trace import engine, render
 from iriftrace.trace.lost import warn_of_lost_points, warn_of_lost_rays
 from iriftrace.trace.rays import trace_rays
-from iriftrace.triangulation.correct import CorrectionStatus, correct
+from iriftrace.triangulation.correct import correct
+from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.scan import ScanStatus, measure
 from validation.oracles.closed_forms import RoundAir
 

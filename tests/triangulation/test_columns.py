@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -53,13 +54,36 @@ def test_coordinates_are_read_by_their_names(
     header: str, columns: list[int], mark: str, tmp_path: Path
 ) -> None:
     cloud = write(tmp_path / "cloud.csv", header, columns, mark)
-    np.testing.assert_array_equal(read_cloud(cloud), POINTS[:, :3])
+    np.testing.assert_array_equal(read_cloud(cloud).points, POINTS[:, :3])
+
+
+def test_cells_may_be_quoted_or_empty_and_a_count_may_come_first(tmp_path: Path) -> None:
+    """Empty coordinates are not measured; a wrong count is warned of."""
+    tables = {
+        "quoted.csv": '"x","y","z","i"\n"1.5","2.5","3.5",""\n"4.5","5.5","6.5","7"\n',
+        "empty.csv": "x;y;z;i\n1,5;2,5;3,5;\n;;;\n4,5;5,5;6,5;7\n",
+        "tabs.txt": "x\ty\tz\ti\n1.5\t2.5\t3.5\t\n\t\t\t9\n4.5\t5.5\t6.5\t7\n",
+        "count.xyz": "2\n1.5 2.5 3.5\n4.5 5.5 6.5\n",
+        "comma.csv": "2\n1.5,2.5,3.5\n4.5,5.5,6.5\n",
+        "wrong.asc": "3\n1.5 2.5 3.5\n4.5 5.5 6.5\n",
+    }
+    for name, text in tables.items():
+        (tmp_path / name).write_text(text)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            read = read_cloud(tmp_path / name)
+        np.testing.assert_array_equal(read.points, [(1.5, 2.5, 3.5), (4.5, 5.5, 6.5)])
+        texts = " ".join(str(one.message) for one in said)
+        assert ("1 of 3 points" in texts) is (name in ("empty.csv", "tabs.txt"))
+        assert ("states 3 points and holds 2" in texts) is (name == "wrong.asc")
+        if "i" in read.columns:
+            np.testing.assert_array_equal(read.columns["i"][[0, -1]], [np.nan, 7.0])
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_marks_of_the_byte_order_are_no_part_of_a_name(encoding: str, tmp_path: Path) -> None:
     cloud = write(tmp_path / "cloud.txt", "z;y;x", [2, 1, 0], ";", encoding)
-    np.testing.assert_array_equal(read_cloud(cloud), POINTS[:, :3])
+    np.testing.assert_array_equal(read_cloud(cloud).points, POINTS[:, :3])
 
 
 @pytest.mark.parametrize(
@@ -92,7 +116,7 @@ def test_a_first_column_that_counts_the_rows_is_no_coordinate(tmp_path: Path) ->
     np.savetxt(tmp_path / "cloud.xyz", rows, "%.17g")
     with pytest.raises(InputError, match=r"counts the rows.*--columns 2,3,4"):
         read_cloud(tmp_path / "cloud.xyz")
-    read = read_cloud(tmp_path / "cloud.xyz", columns=("2", "3", "4"))
+    read = read_cloud(tmp_path / "cloud.xyz", columns=("2", "3", "4")).points
     np.testing.assert_array_equal(read, POINTS[:, :3])
 
 
@@ -100,7 +124,7 @@ def test_columns_are_chosen_by_name_or_number(tmp_path: Path) -> None:
     names = "Nominal X;Nominal Y;Nominal Z;Actual X [mm];actual y [mm];Actual Z [mm]"
     cloud = write(tmp_path / "cloud.csv", names, [3, 4, 5, 0, 1, 2], ";")
     for chosen in (["Actual X [mm]", " Actual Y [mm]", "actual z [mm]"], ["4", "5", "6"]):
-        np.testing.assert_array_equal(read_cloud(cloud, columns=chosen), POINTS[:, :3])
+        np.testing.assert_array_equal(read_cloud(cloud, columns=chosen).points, POINTS[:, :3])
     with pytest.raises(InputError, match=r"no column 'Actual X' .*; it has the columns Nominal X"):
         read_cloud(cloud, columns=["Actual X", "Actual Y", "Actual Z"])
     for chosen in (["4", "5"], ["4", "5", "5"]):
@@ -110,13 +134,13 @@ def test_columns_are_chosen_by_name_or_number(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ending", ["vtp", "ply"])
 def test_columns_of_meshes_are_chosen_too(ending: str, tmp_path: Path) -> None:
-    from iriftrace.triangulation.cloud import save_cloud
+    from iriftrace.triangulation.cloud_write import save_cloud
 
     columns = {f"mean_{axis}": POINTS[:, i] for i, axis in enumerate("xyz")}
     values = {"schema": "", "assumptions": {"field_origin": ""}}
     cloud, _ = save_cloud(tmp_path / f"cloud.{ending}", POINTS[:, 3:6], columns, values)
-    np.testing.assert_array_equal(read_cloud(cloud), POINTS[:, 3:6])
-    np.testing.assert_array_equal(read_cloud(cloud, columns=list(columns)), POINTS[:, :3])
+    np.testing.assert_array_equal(read_cloud(cloud).points, POINTS[:, 3:6])
+    np.testing.assert_array_equal(read_cloud(cloud, columns=list(columns)).points, POINTS[:, :3])
     with pytest.raises(InputError, match=r"no column 'true_x' .*mean_x, mean_y, mean_z"):
         read_cloud(cloud, columns=("true_x", "mean_y", "mean_z"))
 
@@ -127,8 +151,10 @@ def test_columns_of_meshes_are_chosen_too(ending: str, tmp_path: Path) -> None:
 def test_a_unit_beside_the_names_is_that_of_the_numbers(header: str, tmp_path: Path) -> None:
     mark = "," if "," in header else " "
     cloud = write(tmp_path / "cloud.csv", header, [0, 1, 2], mark)
-    np.testing.assert_allclose(read_cloud(cloud), 1e3 * POINTS[:, :3], rtol=1e-15)
-    np.testing.assert_allclose(read_cloud(cloud, length_unit="m"), 1e3 * POINTS[:, :3], rtol=1e-15)
+    np.testing.assert_allclose(read_cloud(cloud).points, 1e3 * POINTS[:, :3], rtol=1e-15)
+    np.testing.assert_allclose(
+        read_cloud(cloud, length_unit="m").points, 1e3 * POINTS[:, :3], rtol=1e-15
+    )
     with pytest.raises(InputError, match=r"states its coordinates in m, but .* in mm"):
         read_cloud(cloud, length_unit="mm")
 
@@ -181,5 +207,5 @@ def test_points_at_zero_were_not_measured(tmp_path: Path) -> None:
     rows[7, :2] = 0.0
     np.savetxt(tmp_path / "cloud.xyz", rows, "%.17g")
     with pytest.warns(IriftraceWarning, match=r"2 of 20 points .* \(0, 0, 0\).*left out"):
-        read = read_cloud(tmp_path / "cloud.xyz")
+        read = read_cloud(tmp_path / "cloud.xyz").points
     np.testing.assert_array_equal(read, np.delete(rows, [2, 5], axis=0))

@@ -29,7 +29,8 @@ from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.rays import trace_rays
 from iriftrace.triangulation.cloud import read_cloud
-from iriftrace.triangulation.correct import CorrectionStatus, correct
+from iriftrace.triangulation.correct import correct
+from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.scan import Scan, ScanStatus, measure
 from validation.inputs import hot_block
@@ -251,7 +252,7 @@ def test_pixels_without_a_point_are_left_out(tmp_path: Path) -> None:
     cloud, empty = tmp_path / "cloud.xyz", tmp_path / "empty.xyz"
     np.savetxt(cloud, rows, fmt="%.17g")
     with pytest.warns(IriftraceWarning, match="2 of 50 points .* left out"):
-        read = read_cloud(cloud)
+        read = read_cloud(cloud).points
     np.testing.assert_array_equal(read, np.delete(points, [3, 17], axis=0))
     np.savetxt(empty, np.full((4, 3), np.nan))
     with pytest.raises(InputError, match="no point that is finite"):
@@ -276,7 +277,7 @@ def test_named_columns_are_the_coordinates(header: str, columns: list[int], tmp_
     mark = ";" if ";" in header else "," if "," in header else " "
     cloud = tmp_path / "cloud.csv"
     np.savetxt(cloud, points[:, columns], fmt="%.17g", delimiter=mark, header=header, comments="")
-    np.testing.assert_array_equal(read_cloud(cloud), points[:, :3])
+    np.testing.assert_array_equal(read_cloud(cloud).points, points[:, :3])
 
 
 @pytest.mark.parametrize("ending", [".ply", ".vtp"])
@@ -300,13 +301,19 @@ def test_other_devices_than_those_that_measured_are_noticed(scan: Scan, scene: L
         correct(both, scene, *DEVICES, system=scan.system)
 
 
-def test_rows_that_were_not_measured_do_not_hide_the_others(scan: Scan, scene: LoadedScene) -> None:
-    """Every fifth point is far away; the sample of the distances must not be those alone."""
-    points = np.repeat(scan.points, 5, axis=0)
-    points[::5] = (500.0, 0.0, 0.0)
-    with pytest.warns(IriftraceWarning, match="20% of the points are far from the part"):
+def test_a_table_under_the_part_is_left_as_it_is(scan: Scan, scene: LoadedScene) -> None:
+    """Nine of ten points; some below the part, where the devices cannot see them."""
+    count, low = 9 * len(scan.points), scene.part.bounds[1, 2] + 3.0
+    table = np.random.default_rng(1).uniform((-90, -90, low), (90, 90, low), (count, 3))
+    points = np.vstack((scan.points, table))
+    with pytest.warns(IriftraceWarning, match="90% of the points are far from the part"):
         found = correct(points, scene, *DEVICES, system=scan.system)
-    assert np.mean(found.to_part < 0.1) == pytest.approx(0.8, abs=0.02)
+    alone = correct(scan.points, scene, *DEVICES, system=scan.system)
+    assert (found.status[-count:] == CorrectionStatus.FAR_FROM_PART).all()
+    np.testing.assert_array_equal(found.status[:-count], alone.status)
+    np.testing.assert_allclose(found.error[:-count], alone.error, atol=1e-9)
+    with pytest.raises(InputError, match="beside the part"):
+        correct(points + np.array((0.0, 9.0, 6.0)), scene, *DEVICES, system=scan.system)
 
 
 def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: LoadedScene) -> None:
@@ -318,7 +325,7 @@ def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: Loade
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         found = correct(points, scene, camera, second, system=scan.system)
-    assert (found.status[-2:] == CorrectionStatus.FAR_FROM_PART).all()
+    assert (found.status[-2:] == CorrectionStatus.OUTSIDE_VIEW).all()
     assert (found.status[:-2] == CorrectionStatus.CORRECTED).mean() > 0.9
     np.testing.assert_array_equal(found.points[-2:], outliers)
 

@@ -32,7 +32,7 @@ def write(path: Path, scans: int = 1, **pose: np.ndarray) -> Path:
 def test_points_are_in_metres_unless_told_otherwise(
     tmp_path: Path, unit: str | None, factor: float
 ) -> None:
-    read = read_cloud(write(tmp_path / "c.e57"), length_unit=unit)
+    read = read_cloud(write(tmp_path / "c.e57"), length_unit=unit).points
     np.testing.assert_allclose(read, factor * POINTS, atol=SINGLE_MM)
 
 
@@ -45,7 +45,7 @@ def test_points_at_the_scanners_origin_were_not_measured(
     pose = {"rotation": np.array([1.0, 0, 0, 0]), "translation": np.array([0.01, 0, 0])}
     file = write(tmp_path / "c.e57", **pose)
     with pytest.warns(IriftraceWarning, match="3 of 500 points .* left out"):
-        read = read_cloud(file)
+        read = read_cloud(file).points
     shifted = np.delete(rows, [3, 40, 41], axis=0) + np.array((10.0, 0.0, 0.0))
     np.testing.assert_allclose(read, shifted, atol=SINGLE_MM)
 
@@ -54,7 +54,7 @@ def test_pose_of_the_scan_is_applied(tmp_path: Path) -> None:
     """A quarter turn about z and a shift of 10 mm."""
     half = np.sqrt(0.5)
     pose = {"rotation": np.array([half, 0, 0, half]), "translation": np.array([0.01, 0, 0])}
-    read = read_cloud(write(tmp_path / "c.e57", **pose))
+    read = read_cloud(write(tmp_path / "c.e57", **pose)).points
     turned = np.column_stack((-POINTS[:, 1] + 10, POINTS[:, 0], POINTS[:, 2]))
     np.testing.assert_allclose(read, turned, atol=SINGLE_MM)
 
@@ -74,7 +74,7 @@ def test_damaged_files_are_one_sentence_and_harm_no_one(tmp_path: Path) -> None:
         file = tmp_path / f"{number}.e57"
         file.write_bytes(damaged[: len(whole) // 2] if number == 0 else damaged)
         try:
-            answers.append(str(read_cloud(file).shape))
+            answers.append(str(read_cloud(file).points.shape))
         except InputError as error:
             answers.append(str(error))
     refused = [answer for answer in answers if answer.endswith("; export the cloud again.")]

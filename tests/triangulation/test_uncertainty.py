@@ -21,7 +21,8 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
-from iriftrace.triangulation.correct import CorrectionStatus, correct
+from iriftrace.triangulation.correct import correct
+from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.field_state import field_state
 from iriftrace.triangulation.scan import ScanStatus, measure
 from validation.inputs import hot_block

@@ -35,7 +35,8 @@ from iriftrace.studies.study import SCHEMA as STUDY_SCHEMA
 from iriftrace.studies.study import read_study
 from iriftrace.sweep.journal import Piece, Work, journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
-from iriftrace.triangulation.cloud import read_cloud, save_cloud
+from iriftrace.triangulation.cloud import read_cloud
+from iriftrace.triangulation.cloud_write import save_cloud
 from validation.field_files import comsol, ensight
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch

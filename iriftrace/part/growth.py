@@ -1,0 +1,64 @@
+"""Thermal growth: a part that was drawn at one temperature and is measured at another."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.errors import InputError
+
+_COMMENT = re.compile(r"comment\s+thermal expansion (\S+) /K from (\S+) K to (\S+) K\s*")
+
+
+@frozen
+class Growth:
+    """Linear thermal expansion, 1/K, from the temperature of the drawing to that of the part, K."""
+
+    expansion: float
+    reference_k: float
+    hot_k: float
+
+    def __attrs_post_init__(self) -> None:
+        values = (self.expansion, self.reference_k, self.hot_k)
+        if not (np.isfinite(values).all() and abs(self.expansion) < 1e-3):
+            raise InputError(
+                f"thermal expansion of {self.expansion} per kelvin from {self.reference_k} K to "
+                f"{self.hot_k} K is not that of a solid; steel has about 14e-6/K."
+            )
+
+    @property
+    def factor(self) -> float:
+        """Length at the hot temperature over that at the reference temperature."""
+        return 1.0 + self.expansion * (self.hot_k - self.reference_k)
+
+    def reference_size(self, size: float) -> float:
+        """What a length or diameter of the hot part, mm, is at the reference temperature."""
+        return size / self.factor
+
+    def u_reference_size(self, size: float, u_expansion: float, u_temperature_k: float) -> float:
+        """Standard uncertainty of `reference_size`, mm, by those of expansion and temperature.
+
+        `u_expansion` is relative. Of size / (1 + a T) to first order, both independent.
+        """
+        span = self.hot_k - self.reference_k
+        strain = self.expansion * np.hypot(span * u_expansion, u_temperature_k)
+        return abs(float(self.reference_size(size) * strain / self.factor))
+
+    def comment(self) -> str:
+        """A line for the header of a mesh file, which `of_header` reads."""
+        return (
+            f"thermal expansion {self.expansion!r} /K from {self.reference_k!r} K to "
+            f"{self.hot_k!r} K"
+        )
+
+    @classmethod
+    def of_header(cls, lines: list[str]) -> Growth | None:
+        """The growth that a header states; None where it states none or no numbers."""
+        for match in filter(None, map(_COMMENT.fullmatch, lines)):
+            try:
+                return cls(*(float(word) for word in match.groups()))
+            except ValueError:
+                return None
+        return None

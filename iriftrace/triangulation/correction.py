@@ -1,0 +1,288 @@
+"""Corrected points: their uncertainty, their features, and the file that holds them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import asdict, field, frozen
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.units import length_factor
+from iriftrace.geometry.transform import apply
+from iriftrace.part.growth import Growth
+from iriftrace.part.part import Part
+from iriftrace.triangulation.cloud import Cloud
+from iriftrace.triangulation.cloud_write import by_axis, save_cloud
+from iriftrace.triangulation.feature_table import feature_table
+from iriftrace.triangulation.field_state import FieldState
+from iriftrace.triangulation.larger import Larger
+from iriftrace.triangulation.outliers import GATE
+from iriftrace.triangulation.region_table import region_table
+from iriftrace.triangulation.relations import relations
+from iriftrace.triangulation.statistics import PointStatus, scatter_along, spread
+
+SCHEMA = "iriftrace.correction/1"
+
+COVERAGE_FACTOR = 2
+"""Of expanded uncertainties of what is known well: 95.45 % of a normal distribution."""
+
+COVERED = 0.9772498680518208
+"""Of that distribution below twice its standard deviation."""
+
+
+class CorrectionStatus(PointStatus):
+    """Outcome of a measured point.
+
+    Outside the field neither line of sight meets hot air of which anything is known; uncertain is
+    an air's share that scatters over an ensemble's members by more than itself; of a point that is
+    lost, the refracted ray from a device is not known (`iriftrace.image.aov_image.Status.lost`).
+    Outside the view is a point behind a device, or so far beside its picture that its lens has no
+    ray there. Not measured are rows of the cloud's file that are no point.
+    """
+
+    CORRECTED = 0
+    FAR_FROM_PART = 1
+    HIDDEN = 2
+    SEVERAL_IMAGES = 3
+    OUTSIDE_FIELD = 4
+    UNCERTAIN = 5
+    LOST = 6
+    OUTSIDE_VIEW = 7
+    NOT_MEASURED = 8
+
+
+@frozen(eq=False)
+class Correction:
+    """Corrected points.
+
+    Attributes
+    ----------
+    measured : (n, 3) array, mm, world
+    error : (n, 3) array, mm
+        The air's share of each; 0 where it is not known.
+    status : (n,) array of int
+        `CorrectionStatus`; points with another one than 0 stay as they were measured.
+    face : (n,) array of int
+        Of the part; -1 where the camera's line meets none.
+    normal : (n, 3) array
+        The part's outward unit normal there.
+    system : str
+    provenance : dict
+        As in `iriftrace.Scan`.
+    field_uncertainty : float
+        Relative standard uncertainty of the air's contrast, n - n of the ambient air, without its
+        unsteadiness; 0 if it is not stated.
+    errors : (k, n, 3) array or None, mm
+        The air's share by each member of an ensemble, whose mean `error` is; None for one field.
+    to_part : (m,) array or None, mm
+        Distance of a sample of the measured points in a box around the part from it.
+    larger : Larger or None
+        By how much the cloud is larger than the part, where that explains most of its distance.
+    growth : Growth or None
+        Thermal expansion of the part, at whose hot temperature sizes hold; None where it is not
+        known.
+    state : FieldState
+        Whether the air is synthetic, and how far unsteady.
+    """
+
+    measured: FloatArray
+    error: FloatArray
+    status: NDArray[np.int64]
+    face: IntArray
+    normal: FloatArray
+    system: str
+    provenance: dict[str, Any]
+    field_uncertainty: float = 0.0
+    errors: FloatArray | None = None
+    to_part: FloatArray | None = None
+    larger: Larger | None = None
+    growth: Growth | None = None
+    state: FieldState = field(factory=FieldState)
+
+    @property
+    def u_contrast(self) -> float:
+        """Relative standard uncertainty of the air's contrast with its unsteadiness; 0: unknown."""
+        if not self.field_uncertainty:
+            return 0.0
+        return math.hypot(self.field_uncertainty, self.state.unsteadiness or 0.0)
+
+    @property
+    def u_normal(self) -> FloatArray | None:
+        """(n,) array, mm: standard uncertainty of what was taken out, along the normal.
+
+        The members' standard deviation, and the contrast's uncertainty times the correction, which
+        is proportional to it, in quadrature. NaN of points that stay as they are; None where
+        neither is known.
+        """
+        if self.errors is None and not self.u_contrast:
+            return None
+        found: FloatArray = self.u_contrast * np.einsum("ij,ij->i", self.error, self.normal)
+        if self.errors is not None:
+            found = np.hypot(found, scatter_along(self.errors, self.normal))
+        return np.where(self.status == CorrectionStatus.CORRECTED, np.abs(found), np.nan)
+
+    @property
+    def points(self) -> FloatArray:
+        """(n, 3) array, mm, world: the measured points without the air's share."""
+        return self.measured - self.error
+
+    def features(
+        self,
+        part: Part,
+        choices: Sequence[str],
+        gate: float | None = GATE,
+        *,
+        u_expansion: float | None = None,
+        u_temperature_k: float | None = None,
+    ) -> list[dict[str, Any]]:
+        """Features of the corrected points, measured and corrected; see `feature_table`.
+
+        Of each size three expanded uncertainties, mm, None where one is not known:
+        ``size_uncertainty_mm`` U = k u of the share that was air, with ``coverage_factor`` k by
+        Student's t for as many fields as it was estimated from (GUM, annex G), 2 for many or one;
+        ``fit_uncertainty_mm`` (k = 2) of the fit to the corrected points, by their scatter;
+        ``total_uncertainty_mm``, the root of the sum of their squares. That of synthetic air is not
+        known.
+
+        Of a part that is expanded also ``at_reference``: the ``temperature_k`` of its drawing,
+        ``size_mm`` there, and ``expansion_uncertainty_mm`` (k = 2) by the standard uncertainties of
+        the expansion (relative) and of the hot temperature (K), None where one is not given.
+        """
+        good = self.status == CorrectionStatus.CORRECTED
+        measured, face = self.measured[good], self.face[good]
+        clouds = {"measured": measured, "corrected": self.points[good]}
+        by_member = () if self.errors is None else measured - self.errors[:, good]
+        rows = feature_table(clouds, face, part, choices, by_member, gate)
+        for row in rows:
+            air, factor = self._air_uncertainty(row["size_mm"], row.pop("size_scatter_mm", None))
+            u = row["u_size_mm"]["corrected"]
+            fit = None if u is None else COVERAGE_FACTOR * u
+            row |= {
+                "size_uncertainty_mm": air,
+                "coverage_factor": factor,
+                "fit_uncertainty_mm": fit,
+                "total_uncertainty_mm": None
+                if air is None or fit is None
+                else math.hypot(air, fit),
+            }
+            size = row["size_mm"]["corrected"]
+            if self.growth is not None and size is not None:
+                known = u_expansion is not None and u_temperature_k is not None
+                u = self.growth.u_reference_size(size, u_expansion or 0.0, u_temperature_k or 0.0)
+                row["at_reference"] = {
+                    "temperature_k": self.growth.reference_k,
+                    "size_mm": self.growth.reference_size(size),
+                    "expansion_uncertainty_mm": COVERAGE_FACTOR * u if known else None,
+                }
+        return rows
+
+    def _air_uncertainty(
+        self, size: dict[str, float | None], scatter: float | None
+    ) -> tuple[float | None, float | None]:
+        """Expanded uncertainty, mm, of the share of a size that was air, and its k."""
+        measured, corrected = size["measured"], size["corrected"]
+        known = self.u_normal is not None and not self.state.synthetic
+        if measured is None or corrected is None or not known:
+            return None, None
+        by_field = abs(self.u_contrast * (measured - corrected))
+        factor = self._coverage_factor(by_field, scatter or 0.0)
+        return factor * math.hypot(by_field, scatter or 0.0), factor
+
+    def _coverage_factor(self, by_field: float, scatter: float) -> float:
+        """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
+
+        The field's uncertainty is taken for known; the scatter over n fields has n - 1.
+        """
+        if self.errors is None or not scatter:
+            return COVERAGE_FACTOR
+        degrees = (len(self.errors) - 1) * (math.hypot(by_field, scatter) / scatter) ** 4
+        return float(stdtrit(degrees, COVERED))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, schema ``iriftrace.correction/1``."""
+        corrected, u = self.status == CorrectionStatus.CORRECTED, self.u_normal
+        return {
+            "schema": SCHEMA,
+            **self.provenance,
+            "system": self.system,
+            "points": {"measured": len(self.measured), **CorrectionStatus.counts(self.status)},
+            "error_mm": spread(np.linalg.norm(self.error[corrected], axis=1)),
+            **({} if u is None else {"u_normal_mm": spread(u[corrected])}),
+            **({} if self.to_part is None else {"to_part_mm": spread(self.to_part)}),
+            **({} if self.larger is None else {"larger": asdict(self.larger)}),
+            "growth": None if self.growth is None else asdict(self.growth),
+            "field_uncertainty": self.field_uncertainty or None,
+            "unsteadiness": self.state.unsteadiness,
+        }
+
+    def regions(self, part: Part) -> list[dict[str, Any]]:
+        """What was taken out along the normal by region of the part; see `region_table`."""
+        good = self.status == CorrectionStatus.CORRECTED
+        along = np.einsum("ij,ij->i", self.error, self.normal)
+        return region_table(part, self.face[good], along[good])
+
+    def save(
+        self,
+        path: str | Path,
+        features: Sequence[dict[str, Any]] = (),
+        regions: Sequence[dict[str, Any]] = (),
+        *,
+        cloud: Cloud | None = None,
+        motion: FloatArray | None = None,
+        in_cloud_frame: bool = False,
+    ) -> tuple[Path, Path]:
+        """Write the corrected cloud, with what was added to each point, and its numbers (.json).
+
+        Parameters
+        ----------
+        path : path
+        features, regions : sequences of dict
+            Written with the numbers.
+        cloud : Cloud, optional
+            Whose `points` were corrected: all of its rows are written in their order, with its
+            further columns. Rows that were not measured stay as they are.
+        motion : (4, 4) array, mm, optional
+            Rigid motion from the frame of the cloud to that of the scene, which was applied to it.
+        in_cloud_frame : bool
+            Write the cloud in its own frame and unit instead of in mm in the scene's frame.
+
+        Raises
+        ------
+        InputError
+            If the name ends in none of `iriftrace.triangulation.cloud_write.WRITTEN`.
+        """
+        moved = np.eye(4) if motion is None else motion
+        unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"
+        back = np.asarray(np.linalg.inv(moved) if in_cloud_frame else np.eye(4), dtype=np.float64)
+        factor = 1.0 / length_factor(unit)
+        u = {} if self.u_normal is None else {"u_normal": factor * self.u_normal}
+        added = {**by_axis("correction", factor * (-self.error @ back[:3, :3].T)), **u}
+        points, status = factor * apply(back, self.points), self.status.astype(np.int32)
+        values = self.as_dict() | {
+            "features": list(features),
+            "relations": relations(features),
+            "regions": list(regions),
+            "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
+        }
+        if cloud is None:
+            columns: dict[str, NDArray[Any]] = {**added, "status": status}
+            return save_cloud(path, points, columns, values, unit=unit)
+        values["points"] |= {"not_measured": int((~cloud.measured).sum())}
+        rows = cloud.rows.copy()
+        rows[cloud.measured] = points
+        further = cloud.columns if in_cloud_frame else cloud.turned_columns(moved[:3, :3])
+        columns = dict(further)
+        for name, column in added.items():
+            columns[name] = np.full(len(rows), np.nan if name == "u_normal" else 0.0)
+            columns[name][cloud.measured] = column
+        columns["status"] = np.full(len(rows), CorrectionStatus.NOT_MEASURED, dtype=np.int32)
+        columns["status"][cloud.measured] = status
+        return save_cloud(
+            path, rows, columns, values, unit=unit, measured=cloud.measured, remarks=cloud.remarks
+        )

@@ -1,0 +1,225 @@
+"""Features of a part's regions, fitted to the same points as they are in several clouds."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from typing import Any, get_args
+
+import numpy as np
+
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.part.part import Part
+from iriftrace.triangulation.features import (
+    FEWEST,
+    SAMPLE,
+    Feature,
+    Kind,
+    check_kind,
+    fit_feature,
+)
+from iriftrace.triangulation.outliers import GATE, check_gate, inliers
+
+FOUND_KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere")
+"""Surfaces that regions are taken for, the first that fits: a plane fits as a wide cylinder too, a
+cylinder as a cone, and two rings of corners lie on a sphere whatever they belong to."""
+
+FOUND_SHARE = 1e-3
+"""Of a region's extent: farthest off a surface a region may be that is one. Files in single
+precision are off by 1e-7, free-form regions by some percent."""
+
+NO_FEATURE = 0.1
+"""Form deviation as a share of the extent beyond which a fitted feature means nothing."""
+
+FEWEST_MEASURED = 100
+"""Measured points of a region for a feature of its own; metrics ask for as many rays."""
+
+
+def feature_table(
+    clouds: Mapping[str, FloatArray],
+    face: IntArray,
+    part: Part,
+    choices: Sequence[str],
+    by_member: Iterable[FloatArray] = (),
+    gate: float | None = GATE,
+) -> list[dict[str, Any]]:
+    """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
+
+    `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
+    region, ``"cylinder:lateral"``; ``"sphere:"`` is for all points; a kind alone for all regions
+    that are one, and of a part of one region for all points. Without any choice, `found_features`.
+    Warns of points that are no such feature or leave its diameter uncertain, and leaves out what
+    they do not determine.
+
+    Outliers of the cloud ``"measured"`` (else of the first) by `inliers` are left out of all.
+
+    Gives ``kind``, ``region``, ``points`` that were fitted and ``left_out``, and by cloud
+    ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`; with
+    the same points by each member of an ensemble also ``size_scatter_mm``, the size's standard
+    deviation over them, None for a feature without a size.
+    """
+    check_choices(choices, part)
+    check_gate(gate)
+    gated = clouds.get("measured", next(iter(clouds.values())))
+    members = list(by_member)
+    found = found_features(part, face)
+    rows = []
+    several = len(part.region_names) > 1
+    for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
+        kind, region, mask = chosen_points(choice, face, part)
+        chosen = np.flatnonzero(mask)
+        count = len(chosen)
+        try:
+            if count < FEWEST[kind]:
+                raise InputError(
+                    f"{count} {'point was' if count == 1 else 'points were'} measured on it, and a "
+                    f"{kind} takes at least {FEWEST[kind]}; choose a region that both devices see."
+                )
+            if several and ":" not in choice:
+                raise InputError(
+                    f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
+                    f"are {', '.join(found) or 'none'}."
+                )
+            chosen = chosen[inliers(gated[chosen], kind, gate)]
+            fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
+        except InputError as error:
+            warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=3)
+            continue
+        doubts = (
+            _doubt(fit, np.ptp(clouds[name][chosen], axis=0).max(), region, found)
+            for name, fit in fits.items()
+        )
+        doubt = _other_surface(part, kind, region) or next(filter(None, doubts), None)
+        if doubt:
+            warnings.warn(doubt, IriftraceWarning, stacklevel=3)
+        row: dict[str, Any] = {
+            "kind": kind,
+            "region": region or None,
+            "points": len(chosen),
+            "left_out": count - len(chosen),
+            "size_mm": {name: fit.size_mm for name, fit in fits.items()},
+            "u_size_mm": {name: fit.u_size_mm for name, fit in fits.items()},
+            "form_mm": {name: fit.form_mm for name, fit in fits.items()},
+            "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
+            "direction": {
+                name: None if fit.direction is None else fit.direction.tolist()
+                for name, fit in fits.items()
+            },
+        }
+        if members:
+            sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in members]
+            known = [size for size in sizes if size is not None]
+            row["size_scatter_mm"] = float(np.std(known, ddof=1)) if known else None
+        rows.append(row)
+    return rows
+
+
+def _other_surface(part: Part, kind: str, region: str) -> str | None:
+    """Why a region's points are no surface of a kind, where it is one of another."""
+    is_a = _kind_of_region(part, region) if region and kind in FOUND_KINDS else None
+    if is_a is None or _lies_on(_corners(part, region), kind):
+        return None
+    return f"The points of {region} are no {kind}, as that is a {is_a}; choose {is_a}:{region}."
+
+
+def _doubt(fit: Feature, extent: float, region: str, found: Sequence[str]) -> str | None:
+    """Why a feature of points of this extent, mm, means nothing or little; None where it does."""
+    where = f"The points of {region or 'the whole part'}"
+    if fit.form_mm > NO_FEATURE * extent:
+        return (
+            f"{where} are no {fit.kind}, as they lie {fit.form_mm:.3g} mm apart across the fitted "
+            f"one; choose one of the part's features: {', '.join(found) or 'it has none'}."
+        )
+    if fit.u_size_mm is not None and fit.u_size_mm > fit.form_mm:
+        return (
+            f"{where} span too little of a {fit.kind}: by their scatter alone its diameter of "
+            f"{fit.size_mm:.5g} mm is uncertain by {fit.u_size_mm:.2g} mm (k = 1), more than their "
+            "form deviation; measure more of its circumference."
+        )
+    return None
+
+
+def check_choices(choices: Iterable[str], part: Part) -> None:
+    """An InputError for a choice of `feature_table` whose kind or region there is not."""
+    for choice in choices:
+        kind = choice.partition(":")[0]
+        if choice in part.region_names and kind not in get_args(Kind):
+            is_a = _kind_of_region(part, choice) or "cylinder"
+            raise InputError(
+                f"A feature is a kind of surface and a region; give such as {is_a}:{choice}."
+            )
+        check_kind(kind)
+        chosen_points(choice, np.empty(0, dtype=np.int64), part)
+        if ":" not in choice and len(part.region_names) > 1:
+            kinds = {name: _kind_of_region(part, name) for name in part.region_names}
+            if kind not in kinds.values():
+                known = [f"{found}:{name}" for name, found in kinds.items() if found]
+                raise InputError(
+                    f"No region of the part is a {kind}; name the region whose points it shall be "
+                    f"fitted to ({kind}:REGION, or {kind}: for all points), or choose one of what "
+                    f"there is: {', '.join(known) or 'no simple surface'}."
+                )
+
+
+def _regions_of(choice: str, found: Sequence[str]) -> list[str]:
+    """The features of a choice; all of its kind that were found, if it names no region."""
+    same = [one for one in found if one.partition(":")[0] == choice]
+    return same or [choice]
+
+
+def chosen_points(choice: str, face: IntArray, part: Part) -> tuple[str, str, BoolArray]:
+    """Kind, region ("" for all of the part) and mask (n,) of the points of a feature.
+
+    Choice and face as for `feature_table`.
+    """
+    kind, _, region = choice.partition(":")
+    if not region:
+        return kind, region, np.ones(len(face), dtype=bool)
+    if region not in part.region_names:
+        raise InputError(
+            f"The part has no region {region!r}; use one of {', '.join(part.region_names)}."
+        )
+    return kind, region, part.region_of_face[face] == part.region_names.index(region)
+
+
+def found_features(part: Part, face: IntArray) -> list[str]:
+    """Features that regions of a part are: ``"cylinder:lateral"``.
+
+    Regions on whose faces (n,) fewer than `FEWEST_MEASURED` points were measured are left out.
+    """
+    region = part.region_of_face
+    measured = np.bincount(region[face], minlength=len(part.region_names))
+    found = []
+    for number in np.flatnonzero(measured >= FEWEST_MEASURED):
+        kind = _kind_of_region(part, part.region_names[number])
+        if kind is not None:
+            found.append(f"{kind}:{part.region_names[number]}")
+    return found
+
+
+def _kind_of_region(part: Part, name: str) -> str | None:
+    """Kind of surface that a region is, None where it is none of `FOUND_KINDS`."""
+    return surface_kind(_corners(part, name))
+
+
+def _corners(part: Part, region: str) -> FloatArray:
+    """Vertices of a region, (n, 3), mm."""
+    faces = part.faces[part.region_of_face == part.region_names.index(region)]
+    corners: FloatArray = part.vertices[np.unique(faces)]
+    return corners
+
+
+def surface_kind(corners: FloatArray) -> str | None:
+    """Kind of surface that corners (n, 3) of a region lie on: one of `FOUND_KINDS`, or None."""
+    return next((kind for kind in FOUND_KINDS if _lies_on(corners, kind)), None)
+
+
+def _lies_on(corners: FloatArray, kind: str) -> bool:
+    """True if corners (n, 3) lie on a surface of a kind, and are enough to tell."""
+    sample = corners[:: max(1, len(corners) // SAMPLE)]
+    allowed = FOUND_SHARE * float(np.ptp(sample, axis=0).max())
+    # A surface through any points tells nothing.
+    enough = kind == "plane" or len(sample) > 2 * FEWEST[kind]
+    return enough and fit_feature(sample, kind).form_mm <= allowed

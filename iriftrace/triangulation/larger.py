@@ -1,0 +1,130 @@
+"""A cloud of a part that is hotter than its drawing: how much larger the cloud is than the part."""
+
+from __future__ import annotations
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.part.growth import Growth
+from iriftrace.part.part import Part
+
+STEEL = Growth(expansion=14e-6, reference_k=293.15, hot_k=293.15)
+"""Forged steel of any temperature between 20 and 1250 degC, to a tenth."""
+
+HOTTEST_K = 1800.0
+"""Steel melts."""
+
+LEAST = 5e-4
+"""Relative difference in size that is worth a sentence: steel at 55 degC."""
+
+BOX = 0.05
+"""Of the part's diagonal: how far beside the part's box a point may lie that is one of it."""
+
+SAMPLE = 3000
+
+ROUNDS = 15
+
+GATE = 3.5 * 1.4826
+"""Times the median distance beyond which a point is no point of the part."""
+
+MOST_LEFT = 0.5
+"""Of the distance that a rigid alignment leaves: what the scale may leave to explain most of it."""
+
+
+@frozen
+class Larger:
+    """A cloud that is larger or smaller than the part.
+
+    Attributes
+    ----------
+    scale : float
+        Lengths in the cloud over those of the part.
+    left_mm, rigid_mm : float
+        Median distance from the part after the best fit with a scale, and without.
+    """
+
+    scale: float
+    left_mm: float
+    rigid_mm: float
+
+    def sentence(self, growth: Growth | None) -> str:
+        """What it means for a part whose growth is known or not, and what to do."""
+        by = self.scale - 1.0
+        grown = growth or STEEL
+        hot_k = grown.hot_k + by * grown.factor / grown.expansion
+        how = "larger" if by > 0 else "smaller"
+        text = f"The cloud is {100 * abs(by):.2f} % {how} than the part"
+        if growth is not None:
+            text += f" at {_celsius(growth.hot_k)}"
+        text += (
+            f" (a scale leaves {1e3 * self.left_mm:.3g} um of {1e3 * self.rigid_mm:.3g} um, median)"
+        )
+        if not grown.reference_k < hot_k < HOTTEST_K:
+            return f"{text}; check the part and the unit of the cloud (--length-unit)."
+        hot = f'--expansion {1e6 * grown.expansion:g}e-6/K --hot-temperature "{_celsius(hot_k)}"'
+        what = "it" if growth is not None else "steel"
+        return f"{text}, as {what} is at {_celsius(hot_k)}: make the scene with {hot}."
+
+
+def _celsius(kelvin: float) -> str:
+    return f"{kelvin - ZERO_CELSIUS_K:.0f} degC"
+
+
+def larger_than(points: FloatArray, part: Part) -> Larger | None:
+    """Whether the points (n, 3), mm, about a part are those of a larger or smaller one.
+
+    A similarity (rotation, shift and scale) is fitted, and a rigid motion. None where the scale is
+    small or does not explain most of the distance that the rigid motion leaves.
+    """
+    margin = BOX * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
+    low, high = part.bounds + np.array([[-margin], [margin]])
+    near = points[((points >= low) & (points <= high)).all(axis=1)]
+    if len(near) < 100:
+        return None
+    rows = np.random.default_rng(0).choice(len(near), min(SAMPLE, len(near)), False)
+    scale, doubt, left = _aligned(near[rows], part, scaling=True)
+    _, _, rigid = _aligned(near[rows], part, scaling=False)
+    by = scale - 1.0
+    if abs(by) < LEAST or abs(by) < 5 * doubt or left > MOST_LEFT * rigid:
+        return None
+    return Larger(scale, left, rigid)
+
+
+def _aligned(points: FloatArray, part: Part, scaling: bool) -> tuple[float, float, float]:
+    """Scale of points (n, 3) over the part, its standard uncertainty, and the median distance left.
+
+    Least squares of the distances from the nearest points of the surface, along their directions,
+    over small motions (Chen and Medioni, Image and Vision Computing 10 (1992) 145) and a scale,
+    from round to round. Motions that no direction tells of are left at 0.
+    """
+    scale, doubt = 1.0, np.inf
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    for _ in range(ROUNDS):
+        distance, direction = part.surface.distance_gradient(points)
+        kept = distance <= GATE * max(float(np.median(distance)), 1e-6)
+        centre = points[kept].mean(axis=0)
+        arm = (points - centre) / size
+        motions = np.hstack((direction, np.cross(arm, direction)))
+        if scaling:
+            motions = np.column_stack((motions, np.einsum("ij,ij->i", arm, direction)))
+        found, *_ = np.linalg.lstsq(motions[kept], -distance[kept], rcond=1e-4)
+        rotation = _rotation(found[3:6] / size)
+        factor = 1.0 + (found[6] / size if scaling else 0.0)
+        points = centre + factor * (points - centre) @ rotation.T + found[:3]
+        scale /= factor
+        if np.abs(found).max() < 1e-6 * size:
+            break
+    if scaling:
+        left = distance[kept] + motions[kept] @ found
+        spread = np.linalg.pinv(motions[kept].T @ motions[kept], rcond=1e-8)[6, 6]
+        doubt = float(np.sqrt(np.mean(left**2) * spread)) / size
+    return scale, doubt, float(np.median(part.surface.distance(points)))
+
+
+def _rotation(vector: FloatArray) -> FloatArray:
+    """Rotation matrix (3, 3) of a rotation vector, rad."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix(), dtype=np.float64)

@@ -1,0 +1,69 @@
+"""Outliers of a feature's points, left out by a gate of robust standard deviations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.triangulation.features import FEWEST, FLAT, SAMPLE, Feature, fit_feature
+
+GATE = 3.5
+"""Robust standard deviations beyond which a point is an outlier: a choice. One of 2,150 points of
+normal noise is beyond, and would have changed a standard deviation by 0.3 %."""
+
+LEAST_GATE = 1.0
+
+NORMAL_MAD = 1.4826
+"""Standard deviation of normal noise over the median of its sizes."""
+
+ROUNDS = 20
+"""Most rounds of the robust start and of the gate, which take three to eight."""
+
+SETTLED = 0.05
+"""Of the noise: a robust fit that moves by less is good enough to judge outliers by."""
+
+
+def check_gate(gate: float | None) -> None:
+    """Refuse a gate that leaves out half of the points or is no number."""
+    if gate is not None and not gate >= LEAST_GATE:
+        raise InputError(
+            f"The gate is {gate:g} robust standard deviations, which leaves out good points; give "
+            f"at least {LEAST_GATE:g}, or none for all points (--gate)."
+        )
+
+
+def inliers(points: FloatArray, kind: str, gate: float | None) -> BoolArray:
+    """Mask (n,) of the points (n, 3), mm, that are no outliers of a feature; all without a gate.
+
+    They lie within `gate` robust standard deviations, 1.4826 times the median distance, of the
+    least-squares fit to themselves: from a robust fit on, points are left out and the rest fitted
+    again until the set stands.
+    """
+    if gate is None or len(points) < 2 * FEWEST[kind]:
+        return np.ones(len(points), dtype=bool)
+    # Of points without noise, the rounding of single precision is no outlier.
+    least = FLAT * float(np.ptp(points, axis=0).max())
+    found = _robust_fit(points[:: max(1, len(points) // SAMPLE)], kind, least)
+    kept = np.zeros(len(points), dtype=bool)
+    for _ in range(ROUNDS):
+        off = np.abs(found.distances(points))
+        before, kept = kept, off <= max(gate * NORMAL_MAD * float(np.median(off)), least)
+        if np.array_equal(kept, before):
+            break
+        found = fit_feature(points[kept], kind, near=found)
+    return kept
+
+
+def _robust_fit(points: FloatArray, kind: str, least: float) -> Feature:
+    """Fit that outliers hardly change: the loss soft_l1 by reweighted least squares."""
+    found = fit_feature(points, kind)
+    for _ in range(ROUNDS):
+        off = found.distances(points)
+        scale = NORMAL_MAD * float(np.median(np.abs(off)))
+        if scale <= least:
+            break
+        found = fit_feature(points, kind, 1.0 / np.sqrt(1.0 + (off / scale) ** 2), found)
+        if np.abs(found.distances(points) - off).max() < SETTLED * scale:
+            break
+    return found

@@ -1,0 +1,36 @@
+"""What was measured of each region of a part."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.part.part import Part
+from iriftrace.triangulation.statistics import spread
+
+
+def region_table(part: Part, face: IntArray, along_normal: FloatArray) -> list[dict[str, Any]]:
+    """Rows for all regions of a part, in its order, of values (n,), mm, on its faces (n,).
+
+    ``region``, number of ``points``, ``measured``: area of the faces with a point as a fraction of
+    the region's, and ``along_normal_mm``: `spread` of the values, None without a point.
+    """
+    hit = np.zeros(len(part.faces))
+    hit[face] = part.face_areas[face]
+    count = len(part.region_names)
+    areas = np.bincount(part.region_of_face, hit, minlength=count)
+    region = part.region_of_face[face]
+    rows = []
+    for number, name in enumerate(part.region_names):
+        values = along_normal[region == number]
+        rows.append(
+            {
+                "region": name,
+                "points": len(values),
+                "measured": float(areas[number] / part.region_areas[number]),
+                "along_normal_mm": spread(values) if len(values) else None,
+            }
+        )
+    return rows

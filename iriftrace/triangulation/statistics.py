@@ -1,0 +1,43 @@
+"""Outcomes of points, and what is said of many values in a few numbers."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iriftrace.core.arrays import FloatArray
+
+
+class PointStatus(IntEnum):
+    """Outcome of a point, which scans and corrections define."""
+
+    @property
+    def key(self) -> str:
+        """Name in JSON."""
+        return self.name.lower()
+
+    @classmethod
+    def counts(cls, status: NDArray[np.int64]) -> dict[str, int]:
+        """How many points have each status, by key."""
+        return {one.key: int((status == one).sum()) for one in cls}
+
+
+def spread(values: FloatArray) -> dict[str, float]:
+    """Mean, median, p95, rms, min and max of some values."""
+    median, p95 = np.percentile(values, (50, 95))
+    return {
+        "mean": float(values.mean()),
+        "median": float(median),
+        "p95": float(p95),
+        "rms": float(np.sqrt(np.mean(values**2))),
+        "min": float(values.min()),
+        "max": float(values.max()),
+    }
+
+
+def scatter_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
+    """Standard deviation (n,), mm, of (k, n, 3) errors over k members, along (n, 3) normals."""
+    scatter: FloatArray = np.einsum("kij,ij->ki", errors, normal).std(axis=0, ddof=1)
+    return scatter
