@@ -145,6 +145,15 @@ def write_scan(
         f"rigid best fit rms {_um(fit['error_normal_mm']['rms'])}; size of the whole error: 95th "
         f"percentile {_um(values['error_mm']['p95'])}."
     )
+    if "members" in values:
+        worst = next(m for m in values["members"] if m["number"] == values["worst_member"])
+        scatter = values["scatter_normal_mm"]
+        say(
+            f"These are means over {len(values['members'])} fields; standard deviation from field "
+            f"to field: median {_um(scatter['median'])}, 95th percentile {_um(scatter['p95'])}. "
+            f"Worst member: {worst['number']} ({worst['label']}), rms "
+            f"{_um(worst['error_normal_mm']['rms'])}."
+        )
     if scan.system == "stereo":
         say(f"The two lines miss each other by {_um(values['gap_mm']['median'])} (median).")
     _say_field(scan.provenance)
@@ -259,10 +268,15 @@ def correct(
             "systematic errors, and what shells and mesh leave, come on top."
         )
     _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
-    if found.errors is not None:
+    if found.weights is not None and found.weights.covariance is not None:
         say(
-            f"It rests on the scatter of {len(found.errors)} fields; k allows for so few by "
-            "Student's t."
+            f"The weights of {len(found.weights.weights)} fields were fitted to measured shifts; U "
+            "includes their covariance and what the fit left."
+        )
+    elif found.weights is not None:
+        say(
+            f"It rests on the scatter of {len(found.weights.weights)} fields; k allows for so few "
+            "by Student's t."
         )
     _say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))
@@ -311,7 +325,10 @@ def _say_features(
         scatter = row.get("size_scatter_mm")
         more = _uncertainty(row, synthetic) if "fit_uncertainty_mm" in row else ""
         if scatter is not None:
-            more = f", with a standard deviation of {_um(scatter)} from field to field"
+            more = (
+                f", with a standard deviation of {_um(scatter)} from field to field and "
+                f"{row['worst_size_mm']:.4f} mm by the worst, member {row['worst_member']}"
+            )
         say(
             f"{row['kind'].capitalize()}{where}: diameter {hot:.4f} mm as measured through hot "
             f"air, {size:.4f} mm {true}: the air makes it {_um(abs(hot - size))} "

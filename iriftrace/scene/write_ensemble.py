@@ -7,12 +7,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from attrs import Factory, asdict, frozen
+from attrs import Factory, asdict, evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part, save_part
-from iriftrace.scene.ensemble import FOLDER, INCLUDED, MEMBER, TABLE, FieldMember, write_members
+from iriftrace.scene.ensemble import (
+    FOLDER,
+    INCLUDED,
+    MEMBER,
+    TABLE,
+    FieldMember,
+    weights_of,
+    write_members,
+)
 from iriftrace.scene.write import (
     PART_FILE,
     SHELLS_FOLDER,
@@ -48,6 +56,8 @@ class MemberAir:
         Added to the shells' table; `iriftrace.build_ensemble` makes it.
     notes : mapping of str
         Stated in every result, besides the scene's.
+    weight : float
+        Relative to that of the other members; equal by default.
     """
 
     label: str
@@ -56,6 +66,7 @@ class MemberAir:
     field: IndexField | None = None
     report: Sequence[ShellReport] | None = None
     notes: Mapping[str, str] = Factory(dict)
+    weight: float = 1.0
 
 
 def write_ensemble_scene(
@@ -112,6 +123,8 @@ def write_ensemble_scene(
             raise InputError(
                 f"An ensemble of {len(listed)} field has no scatter; give at least two."
             )
+        shares = weights_of(listed).weights.tolist()
+        listed = tuple(evolve(m, weight=w) for m, w in zip(listed, shares, strict=True))
         write_members(building / FOLDER, listed)
         origins = dict.fromkeys(m.source["origin"] for m in listed if m.source["origin"])
         remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
@@ -170,4 +183,5 @@ def _write_member(
     )
     included = scene / FOLDER / str(number) / INCLUDED
     included.write_text(included_xml(shapes), encoding="utf-8")
-    return FieldMember(number, member.label, member.time, asdict(member.shells.source))
+    source = asdict(member.shells.source)
+    return FieldMember(number, member.label, member.time, source, member.weight)

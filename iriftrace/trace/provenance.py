@@ -90,9 +90,12 @@ def _members(ensemble: LoadedEnsemble) -> dict[str, Any]:
 
 
 def _meaning(ensemble: LoadedEnsemble) -> str:
+    effective = ensemble.weights.effective
+    equal = abs(effective - len(ensemble)) < 1e-6
+    weighted = "" if equal else f" weighted like {effective:.2g} equal ones"
     return (
-        f"displacements are means over {len(ensemble)} fields (bias), scatter is the standard "
-        "deviation of a sample"
+        f"displacements are means over {len(ensemble)} fields{weighted} (bias), scatter is the "
+        "standard deviation of a sample"
     )
 
 

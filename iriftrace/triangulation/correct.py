@@ -26,10 +26,11 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
-from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
+from iriftrace.triangulation.cloud import PointStatus, by_axis, each_along, save_cloud, spread
 from iriftrace.triangulation.features import GATE, feature_table
 from iriftrace.triangulation.field_state import FieldState, field_state
 from iriftrace.triangulation.scan import (
@@ -120,7 +121,10 @@ class Correction:
         Relative standard uncertainty of the air's contrast, n - n of the ambient air, without its
         unsteadiness; 0 if it is not stated.
     errors : (k, n, 3) array or None, mm
-        The air's share by each member of an ensemble, whose mean `error` is; None for one field.
+        The air's share by each member of an ensemble, whose weighted mean `error` is; None for one
+        field.
+    weights : MemberWeights or None
+        Of the members.
     to_part : (m,) array or None, mm
         Distance of a sample of the measured points from the part.
     state : FieldState
@@ -136,6 +140,7 @@ class Correction:
     provenance: dict[str, Any]
     field_uncertainty: float = 0.0
     errors: FloatArray | None = None
+    weights: MemberWeights | None = None
     to_part: FloatArray | None = None
     state: FieldState = field(factory=FieldState)
 
@@ -150,15 +155,16 @@ class Correction:
     def u_normal(self) -> FloatArray | None:
         """(n,) array, mm: standard uncertainty of what was taken out, along the normal.
 
-        The members' standard deviation, and the contrast's uncertainty times the correction, which
-        is proportional to it, in quadrature. NaN of points that stay as they are; None where
-        neither is known.
+        That of the members' mean (`MemberWeights.uncertainty`), and the contrast's uncertainty
+        times the correction, which is proportional to it, in quadrature. NaN of points that stay as
+        they are; None where neither is known.
         """
         if self.errors is None and not self.u_contrast:
             return None
         found: FloatArray = self.u_contrast * np.einsum("ij,ij->i", self.error, self.normal)
-        if self.errors is not None:
-            found = np.hypot(found, scatter_along(self.errors, self.normal))
+        if self.errors is not None and self.weights is not None:
+            along = each_along(self.errors, self.normal)
+            found = np.hypot(found, self.weights.uncertainty(along))
         return np.where(self.status == CorrectionStatus.CORRECTED, np.abs(found), np.nan)
 
     @property
@@ -184,7 +190,11 @@ class Correction:
         by_member = () if self.errors is None else measured - self.errors[:, good]
         rows = feature_table(clouds, face, part, choices, by_member, gate)
         for row in rows:
-            air, factor = self._air_uncertainty(row["size_mm"], row.pop("size_scatter_mm", None))
+            sizes = row.pop("size_by_member_mm", None)
+            scatter = 0.0
+            if sizes is not None and self.weights is not None:
+                scatter = float(self.weights.uncertainty(sizes))
+            air, factor = self._air_uncertainty(row["size_mm"], scatter)
             u = row["u_size_mm"]["corrected"]
             fit = None if u is None else COVERAGE_FACTOR * u
             row |= {
@@ -198,7 +208,7 @@ class Correction:
         return rows
 
     def _air_uncertainty(
-        self, size: dict[str, float | None], scatter: float | None
+        self, size: dict[str, float | None], scatter: float
     ) -> tuple[float | None, float | None]:
         """Expanded uncertainty, mm, of the share of a size that was air, and its k."""
         measured, corrected = size["measured"], size["corrected"]
@@ -206,17 +216,21 @@ class Correction:
         if measured is None or corrected is None or not known:
             return None, None
         by_field = abs(self.u_contrast * (measured - corrected))
-        factor = self._coverage_factor(by_field, scatter or 0.0)
-        return factor * math.hypot(by_field, scatter or 0.0), factor
+        factor = self._coverage_factor(by_field, scatter)
+        return factor * math.hypot(by_field, scatter), factor
 
     def _coverage_factor(self, by_field: float, scatter: float) -> float:
         """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
 
-        The field's uncertainty is taken for known; the scatter over n fields has n - 1.
+        The field's uncertainty is taken for known; the scatter over n equally weighted fields has
+        n - 1.
         """
-        if self.errors is None or not scatter:
+        if self.weights is None or not scatter:
             return COVERAGE_FACTOR
-        degrees = (len(self.errors) - 1) * (math.hypot(by_field, scatter) / scatter) ** 4
+        own = self.weights.degrees_of_freedom
+        degrees = own * (math.hypot(by_field, scatter) / scatter) ** 4
+        if math.isinf(degrees):
+            return COVERAGE_FACTOR
         return float(stdtrit(degrees, COVERED))
 
     def as_dict(self) -> dict[str, Any]:
@@ -269,7 +283,8 @@ def correct(
 ) -> Correction:
     """Take the air's share out of measured points.
 
-    Of an ensemble of fields the mean of its members' shares, with their scatter as uncertainty.
+    Of an ensemble of fields the weighted mean of its members' shares; its uncertainty is their
+    scatter, or follows from the covariance of fitted weights (:func:`iriftrace.fit_members`).
 
     Parameters
     ----------
@@ -335,8 +350,9 @@ def correct(
                 measured[rows], scenes[-1], camera, second, system, phase
             )
     status = np.max(statuses, axis=0)
-    if len(shares) > 1:
-        scatter, mean = np.std(shares, axis=0, ddof=1), np.mean(shares, axis=0)
+    weights = None if loaded.ensemble is None else loaded.ensemble.weights
+    if weights is not None:
+        scatter, mean = weights.uncertainty(shares), weights.mean(shares)
         vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
         status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
     if not (status == CorrectionStatus.CORRECTED).any():
@@ -361,14 +377,15 @@ def correct(
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, shares, 0.0)
     return Correction(
         measured=measured,
-        error=errors.mean(axis=0),
+        error=errors[0] if weights is None else weights.mean(errors),
         status=status,
         face=faces[0],
         normal=loaded.part.surface.normals[faces[0]],
         system=system,
         provenance=provenance_of_two(loaded if loaded.ensemble else scenes[0], camera),
         field_uncertainty=field_uncertainty,
-        errors=None if len(shares) == 1 else errors,
+        errors=None if weights is None else errors,
+        weights=weights,
         to_part=to_part,
         state=field_state(loaded),
     )
