@@ -11,7 +11,7 @@ from attrs import Factory, asdict, evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.part.part import Part, save_part
+from iriftrace.part.part import Part
 from iriftrace.scene.ensemble import (
     FOLDER,
     INCLUDED,
@@ -22,11 +22,12 @@ from iriftrace.scene.ensemble import (
     write_members,
 )
 from iriftrace.scene.write import (
-    PART_FILE,
     SHELLS_FOLDER,
     included_xml,
+    remove_stale_blockers,
     require_pinhole,
     save_air,
+    save_bodies,
     scene_xml,
     written_together,
 )
@@ -83,6 +84,7 @@ def write_ensemble_scene(
     paraview: bool = True,
     second: Camera | None = None,
     second_id: str = "projector",
+    blockers: Sequence[Part] = (),
 ) -> tuple[Path, tuple[FieldMember, ...]]:
     """Write a scene that is rendered once for every member.
 
@@ -91,7 +93,8 @@ def write_ensemble_scene(
 
     Parameters
     ----------
-    folder, part, camera, name, scale, normals, inside_hit, notes, paraview, second, second_id
+    folder, part, camera, name, scale, normals, inside_hit, notes, paraview, second,
+    second_id, blockers
         See `iriftrace.scene.write.write_scene`.
     members : iterable of MemberAir
         At least two; one is in memory at a time.
@@ -113,8 +116,7 @@ def write_ensemble_scene(
     _refuse_files_of_others(scene.parent / FOLDER)
     with written_together(scene.parent) as building:
         (building / FOLDER).mkdir()
-        save_part(part, building / PART_FILE)
-        placed = PartFile.of(building / PART_FILE, part)
+        placed = save_bodies(building, part, blockers)
         listed = tuple(
             _write_member(building, number, member, placed, notes, paraview)
             for number, member in enumerate(members, start=1)
@@ -138,10 +140,12 @@ def write_ensemble_scene(
             inside_hit=inside_hit,
             second=second,
             second_id=second_id,
+            blockers=len(blockers),
         )
         (building / name).write_text(text, encoding="utf-8")
         # Members of an earlier, larger ensemble would be taken for this one's.
         shutil.rmtree(scene.parent / FOLDER, ignore_errors=True)
+    remove_stale_blockers(scene.parent, len(blockers))
     return scene, listed
 
 
