@@ -136,6 +136,7 @@ for _module, _names in {
     "plot": ("plot", "view", "report"),
     "measure": ("measure", "correct"),
     "compare": ("compare",),
+    "fit": ("fit",),
     "study": ("study",),
     "field": ("field",),
     "part": ("part",),

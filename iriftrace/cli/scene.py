@@ -126,8 +126,8 @@ def scene(
         A further field of the same part, which makes an ensemble with the first; repeatable.
     blocker
         Mesh of a body that only blocks the view, in the scene's frame; repeatable. Where PART is a
-        board that is seen past a hot part, that part is one. The bodies of ``field simulate
-        --body`` are found next to the field.
+        board that is seen past a hot part, that part is the first one. The bodies of ``field
+        simulate --body`` are found next to the field.
     blocker_length_unit
         Unit of the blockers' coordinates; by default what their files state (glTF: m), else mm.
     normals

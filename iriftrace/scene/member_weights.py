@@ -12,7 +12,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
 
-def checked_weights(values: ArrayLike) -> FloatArray:
+def _checked(values: ArrayLike) -> FloatArray:
     """Weights (k,) scaled to the sum 1; InputError unless they are finite, >= 0 and not all 0."""
     weights = np.array(values, dtype=np.float64)
     if not (np.isfinite(weights).all() and (weights >= 0.0).all() and weights.sum() > 0.0):
@@ -37,7 +37,7 @@ class MemberWeights:
         members that are a sample of what the air may be.
     """
 
-    weights: FloatArray = field(converter=checked_weights)
+    weights: FloatArray = field(converter=_checked)
     covariance: FloatArray | None = None
 
     @classmethod
@@ -54,6 +54,13 @@ class MemberWeights:
                 "scene again."
             )
         return cls(weights, matrix)
+
+    @property
+    def rows(self) -> list[tuple[float, list[float] | None]]:
+        """Weight of each member and its row of the covariance, None where that is not known."""
+        weights = self.weights.tolist()
+        known = [None] * len(weights) if self.covariance is None else self.covariance.tolist()
+        return list(zip(weights, known, strict=True))
 
     @property
     def effective(self) -> float:

@@ -176,7 +176,14 @@ def _loaded(scene: Scene) -> LoadedScene:
     if len(states) == 1:
         return _one_state(scene, 0)
     members = tuple(
-        FieldMember(number, state.label, state.time, asdict(state.shells.source), state.weight)
+        FieldMember(
+            number,
+            state.label,
+            state.time,
+            asdict(state.shells.source),
+            state.weight,
+            state.covariance,
+        )
         for number, state in enumerate(states, start=1)
         if state.shells.source is not None
     )

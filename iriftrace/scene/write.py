@@ -212,11 +212,11 @@ def refuse_edited(xml: Path) -> None:
 def _is_as_written(text: str) -> bool:
     """True if a scene's XML has the check sum that `scene_xml` gave it."""
     head, found, rest = text.partition(_SEAL)
-    return bool(found) and _sealed(head, rest.partition("\n")[2]) == text
+    return bool(found) and sealed(head, rest.partition("\n")[2]) == text
 
 
-def _sealed(head: str, rest: str) -> str:
-    """Both pieces of a scene's XML with the check sum between them."""
+def sealed(head: str, rest: str) -> str:
+    """Both pieces of a scene's XML with the check sum between them, by which edits are found."""
     return f"{head}{_SEAL}{sha256((head + rest).encode()).hexdigest()} -->\n{rest}"
 
 
@@ -284,7 +284,7 @@ def scene_xml(
             for line in _body_lines(f"blocker_{number}", BLOCKER_FILE.format(number))
         ),
     ]
-    return _sealed("\n".join([*head, ""]), "\n".join([*lines, *shapes, "</scene>", ""]))
+    return sealed("\n".join([*head, ""]), "\n".join([*lines, *shapes, "</scene>", ""]))
 
 
 def _body_lines(name: str, file: str) -> list[str]:

@@ -59,6 +59,8 @@ class MemberAir:
         Stated in every result, besides the scene's.
     weight : float
         Relative to that of the other members; equal by default.
+    covariance : list of float or None
+        Row of the covariance of fitted weights.
     """
 
     label: str
@@ -68,6 +70,7 @@ class MemberAir:
     report: Sequence[ShellReport] | None = None
     notes: Mapping[str, str] = Factory(dict)
     weight: float = 1.0
+    covariance: list[float] | None = None
 
 
 def write_ensemble_scene(
@@ -188,4 +191,4 @@ def _write_member(
     included = scene / FOLDER / str(number) / INCLUDED
     included.write_text(included_xml(shapes), encoding="utf-8")
     source = asdict(member.shells.source)
-    return FieldMember(number, member.label, member.time, source, member.weight)
+    return FieldMember(number, member.label, member.time, source, member.weight, member.covariance)

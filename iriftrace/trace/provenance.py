@@ -90,9 +90,11 @@ def _members(ensemble: LoadedEnsemble) -> dict[str, Any]:
 
 
 def _meaning(ensemble: LoadedEnsemble) -> str:
-    effective = ensemble.weights.effective
-    equal = abs(effective - len(ensemble)) < 1e-6
-    weighted = "" if equal else f" weighted like {effective:.2g} equal ones"
+    weights = ensemble.weights
+    equal = abs(weights.effective - len(ensemble)) < 1e-6
+    weighted = "" if equal else f" weighted like {weights.effective:.2g} equal ones"
+    if weights.covariance is not None:
+        weighted += " by a fit to measured shifts"
     return (
         f"displacements are means over {len(ensemble)} fields{weighted} (bias), scatter is the "
         "standard deviation of a sample"

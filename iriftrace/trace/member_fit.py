@@ -1,0 +1,401 @@
+"""Weights of an ensemble's members from measured shifts of what is seen through their air.
+
+The shift that a member predicts at a place of the hot picture is that place minus the projection
+of the point where its bent ray ends. Weights are not negative and sum to 1, so the fit is a mixture
+of the members; a motion of the camera between the pictures may be fitted with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from attrs import evolve, field, frozen
+from scipy.linalg import null_space, qr
+from scipy.optimize import nnls
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import Status
+from iriftrace.image.camera_motion import OUTLIER, interaction_matrix
+from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.image.shift_noise import shift_noise
+from iriftrace.scene.ensemble import FieldMember
+from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.member_weights import MemberWeights
+from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.trace.engine import choose_for_devices
+from iriftrace.trace.provenance import provenance
+from iriftrace.trace.render import trace_rays
+
+SCHEMA = "iriftrace.fit/1"
+
+DOUBTFUL = 2.0
+"""From so many times the noise on the residual says that the members are not the measured air."""
+
+REFUSED = 3.0
+"""From so many times on no weighted scene is made of them."""
+
+NEAREST = 4
+"""Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
+
+HIDDEN = 0.5
+"""Systematic part of the shifts, over their noise, that a residual as large as the noise hides."""
+
+BESIDE = 0.2
+"""A larger fraction of dots that lie beside the board are another camera's."""
+
+MOST_OUTLIERS = 0.02
+"""A larger fraction of dots far from the fit are no outliers but air that the members are not."""
+
+_SUM = 1e4  # Weight of the row that makes the weights sum to 1, over that of the shifts.
+_NONE = 1e-6  # Smaller weights are 0.
+
+
+@frozen(eq=False)
+class MemberFit:
+    """Weights that make the members' shifts those that were measured.
+
+    Attributes
+    ----------
+    members : tuple of FieldMember
+        All members of the scene, with their fitted weights and rows of the covariance.
+    covariance : (k, k) array
+        Of the weights: by the residual as noise of the shifts; and by what air may differ from the
+        fit by as much of the dots' shifts as the residual has more than the noise: towards the
+        nearest members, or all of it more or less.
+    residual_px, noise_px : float, px
+        Root mean square of a component of what the fit leaves, and its noise.
+    single_px : (k,) array, px
+        What each member leaves by itself.
+    measured_px : float, px
+        Root mean square of a component of the measured shifts.
+    dots : dict of int
+        Number ``measured``, ``used``, ``hidden`` by a body, ``beside`` the board, ``lost`` and
+        ``outliers``.
+    motion : (6,) array or None
+        Translation, mm, and rotation vector, rad, of the camera between the pictures, in its own
+        frame; None where it was not fitted.
+    """
+
+    members: tuple[FieldMember, ...]
+    covariance: FloatArray = field(repr=False)
+    residual_px: float
+    noise_px: float
+    single_px: FloatArray = field(repr=False)
+    measured_px: float
+    dots: dict[str, int]
+    motion: FloatArray | None
+    provenance: dict[str, Any] = field(repr=False)
+
+    @property
+    def weights(self) -> MemberWeights:
+        """Weights of all members, with their covariance."""
+        return MemberWeights(np.array([m.weight for m in self.members]), self.covariance)
+
+    @property
+    def ratio(self) -> float:
+        """Residual over noise."""
+        return self.residual_px / self.noise_px
+
+    @property
+    def contained(self) -> bool:
+        """Whether the residual is below `DOUBTFUL` times the noise."""
+        return self.ratio < DOUBTFUL
+
+    @property
+    def verdict(self) -> str:
+        """Whether the members contain the measured air, in a sentence."""
+        found = f"the residual of {self.residual_px:.3g} px is {self.ratio:.2g} times the noise"
+        if self.contained:
+            return f"These members reproduce the measured shifts: {found}."
+        return f"These members do not contain your air: {found}."
+
+    @property
+    def serving(self) -> tuple[FieldMember, ...]:
+        """Members with weight, and those without that the covariance rests on."""
+        rows = zip(self.members, self.covariance, strict=True)
+        return tuple(m for m, row in rows if m.weight > 0.0 or row.any())
+
+    def require_contained(self) -> None:
+        """Refuse members that are far from the measured air, with an InputError."""
+        if self.ratio >= REFUSED:
+            raise InputError(
+                f"{self.verdict} No scene is written; add members that are closer (other speeds "
+                "and directions of the draught, other bodies), or check the board's place."
+            )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, schema ``iriftrace.fit/1``."""
+        labels = zip(self.members, self.single_px.tolist(), strict=True)
+        motion = None if self.motion is None else self.motion.tolist()
+        return {
+            "schema": SCHEMA,
+            **self.provenance,
+            "verdict": self.verdict,
+            "residual_px": self.residual_px,
+            "noise_px": self.noise_px,
+            "measured_px": self.measured_px,
+            "effective_members": self.weights.effective,
+            "dots": self.dots,
+            "camera_motion": None
+            if motion is None
+            else {"translation_mm": motion[:3], "rotation_rad": motion[3:]},
+            "members": [
+                {"number": m.number, "label": m.label, "weight": m.weight, "alone_px": alone}
+                for m, alone in labels
+            ],
+            "covariance": self.covariance.tolist(),
+        }
+
+
+def fit_members(
+    scene: AnyScene,
+    shifts: MeasuredShift,
+    *,
+    noise_px: float | None = None,
+    camera_motion: bool = False,
+) -> MemberFit:
+    """Fit the weights of an ensemble's members to measured shifts of a board's dots.
+
+    Parameters
+    ----------
+    scene : Scene, LoadedScene or path
+        An ensemble whose part is the board and whose camera took both pictures; the hot part in
+        front of it is a blocker.
+    shifts : MeasuredShift
+        Positions in the cold picture and shifts to the hot one, in pixels of the camera's full
+        resolution (:func:`iriftrace.read_measured_shift`).
+    noise_px : float, px, optional
+        Standard deviation of a component of the shifts; by default from the differences of
+        neighbours (`shift_noise`).
+    camera_motion : bool
+        Fit a rigid motion of the camera between the pictures, too.
+
+    Returns
+    -------
+    MemberFit
+
+    Raises
+    ------
+    InputError
+        The scene is no ensemble; the dots are another camera's, hidden, or fewer than the members;
+        or the members' shifts do not differ, as of a board in front of the part.
+    """
+    loaded = loaded_scene(scene)
+    if loaded.ensemble is None:
+        raise InputError(
+            f"{loaded.name} has one field, so there are no weights to fit; make it of several "
+            "states of the air (iriftrace scene --member)."
+        )
+    if noise_px is not None and not noise_px > 0.0:
+        raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
+    camera = _full_camera(loaded)
+    _check_in_picture(shifts, camera)
+    noise = shift_noise(shifts.places, shifts.shifts) if noise_px is None else noise_px
+    hot = shifts.places + shifts.shifts
+    points, status = _seen(loaded.ensemble.scenes(), camera, hot)
+    good = (status == Status.GOOD).all(axis=0)
+    dots = _counts(status)
+    _check_dots(dots, len(loaded.ensemble))
+    predicted = hot[good] - np.array([camera.project(seen[good]) for seen in points])
+    free = interaction_matrix(camera, points[0][good]) if camera_motion else None
+    found = _Mixture(predicted, shifts.shifts[good], free)
+    spread = _rms(predicted - predicted.mean(axis=0))
+    if spread < 0.1 * noise:
+        raise InputError(
+            f"The members' shifts of the dots differ by {spread:.2g} px, less than a tenth of the "
+            f"noise of {noise:.2g} px, so they tell nothing of the air; a board in front of the "
+            "part or far beside it sees no hot air: place it behind the part."
+        )
+    covariance = found.covariance(noise)
+    weights = found.weights
+    return MemberFit(
+        members=tuple(
+            evolve(member, weight=float(weight), covariance=row.tolist())
+            for member, weight, row in zip(
+                loaded.ensemble.members, weights, covariance, strict=True
+            )
+        ),
+        covariance=covariance,
+        residual_px=found.residual,
+        noise_px=noise,
+        single_px=np.array([_rms(found.left(unit)) for unit in np.eye(len(weights))]),
+        measured_px=_rms(shifts.shifts[good]),
+        dots={**dots, "used": int(found.used.sum()), "outliers": int((~found.used).sum())},
+        motion=found.motion,
+        provenance={
+            **provenance(loaded, camera),
+            "shifts": {"path": shifts.path, "sha256": shifts.sha256},
+        },
+    )
+
+
+class _Mixture:
+    """Least squares of (k, n, 2) predicted against (n, 2) measured shifts, without outliers.
+
+    `free` (n, 2, 6) are derivatives of the shifts by a motion of the camera, or None.
+    """
+
+    def __init__(
+        self, predicted: FloatArray, measured: FloatArray, free: FloatArray | None
+    ) -> None:
+        self._predicted, self._measured = predicted, measured
+        # Turns in units that compare with the translations.
+        self._units = None if free is None else 1.0 / np.sqrt(np.mean(free**2, axis=(0, 1)))
+        self._free = None if free is None or self._units is None else free * self._units
+        self.used: BoolArray = np.ones(len(measured), dtype=np.bool_)
+        for _ in range(20):
+            self._columns, self._target = self._without_motion(self.used)
+            self.weights = _simplex_weights(self._columns, self._target)
+            lengths = np.linalg.norm(self.left(self.weights, everywhere=True), axis=1)
+            # Median length of a vector of two normal components of deviation 1.
+            spread = float(np.median(lengths[self.used])) / 1.1774
+            inside = lengths <= max(OUTLIER * spread, 1e-9)
+            if np.mean(~inside) > MOST_OUTLIERS:
+                inside = np.ones_like(inside)
+            if np.array_equal(inside, self.used):
+                break
+            self.used = inside
+        freedom = self._target.size - (self.weights > 0).sum() + 1 - (6 if free is not None else 0)
+        rest = self._columns @ self.weights - self._target
+        self.residual = float(np.sqrt((rest**2).sum() / max(freedom, 1)))
+
+    @property
+    def motion(self) -> FloatArray | None:
+        """(6,) motion of the camera, mm and rad; None where none was fitted."""
+        if self._free is None or self._units is None:
+            return None
+        return np.asarray(self._units * self._motion_of(self.weights))
+
+    def left(self, weights: FloatArray, everywhere: bool = False) -> FloatArray:
+        """(n, 2) array, px: measured minus predicted shifts, with the best motion, used dots."""
+        rows = np.ones_like(self.used) if everywhere else self.used
+        rest = self._measured - np.tensordot(weights, self._predicted, axes=1)
+        if self._free is not None:
+            rest = rest - self._free @ self._motion_of(weights)
+        return np.asarray(rest[rows])
+
+    def covariance(self, noise: float) -> FloatArray:
+        """(k, k) covariance of the weights; see `MemberFit`."""
+        count = len(self.weights)
+        found = np.zeros((count, count))
+        support = np.flatnonzero(self.weights)
+        if len(support) > 1:
+            along = null_space(np.ones((1, len(support))))
+            columns = self._columns[:, support] @ along
+            # Weights lie between 0 and 1, whatever the dots do not determine.
+            precision = columns.T @ columns / self.residual**2 + 4.0 * np.eye(along.shape[1])
+            found[np.ix_(support, support)] = along @ np.linalg.inv(precision) @ along.T
+        steps = np.eye(count) - self.weights
+        size = np.sqrt(np.mean((self._columns @ steps.T) ** 2, axis=0))
+        near = np.argsort(size)
+        near = near[size[near] > 1e-9 * size.max()][:NEAREST]
+        systematic = np.sqrt(max(self.residual**2 - noise**2, 0.0) + (HIDDEN * noise) ** 2)
+        scaled = steps[near] * (systematic / size[near])[:, None]
+        found += scaled.T @ scaled / len(near)
+        whole = max(float(np.sqrt(np.mean((self._columns @ self.weights) ** 2))), systematic)
+        return np.asarray(found + (systematic / whole) ** 2 * np.outer(self.weights, self.weights))
+
+    def _motion_of(self, weights: FloatArray) -> FloatArray:
+        assert self._free is not None
+        rest = self._measured - np.tensordot(weights, self._predicted, axes=1)
+        rows = self._free[self.used].reshape(-1, 6)
+        return np.asarray(np.linalg.lstsq(rows, rest[self.used].ravel(), rcond=1e-10)[0])
+
+    def _without_motion(self, used: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Predicted (2m, k) and measured (2m,) shifts without what a motion could make of them."""
+        columns = self._predicted[:, used].reshape(len(self._predicted), -1).T
+        target = self._measured[used].ravel()
+        if self._free is None:
+            return columns, target
+        basis = qr(self._free[used].reshape(-1, 6), mode="economic")[0]
+        return columns - basis @ (basis.T @ columns), target - basis @ (basis.T @ target)
+
+
+def _simplex_weights(columns: FloatArray, target: FloatArray) -> FloatArray:
+    """Weights (k,) >= 0 of the sum 1 with the least squares of ``columns @ weights - target``."""
+    heavy = _SUM * max(float(np.linalg.norm(columns, axis=0).max()), 1e-12)
+    rows = np.vstack((columns, np.full((1, columns.shape[1]), heavy)))
+    # A triangular system of the same least squares: as many rows as members.
+    basis, small = qr(rows, mode="economic")
+    weights, _ = nnls(small, basis.T @ np.append(target, heavy))
+    weights = np.where(weights < _NONE, 0.0, weights)
+    return np.asarray(weights / weights.sum())
+
+
+def _full_camera(scene: LoadedScene) -> Camera:
+    """The scene's camera at the resolution of its film before ``scale`` changed it."""
+    return scene.camera.scaled(scene.full_resolution[0] / scene.camera.resolution[0])
+
+
+def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
+    width, height = camera.resolution
+    off = np.abs(shifts.places - (width / 2, height / 2)) - (width / 2, height / 2)
+    outside = off.max(axis=1) > 0.0
+    if outside.any():
+        raise InputError(
+            f"{outside.sum():,} of {len(outside):,} dots in {shifts.path} lie outside the camera's "
+            f"picture of {width} x {height} px, so they are shifts from another camera or of a "
+            "scaled picture; give those of the camera in the scene, at its full resolution."
+        )
+
+
+def _seen(
+    scenes: Iterable[LoadedScene], camera: Camera, hot: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Points (k, n, 3), mm, seen at places of the hot picture by member, and status (k, n)."""
+    origins, directions = camera.rays(hot)
+    points, status = [], []
+    for scene in scenes:
+        chosen = choose_for_devices(scene, (camera,))
+        hits = trace_rays(chosen, origins, directions)
+        whole = np.full((len(hot), 3), np.nan)
+        code = np.full(len(hot), int(Status.MISSED))
+        whole[hits.ray], code[hits.ray] = hits.refracted, hits.status
+        points.append(whole)
+        status.append(code)
+    return np.array(points), np.array(status)
+
+
+def _counts(status: IntArray) -> dict[str, int]:
+    """Dots by what became of their rays in the members."""
+    hidden = (status == Status.BLOCKED).any(axis=0)
+    beside = (status == Status.MISSED).any(axis=0) & ~hidden
+    lost = (status != Status.GOOD).any(axis=0) & ~hidden & ~beside
+    return {
+        "measured": status.shape[1],
+        "hidden": int(hidden.sum()),
+        "beside": int(beside.sum()),
+        "lost": int(lost.sum()),
+    }
+
+
+def _check_dots(dots: dict[str, int], members: int) -> None:
+    """Refuse dots that do not lie on the board, or are too few."""
+    measured, beside, hidden = dots["measured"], dots["beside"], dots["hidden"]
+    usable = measured - beside - hidden - dots["lost"]
+    if beside > BESIDE * measured:
+        raise InputError(
+            f"{beside:,} of {measured:,} dots lie beside the board as the scene's camera sees it, "
+            "so the shifts are from another camera, or camera or board stand elsewhere; correct "
+            "the scene's camera, or the board's place (--part-transform)."
+        )
+    if hidden == measured:
+        raise InputError(
+            f"All {measured:,} dots lie on the hot part or on another blocker, which hides the "
+            "board there; give shifts of dots on the board."
+        )
+    if usable < members:
+        raise InputError(
+            f"{usable:,} dots on the board are fewer than the {members} members, so their weights "
+            f"cannot be told ({hidden:,} dots are hidden, {beside:,} beside the board); measure "
+            "more dots, or use fewer members."
+        )
+
+
+def _rms(values: FloatArray) -> float:
+    """Root mean square of a component."""
+    return float(np.sqrt(np.mean(values**2)))
