@@ -61,7 +61,7 @@ def fit(
     from iriftrace.core.files import whole_file
     from iriftrace.image.measured_shift import read_measured_shift
     from iriftrace.scene.file import require_scene
-    from iriftrace.scene.fitted import write_fitted_scene
+    from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
     from iriftrace.trace.member_fit import fit_members
 
     check_input(board, shifts, scene)
@@ -69,6 +69,7 @@ def fit(
         if xml is not None:
             require_scene(xml)
     check_output(output, "scene.xml", make=True)
+    check_fitted_scene(scene or board, output)
     measured = read_measured_shift(shifts)
     loaded = trace.load(board)
     with working("Fitting the members"):

@@ -156,7 +156,10 @@ def fit_part_to_field(
     cavity = _box(np.asarray(wall.points))
     advice = _advice(part, field, cavity)
     if apart:
-        raise InputError(f"{unreached}they lie side by side; {advice}")
+        raise InputError(
+            f"{unreached}they lie side by side; {advice} Where the part is a board that is seen "
+            "past a hot part, name that one as a blocker (--blocker)."
+        )
     larger = _diagonal(part.bounds) / _diagonal(data)
     if larger > MOST_LARGER:
         raise InputError(

@@ -61,12 +61,7 @@ def write_fitted_scene(
         The output lies in the scene's own folder or was edited, a member is none of the scene's,
         or the folder cannot be written.
     """
-    if output.parent.resolve() == scene.parent.resolve():
-        raise InputError(
-            f"The output {output} would replace files of {scene}; give the fitted scene a folder "
-            f"of its own, such as {scene.parent / 'fitted' / output.name}."
-        )
-    refuse_edited(output)
+    check_fitted_scene(scene, output)
     theirs = _numbers_in(scene, members)
     columns = [member.number - 1 for member in members]
     listed = tuple(
@@ -90,13 +85,23 @@ def write_fitted_scene(
     return listed
 
 
-def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
-    """Numbers that the members' fields have in a scene, which may be another one."""
+def check_fitted_scene(scene: Path, output: Path) -> None:
+    """Refuse a scene that cannot be weighted, or an output that cannot be written from it."""
     if not is_ensemble(scene):
         raise InputError(
-            f"{scene} has one field, but the fit has weights of several; write it with the same "
-            "fields as the board's scene (iriftrace scene --member)."
+            f"{scene} has one field, but a fit gives the weights of several; write it with several "
+            "states of the air (iriftrace scene --member)."
         )
+    if output.parent.resolve() == scene.parent.resolve():
+        raise InputError(
+            f"The output {output} would replace files of {scene}; give the fitted scene a folder "
+            f"of its own, such as {scene.parent / 'fitted' / output.name}."
+        )
+    refuse_edited(output)
+
+
+def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
+    """Numbers that the members' fields have in a scene, which may be another one."""
     own = {(m.source["sha256"], m.time): m.number for m in read_members(scene)}
     missing = [m.label for m in members if (m.source["sha256"], m.time) not in own]
     if missing:

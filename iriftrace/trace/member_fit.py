@@ -108,7 +108,7 @@ class MemberFit:
     @property
     def verdict(self) -> str:
         """Whether the members contain the measured air, in a sentence."""
-        found = f"the residual of {self.residual_px:.3g} px is {self.ratio:.2g} times the noise"
+        found = f"the residual of {self.residual_px:.3g} px is {self.ratio:.3g} times the noise"
         if self.contained:
             return f"These members reproduce the measured shifts: {found}."
         return f"These members do not contain your air: {found}."
@@ -124,7 +124,7 @@ class MemberFit:
         if self.ratio >= REFUSED:
             raise InputError(
                 f"{self.verdict} No scene is written; add members that are closer (other speeds "
-                "and directions of the draught, other bodies), or check the board's place."
+                "and directions of the draught, other bodies), or check the board and its camera."
             )
 
     def as_dict(self) -> dict[str, Any]:
@@ -193,6 +193,7 @@ def fit_members(
     if noise_px is not None and not noise_px > 0.0:
         raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
     camera = _full_camera(loaded)
+    _check_count(len(shifts.places), len(loaded.ensemble))
     _check_in_picture(shifts, camera)
     noise = shift_noise(shifts.places, shifts.shifts) if noise_px is None else noise_px
     hot = shifts.places + shifts.shifts
@@ -388,11 +389,14 @@ def _check_dots(dots: dict[str, int], members: int) -> None:
             f"All {measured:,} dots lie on the hot part or on another blocker, which hides the "
             "board there; give shifts of dots on the board."
         )
-    if usable < members:
+    _check_count(usable, members, f" ({hidden:,} dots are hidden, {beside:,} beside the board)")
+
+
+def _check_count(dots: int, members: int, others: str = "") -> None:
+    if dots < members:
         raise InputError(
-            f"{usable:,} dots on the board are fewer than the {members} members, so their weights "
-            f"cannot be told ({hidden:,} dots are hidden, {beside:,} beside the board); measure "
-            "more dots, or use fewer members."
+            f"{dots:,} dots on the board are fewer than the {members} members, so their weights "
+            f"cannot be told{others}; measure more dots, or use fewer members."
         )
 
 
