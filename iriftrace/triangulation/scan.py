@@ -149,23 +149,37 @@ class Scan:
             return None
         return self.weights.scatter(each_along(self.errors, self.normal))
 
-    def _members(self) -> tuple[dict[str, Any], NDArray[np.int64]]:
-        """Error along the normal by member, and the number of each point's worst one."""
-        listed = self.provenance["ensemble"]["members"]
-        along = each_along(np.asarray(self.errors), self.normal)
-        numbers = np.array([member["number"] for member in listed])
+    @property
+    def worst_member(self) -> IntArray | None:
+        """(n,) array: number of the member with the largest error along the normal."""
+        if self.errors is None:
+            return None
+        numbers = [member["number"] for member in self.provenance["ensemble"]["members"]]
+        along = each_along(self.errors, self.normal)
+        return np.asarray(np.array(numbers)[np.abs(along).argmax(axis=0)])
+
+    def _by_member(self) -> dict[str, Any]:
+        """JSON values of an ensemble: scatter, and the error along the normal by each member."""
+        scatter = self.scatter_normal
+        if self.errors is None or scatter is None:
+            return {}
         rows = [
             {
                 **{key: member[key] for key in ("number", "label", "weight")},
                 "error_normal_mm": spread(values),
             }
-            for member, values in zip(listed, along, strict=True)
+            for member, values in zip(
+                self.provenance["ensemble"]["members"],
+                each_along(self.errors, self.normal),
+                strict=True,
+            )
         ]
         worst = max(rows, key=lambda row: row["error_normal_mm"]["rms"])
-        return (
-            {"members": rows, "worst_member": worst["number"]},
-            numbers[np.abs(along).argmax(axis=0)],
-        )
+        return {
+            "scatter_normal_mm": spread(scatter),
+            "members": rows,
+            "worst_member": worst["number"],
+        }
 
     def best_fit(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What a rigid alignment of the cloud to the part takes for pose, and what it leaves.
@@ -189,7 +203,6 @@ class Scan:
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.scan/1``."""
         translation, rotation, left = self.best_fit()
-        scatter = self.scatter_normal
         return {
             "schema": SCHEMA,
             **self.provenance,
@@ -198,11 +211,7 @@ class Scan:
             "points": {"pixels": int(self.status.size), **ScanStatus.counts(self.status)},
             "error_normal_mm": spread(self.error_normal),
             "error_mm": spread(np.linalg.norm(self.error, axis=1)),
-            **(
-                {}
-                if scatter is None
-                else {"scatter_normal_mm": spread(scatter), **self._members()[0]}
-            ),
+            **self._by_member(),
             "gap_mm": spread(self.gap),
             "angle_deg": spread(np.degrees(self.angle)),
             "best_fit": {
@@ -264,19 +273,13 @@ class Scan:
         values = self.as_dict() | {"features": list(features)}
         if acceptance:
             values["acceptance"] = list(acceptance)
-        scatter = self.scatter_normal
+        scatter, worst = self.scatter_normal, self.worst_member
         columns: dict[str, NDArray[Any]] = {
             **by_axis("true", self.true),
             **by_axis("error", self.error),
             "error_normal": self.error_normal,
-            **(
-                {}
-                if scatter is None
-                else {
-                    "scatter_normal": scatter,
-                    "worst_member": self._members()[1].astype(np.int32),
-                }
-            ),
+            **({} if scatter is None else {"scatter_normal": scatter}),
+            **({} if worst is None else {"worst_member": worst.astype(np.int32)}),
             "gap": self.gap,
             "angle": self.angle,
             "pixel_u": self.pixel[:, 0],

@@ -17,9 +17,9 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.image.camera_motion import interaction_matrix
 from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.image.shift_mixture import simplex_weights
 from iriftrace.image.shift_noise import shift_noise
 from iriftrace.scene.load import load_scene
-from iriftrace.trace.member_fit import _simplex_weights
 from iriftrace.triangulation.correct import CorrectionStatus
 from validation.inputs.leaning_air import (
     BOARD,
@@ -152,7 +152,7 @@ def test_weights_are_the_least_squares_on_the_simplex() -> None:
     """Against the optimality conditions: the gradient is equal where w > 0 and larger where not."""
     random = np.random.default_rng(4)
     columns, target = random.normal(size=(40, 6)), random.normal(size=40)
-    weights = _simplex_weights(columns, target)
+    weights = simplex_weights(columns, target)
     assert weights.sum() == pytest.approx(1.0, abs=1e-12)
     gradient = columns.T @ (columns @ weights - target)
     level = gradient[weights > 0].mean()
@@ -160,7 +160,7 @@ def test_weights_are_the_least_squares_on_the_simplex() -> None:
     assert (gradient[weights == 0] > level).all()
     assert 0 < (weights == 0).sum() < 5
     mixture = np.array((0.0, 0.25, 0.0, 0.75, 0.0, 0.0))
-    np.testing.assert_allclose(_simplex_weights(columns, columns @ mixture), mixture, atol=1e-7)
+    np.testing.assert_allclose(simplex_weights(columns, columns @ mixture), mixture, atol=1e-7)
 
 
 def test_noise_is_told_from_the_signal() -> None:
