@@ -59,6 +59,7 @@ from .part.part import read_part as read_part
 from .part.part import save_part as save_part
 from .part.regions import Regions as Regions
 from .part.shapes.bevel_gear import bevel_gear as bevel_gear
+from .part.shapes.board import Board as Board
 from .part.shapes.cylinder import cylinder as cylinder
 from .part.shapes.cylinder import hybrid_cylinder as hybrid_cylinder
 from .part.shapes.wishbone import wishbone as wishbone
@@ -79,6 +80,7 @@ from .scene.build import build_scene as build_scene
 from .scene.hot_air import HotAir as HotAir
 from .scene.load import LoadedScene as LoadedScene
 from .scene.load import load_scene as load_scene
+from .scene.member_weights import MemberWeights as MemberWeights
 from .scene.scene import Scene as Scene
 from .scene.write import write_scene as write_scene
 from .scene.write_ensemble import MemberAir as MemberAir
@@ -93,6 +95,8 @@ from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
+from .trace.member_fit import MemberFit as MemberFit
+from .trace.member_fit import fit_members as fit_members
 from .trace.rays import RayHits as RayHits
 from .trace.rays import trace_rays as trace_rays
 from .trace.render import Rendering as Rendering

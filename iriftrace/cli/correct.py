@@ -154,10 +154,15 @@ def correct(
             "systematic errors, and what shells and mesh leave, come on top."
         )
     _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
-    if found.errors is not None:
+    if found.weights is not None and found.weights.covariance is not None:
         say(
-            f"It rests on the scatter of {len(found.errors)} fields; k allows for so few by "
-            "Student's t."
+            f"The weights of {len(found.weights.weights)} fields were fitted to measured shifts; U "
+            "includes their covariance and what the fit left."
+        )
+    elif found.weights is not None:
+        say(
+            f"It rests on the scatter of {len(found.weights.weights)} fields; k allows for so few "
+            "by Student's t."
         )
     say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))

@@ -108,6 +108,15 @@ def write_scan(
         f"rigid best fit rms {um(fit['error_normal_mm']['rms'])}; size of the whole error: 95th "
         f"percentile {um(values['error_mm']['p95'])}."
     )
+    if "members" in values:
+        worst = next(m for m in values["members"] if m["number"] == values["worst_member"])
+        scatter = values["scatter_normal_mm"]
+        say(
+            f"These are means over {len(values['members'])} fields; standard deviation from field "
+            f"to field: median {um(scatter['median'])}, 95th percentile {um(scatter['p95'])}. "
+            f"Worst member: {worst['number']} ({worst['label']}), rms "
+            f"{um(worst['error_normal_mm']['rms'])}."
+        )
     if scan.system == "stereo":
         say(f"The two lines miss each other by {um(values['gap_mm']['median'])} (median).")
     say_field(scan.provenance)

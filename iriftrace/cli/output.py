@@ -180,6 +180,12 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
     if values.scatter_mm.median is not None:
         scatter = _in_um(asdict(values.scatter_mm))
         table.add_row("scatter", f"{scatter} (standard deviation, cannot be corrected)")
+    if values.worst_mm.median is not None:
+        table.add_row(
+            "worst member",
+            f"{_in_um(asdict(values.worst_mm))}; in most pixels that is member "
+            f"{values.worst_member}",
+        )
     table.add_row(
         "",
         f"{values.rays_in_all:,} rays count in all fields, {values.rays_in_some:,} only in some",

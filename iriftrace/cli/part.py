@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 part = App(
     name="part",
     help="Make a part's mesh from its dimensions: cylinder, hybrid cylinder, bevel gear, wishbone, "
-    "sphere, ball bar, plate; or one with fewer or more triangles.",
+    "sphere, ball bar, plate, board of dots; or one with fewer or more triangles.",
     help_format="rst",
 )
 
@@ -77,6 +77,7 @@ SHAPES = {
 # By name, and made by `__getattr__`, so that a shape is imported when its command is called.
 for _name in (*SHAPES, "decimate", "subdivide"):
     part.command(f"iriftrace.cli.part:{_name}", name=_name)
+part.command("iriftrace.cli.board:board", name="board")
 
 
 def decimate(
@@ -103,11 +104,11 @@ def decimate(
     from iriftrace.part.tessellation import decimate_part
 
     check_input(mesh)
-    _check_name(output)
+    check_name(output)
     before = part_options.read(mesh)
     with working("Thinning out the triangles"):
         thinned, apart_mm = decimate_part(before, faces)
-    _save(thinned, output)
+    save_made(thinned, output)
     apart_um = 1e3 * apart_mm
     say(
         f"{len(before.faces):,} triangles before. The surfaces are up to {apart_um.max():.3g} um "
@@ -140,12 +141,12 @@ def subdivide(
     from iriftrace.part.tessellation import subdivide_part
 
     check_input(mesh)
-    _check_name(output)
+    check_name(output)
     before = part_options.read(mesh)
     with working("Splitting the triangles"):
         split = subdivide_part(before, edge)
         coarser = subdivide_part(before, 2 * edge)
-    _save(split, output)
+    save_made(split, output)
     say(
         f"{len(before.faces):,} triangles before, {len(split.faces) / len(before.faces):.3g} times "
         f'as many now; --edge "{2 * edge:g} mm" gives {len(coarser.faces):,}.'
@@ -161,10 +162,10 @@ def __getattr__(name: str) -> Callable[..., None]:
     make = getattr(import_module(f"iriftrace.part.shapes.{module}"), function)
 
     def command(*, output: Path, **sizes: Any) -> None:
-        _check_name(output)
+        check_name(output)
         with working(f"Making the {function.replace('_', ' ')}"):
             made = make(**sizes)
-        _save(made, output)
+        save_made(made, output)
         next_one = command_line("field", "synthetic", output, "-o", output.with_name("field.vtu"))
         say(f"Part written; now run:  {next_one}")
 
@@ -190,7 +191,7 @@ def __getattr__(name: str) -> Callable[..., None]:
     return command
 
 
-def _check_name(path: Path) -> None:
+def check_name(path: Path) -> None:
     """Refuse before the work a name under which no part can be written."""
     from iriftrace.part.files import check_part_name
 
@@ -198,7 +199,7 @@ def _check_name(path: Path) -> None:
     check_output(path, "part.ply", path.suffix.lower())
 
 
-def _save(made: Part, path: Path) -> None:
+def save_made(made: Part, path: Path) -> None:
     """Write a part and say what it is."""
     from iriftrace.part.part import save_part
     from iriftrace.part.region_choice import placed_regions

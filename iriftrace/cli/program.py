@@ -137,6 +137,7 @@ for _module, _names in {
     "measure": ("measure",),
     "correct": ("correct",),
     "compare": ("compare",),
+    "fit": ("fit",),
     "study": ("study",),
     "field": ("field",),
     "part": ("part",),

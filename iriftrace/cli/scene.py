@@ -93,6 +93,8 @@ def scene(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     member: Annotated[list[Path] | None, Parameter(negative=())] = None,
+    blocker: Annotated[list[Path] | None, Parameter(negative=())] = None,
+    blocker_length_unit: str | None = None,
     normals: Literal["gradient", "facet"] = "gradient",
     inside_hit: Literal["refract", "drop"] = "refract",
     trim: Length | None = None,
@@ -124,6 +126,12 @@ def scene(
         The scene's XML file; meshes go beside it.
     member
         A further field of the same part, which makes an ensemble with the first; repeatable.
+    blocker
+        Mesh of a body that only blocks the view, in the scene's frame; repeatable. Where PART is a
+        board that is seen past a hot part, that part is the first one. The bodies of ``field
+        simulate --body`` are found next to the field.
+    blocker_length_unit
+        Unit of the blockers' coordinates; by default what their files state (glTF: m), else mm.
     normals
         Where the shells' normals come from: the field's gradient, or their own triangles.
     inside_hit
@@ -135,6 +143,7 @@ def scene(
     """
     from iriftrace.cli.output import print_shells
     from iriftrace.field.readers.members import chosen_members
+    from iriftrace.part.part import read_part
     from iriftrace.scene.build import build_scene
     from iriftrace.scene.write import refuse_edited
 
@@ -142,10 +151,11 @@ def scene(
         check_order(field, part)
     fields = [field, *(member or [])]
     check_field(*fields)
-    check_input(part)
+    check_input(part, *(blocker or []))
     check_output(output, "scene.xml", make=True)
     refuse_edited(output)
     measured = part_options.read(part)
+    blockers = [read_part(file, length_unit=blocker_length_unit) for file in blocker or []]
     if field_options.isosurfaces and member:
         raise InputError(
             "An ensemble is made of volume fields, from which the shells of all members are cut in "
@@ -159,10 +169,12 @@ def scene(
         "normals": normals,
         "inside_hit": inside_hit,
         "notes": field_options.notes() | shell_options.notes(),
+        "blockers": blockers,
     }
 
     def devices(volume: IndexField | None, stack: ShellStack) -> Camera:
-        """The camera; the second device, if there is one, goes into the settings."""
+        """The camera; a second device and bodies of the field go into the settings."""
+        blockers.extend(_bodies_of(field, volume, blocker or []))
         camera, second = place(volume, stack)
         camera.scaled(scale)  # refuses a scale that leaves no pixel
         settings.update(second)
@@ -192,6 +204,19 @@ def scene(
         built = build_scene(volume, measured, camera, output, shells=stack, **settings)
     print_shells(built.shells, built.report, built.fit)
     _print_scene(output, camera, measured, settings)
+
+
+def _bodies_of(field: Path, volume: IndexField | None, given: Sequence[Path]) -> list[Part]:
+    """Bodies around which a field was solved, without those that are given as blockers."""
+    from iriftrace.cfd.openfoam.bodies import bodies_beside
+    from iriftrace.part.part import read_part
+
+    origin = None if volume is None else volume.source.origin
+    names = {file.stem for file in given}
+    files = [file for file in bodies_beside(field, origin) if file.stem not in names]
+    if files:
+        say(f"Bodies of the field that block the view: {', '.join(map(str, files))}.")
+    return [read_part(file, length_unit="mm") for file in files]
 
 
 def _stack(

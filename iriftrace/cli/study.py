@@ -170,7 +170,7 @@ def _run(
         volumes = [options.field.read(path, options.air.air(), mesh) for path in fields]
     stack = contour_shells(volumes[-1], 1)
     camera = options.camera.camera(mesh, volumes[-1], stack)
-    refuse_camera_inside(camera.origin, mesh, stack, volumes[-1])
+    refuse_camera_inside(camera.origin, (mesh,), stack, volumes[-1])
     view = View(mesh, camera.scaled(scale), traced_by, options.field.notes())
     described = describe(*volumes, view=view, modes=modes)
     with pose_progress(output, "Cases") as report:

@@ -50,7 +50,10 @@ def say_features(
         scatter = row.get("size_scatter_mm")
         more = _uncertainty(row, synthetic) if "fit_uncertainty_mm" in row else ""
         if scatter is not None:
-            more = f", with a standard deviation of {um(scatter)} from field to field"
+            more = (
+                f", with a standard deviation of {um(scatter)} from field to field and "
+                f"{row['worst_size_mm']:.4f} mm by the worst, member {row['worst_member']}"
+            )
         say(
             f"{row['kind'].capitalize()}{where}{at}: diameter {hot:.4f} mm as measured through hot "
             f"air, {size:.4f} mm {true}: the air makes it {um(abs(hot - size))} "

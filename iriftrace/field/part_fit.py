@@ -6,6 +6,7 @@ around the two tell which unit or rotation was mistaken.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -22,6 +23,9 @@ from iriftrace.part.part import Part, is_unlikely_size
 
 LARGEST_GAP_MM = 0.2
 """A larger 95th percentile of the gap is worth a warning."""
+
+NEAR_MM = 1.0
+"""A body in the air has a part of the field's wall closer than this."""
 
 LARGEST_DIFFERENCE_K = 5.0
 """A larger difference between expected and found wall temperature is worth a warning."""
@@ -90,8 +94,31 @@ class Fit:
         return ", ".join(listed[:5]) + more
 
 
+def body_in_air(field: IndexField, part: Part, blockers: Sequence[Part]) -> Part:
+    """The body that heats the air: the part, or a blocker where the part stands apart.
+
+    So does a board that is seen past a hot part. A body stands in the air where the field's inner
+    wall, or without one its hot air, lies near it.
+    """
+    near = [body for body in (part, *blockers) if _stands_in(body, field)]
+    return near[0] if near else part
+
+
+def _stands_in(body: Part, field: IndexField) -> bool:
+    """Whether a share of the field's inner wall lies near a body, or hot air around it."""
+    if field.wall.n_points:
+        return bool(np.mean(body.surface.distance(field.wall.points) < NEAR_MM) > _LEAST_BARE)
+    middle = 0.5 * (field.ambient_refractivity + field.hottest_refractivity)
+    hot = _box(np.asarray(field.grid.points)[np.asarray(field.refractivity) < middle])
+    return bool(np.all(body.bounds[0] <= hot[1]) and np.all(body.bounds[1] >= hot[0]))
+
+
 def fit_part_to_field(
-    field: IndexField, part: Part, *, wall_temperature_k: float | None = None
+    field: IndexField,
+    part: Part,
+    *,
+    wall_temperature_k: float | None = None,
+    blockers: Sequence[Part] = (),
 ) -> Fit:
     """Compare a field's inner wall, the boundary of its cavity, with a part's surface.
 
@@ -101,12 +128,16 @@ def fit_part_to_field(
     part : Part
     wall_temperature_k : float, optional
         Temperature that the wall should have, K; not compared by default.
+    blockers : sequence of Part
+        Other bodies, which may have walls in the field, too. Where the part stands apart from the
+        field and one of them in it, that one is compared (`body_in_air`).
 
     Raises
     ------
     InputError
         The field does not reach the part; the message names the unit or axes that would mend it.
     """
+    part = body_in_air(field, part, blockers)
     data, wall = _box(np.asarray(field.grid.points)), field.wall
     unreached = f"The field {field.source.path} does not reach the part {part.path}: "
     apart = bool(np.any(part.bounds[0] > data[1]) or np.any(part.bounds[1] < data[0]))
@@ -125,7 +156,10 @@ def fit_part_to_field(
     cavity = _box(np.asarray(wall.points))
     advice = _advice(part, field, cavity)
     if apart:
-        raise InputError(f"{unreached}they lie side by side; {advice}")
+        raise InputError(
+            f"{unreached}they lie side by side; {advice} Where the part is a board that is seen "
+            "past a hot part, name that one as a blocker (--blocker)."
+        )
     larger = _diagonal(part.bounds) / _diagonal(data)
     if larger > MOST_LARGER:
         raise InputError(
@@ -136,7 +170,8 @@ def fit_part_to_field(
         raise InputError(
             f"{unreached}the field's inner wall is {wider:.3g} times as large as the part; {advice}"
         )
-    gaps = part.surface.distance(wall.points)
+    bodies = {id(body): body for body in (part, *blockers)}.values()
+    gaps = np.min([body.surface.distance(wall.points) for body in bodies], axis=0)
     # A wall that is nowhere closer than half its own size surrounds something else.
     if gaps.min() > 0.5 * min(_diagonal(cavity), _diagonal(part.bounds)):
         raise InputError(

@@ -44,14 +44,22 @@ ERROR_CHANNEL = "path.error"
 MEMBERS_CHANNEL = "ensemble.members"
 """Number of members of an ensemble in which the pixel's ray counts."""
 
+WORST_CHANNEL = "ensemble.worst"
+"""Number of the member that displaces the pixel most; 0 where the ray counts in none."""
+
+WORST_NORM_CHANNEL = "displacement.worst.norm"
+"""Length of that member's displacement, mm."""
+
 SCATTER_CHANNELS: tuple[str, ...] = (
     *(f"displacement.std.{axis}" for axis in "XYZ"),
     "displacement.std.norm",
     "shift.px.std.X",
     "shift.px.std.Y",
     MEMBERS_CHANNEL,
+    WORST_CHANNEL,
+    WORST_NORM_CHANNEL,
 )
-"""Standard deviations over an ensemble's members, mm and pixels; its other channels are means."""
+"""Standard deviations over an ensemble's members, mm and pixels, and its worst member."""
 
 SCHEMA = "iriftrace.aov/1"
 """Value of the header entry ``schema`` of the files this version writes and reads."""
@@ -152,11 +160,13 @@ class AovImage:
     header: dict[str, Any] = field(factory=dict)
 
     def __attrs_post_init__(self) -> None:
-        missing = [name for name in CHANNELS if name not in self.channels]
+        of_ensemble = not set(self.channels).isdisjoint(SCATTER_CHANNELS)
+        needed = (*CHANNELS, *SCATTER_CHANNELS) if of_ensemble else CHANNELS
+        missing = [name for name in needed if name not in self.channels]
         surplus = [name for name in self.channels if name not in _KNOWN]
         if missing or surplus:
             raise InputError(
-                f"an AOV image has the {len(CHANNELS)} channels of CHANNELS; "
+                f"an AOV image has {len(needed)} channels; "
                 f"missing: {', '.join(missing) or 'none'}, unknown: {', '.join(surplus) or 'none'}."
             )
         shape = self.channels[CHANNELS[0]].shape

@@ -16,7 +16,13 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
-from iriftrace.image.aov_image import MEMBERS_CHANNEL, AovImage, Status
+from iriftrace.image.aov_image import (
+    MEMBERS_CHANNEL,
+    WORST_CHANNEL,
+    WORST_NORM_CHANNEL,
+    AovImage,
+    Status,
+)
 from iriftrace.image.coverage import Coverage, pose_coverage
 from iriftrace.image.rays import PoseRays, bending, rays_that_count
 from iriftrace.image.resolution import nearest_spacing, step_spacing
@@ -115,6 +121,8 @@ class EnsembleMetrics:
     scatter_px: Statistics
     rays_in_all: int  # pixels that count in all members
     rays_in_some: int  # in some only
+    worst_mm: Statistics  # displacement by the member that is the worst in each pixel
+    worst_member: int | None  # that is the worst in most pixels; None without any
 
 
 @frozen(eq=False, kw_only=True, repr=False)
@@ -349,12 +357,15 @@ def ensemble_metrics(image: AovImage, pixels: IntArray, hits: IntArray) -> Ensem
     counted = np.rint(image.channels[MEMBERS_CHANNEL].ravel()[hits]).astype(np.int64)
     members = members or int(counted.max(initial=0))
     shift = [image.channels[f"shift.px.std.{a}"].ravel()[pixels].astype(np.float64) for a in "XY"]
+    worst = np.rint(image.channels[WORST_CHANNEL].ravel()[pixels]).astype(np.int64)
     return EnsembleMetrics(
         members=members,
         scatter_mm=Statistics.of(image.channels["displacement.std.norm"].ravel()[pixels]),
         scatter_px=Statistics.of(np.hypot(*shift)),
         rays_in_all=int(np.count_nonzero(counted == members)),
         rays_in_some=int(np.count_nonzero((counted > 0) & (counted < members))),
+        worst_mm=Statistics.of(image.channels[WORST_NORM_CHANNEL].ravel()[pixels]),
+        worst_member=int(np.bincount(worst).argmax()) if len(worst) else None,
     )
 
 

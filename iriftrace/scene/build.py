@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from attrs import evolve, field, frozen
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.part_fit import Fit, fit_part_to_field
+from iriftrace.field.part_fit import Fit, body_in_air, fit_part_to_field
 from iriftrace.scene.ensemble import FOLDER
 from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
 from iriftrace.scene.write import PART_FILE, SCALE, SHELLS_FOLDER, refuse_edited, write_scene
@@ -92,6 +92,7 @@ def build_scene(
     notes: Mapping[str, str] | None = None,
     second: Camera | None = None,
     second_id: str = "projector",
+    blockers: Sequence[Part] = (),
 ) -> BuiltScene:
     """Make a complete scene folder of field, part and camera, as ``iriftrace scene`` does.
 
@@ -127,6 +128,9 @@ def build_scene(
         resolution.
     second_id : str
         Its id, which says what it is: ``"projector"``, ``"camera_2"`` or ``"laser"``.
+    blockers : sequence of Part
+        Bodies that only block the view, mm, world: supports; or the hot part, where `part` is a
+        board that is seen past it.
 
     Returns
     -------
@@ -151,10 +155,13 @@ def build_scene(
         shells = contour_shells(volume, layers, rule=rule)
     fit = None
     if volume is not None:
-        fit = fit_part_to_field(volume, part, wall_temperature_k=wall_temperature_k)
+        fit = fit_part_to_field(
+            volume, part, wall_temperature_k=wall_temperature_k, blockers=blockers
+        )
         _warn(fit.warnings)
         notes = {**(notes or {}), **_note_of(fit)}
-    shells, report = _shells_for(camera, second, part, shells, volume, trim_mm)
+    bodies = (part, *blockers)
+    shells, report = _shells_for(camera, second, bodies, shells, volume, trim_mm)
     write_scene(
         xml.parent,
         part,
@@ -169,6 +176,7 @@ def build_scene(
         field=volume,
         second=second,
         second_id=second_id,
+        blockers=blockers,
     )
     return BuiltScene(xml, shells, report, fit)
 
@@ -187,6 +195,7 @@ def build_ensemble(
     notes: Mapping[str, str] | None = None,
     second: Camera | None = None,
     second_id: str = "projector",
+    blockers: Sequence[Part] = (),
 ) -> BuiltEnsemble:
     """Make the scene of several fields of one part: bias and scatter of what they do.
 
@@ -195,7 +204,7 @@ def build_ensemble(
     members : iterable of MemberAir
         At least two, each with its field; one is in memory at a time.
     part, camera, path, wall_temperature_k, trim_mm, scale, normals, inside_hit, notes, second,
-    second_id
+    second_id, blockers
         See :func:`build_scene`.
 
     Returns
@@ -222,10 +231,14 @@ def build_ensemble(
             with named(member.label):
                 air = member.field
                 if air is not None:
-                    fit = fit_part_to_field(air, part, wall_temperature_k=wall_temperature_k)
+                    fit = fit_part_to_field(
+                        air, part, wall_temperature_k=wall_temperature_k, blockers=blockers
+                    )
                     told.update(dict.fromkeys(fit.warnings))
                     of_fit = _note_of(fit)
-                shells, report = _shells_for(camera, second, part, member.shells, air, trim_mm)
+                shells, report = _shells_for(
+                    camera, second, (part, *blockers), member.shells, air, trim_mm
+                )
             reports.append(report)
             yield evolve(member, shells=shells, report=report, notes=of_fit)
 
@@ -241,6 +254,7 @@ def build_ensemble(
         notes=notes,
         second=second,
         second_id=second_id,
+        blockers=blockers,
     )
     _warn(told)
     return BuiltEnsemble(xml, listed, tuple(reports))
@@ -279,24 +293,25 @@ def _place(path: str | Path, part: Part) -> Path:
 def _shells_for(
     camera: Camera,
     second: Camera | None,
-    part: Part,
+    bodies: Sequence[Part],
     shells: ShellStack,
     volume: IndexField | None,
     trim_mm: float | None,
 ) -> tuple[ShellStack, tuple[ShellReport, ...]]:
-    """Shells for devices that stand neither in the part nor in hot air, and facts about them."""
+    """Shells for devices that stand neither in a body nor in hot air, and facts about them."""
     if second is not None:
         refuse_one_place(camera, second)
-        refuse_camera_inside(second.origin, part, shells, volume, "second device")
+        refuse_camera_inside(second.origin, bodies, shells, volume, "second device")
         if trim_mm is not None:
             raise InputError(
                 "Trimmed shells serve one camera only, and there is a second device; leave out "
                 "trim."
             )
-    refuse_camera_inside(camera.origin, part, shells, volume)
+    refuse_camera_inside(camera.origin, bodies, shells, volume)
     if trim_mm is not None:
         shells = trim_to_frustum(shells, camera, trim_mm)
-    return shells, report_shells(shells, volume, part)
+    hot = bodies[0] if volume is None else body_in_air(volume, bodies[0], bodies[1:])
+    return shells, report_shells(shells, volume, hot)
 
 
 def _note_of(fit: Fit) -> dict[str, str]:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from attrs import asdict, frozen
+from attrs import asdict, field, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.scene.member_weights import MemberWeights
 
 MEMBER = "member"
 """Parameter of an ensemble's scene: number of the member that is traced alone, from 1."""
@@ -32,10 +33,20 @@ class FieldMember:
     label: str  # what tells it from the others: a time step, a parameter, a file's name
     time: float | None  # in the file's own unit, where it states one
     source: dict[str, Any]  # its file; see `iriftrace.FieldSource`
+    weight: float = 1.0  # relative to that of the others
+    covariance: list[float] | None = field(default=None, repr=False)  # row of a fit's weights
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return asdict(self)
+        values = asdict(self)
+        if self.covariance is None:
+            del values["covariance"]
+        return values
+
+
+def weights_of(members: Sequence[FieldMember]) -> MemberWeights:
+    """Weights of an ensemble's members, with their covariance where they were fitted."""
+    return MemberWeights.of([m.weight for m in members], [m.covariance for m in members])
 
 
 def member_folder(scene: Path, number: int | str) -> Path:
@@ -64,6 +75,7 @@ def read_members(scene: Path) -> tuple[FieldMember, ...]:
         if table["schema"] != SCHEMA:
             raise ValueError(f"schema {table['schema']!r}")
         members = tuple(FieldMember(**row) for row in table["members"])
+        weights_of(members)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f'{scene} is the scene of an ensemble (it has the parameter "{MEMBER}"), but its table '

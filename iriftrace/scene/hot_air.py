@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
+from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.write_ensemble import MemberAir
 
 if TYPE_CHECKING:
@@ -29,11 +30,17 @@ class AirState:
         What tells it from the other states of an ensemble.
     time : float or None
         In the file's unit.
+    weight : float
+        Among the states of an ensemble; their sum is 1.
+    covariance : list of float or None
+        Row of the covariance of fitted weights.
     """
 
     field: IndexField | None
     label: str
     time: float | None
+    weight: float
+    covariance: list[float] | None
     _layers: int
     _rule: str
     _ready: ShellStack | None
@@ -57,7 +64,14 @@ class AirState:
 
     def as_member(self) -> MemberAir:
         """What the scene's file of an ensemble is written from."""
-        return MemberAir(self.label, self.time, self.shells, self.field)
+        return MemberAir(
+            self.label,
+            self.time,
+            self.shells,
+            self.field,
+            weight=self.weight,
+            covariance=self.covariance,
+        )
 
 
 @frozen(eq=False)
@@ -93,6 +107,7 @@ class HotAir:
         rule: str = "rim",
         shells: ShellStack | None = None,
         labels: Sequence[str] = (),
+        weights: Sequence[float] | MemberWeights = (),
         normals: str = "gradient",
         inside_hit: str = "refract",
         notes: Mapping[str, str] | None = None,
@@ -112,14 +127,17 @@ class HotAir:
             In place of those that `layers` and `rule` give; of one field.
         labels : sequence of str
             Names of several fields; by default those of their files.
+        weights : sequence of float or MemberWeights
+            Relative weights of several fields, 0 or more; equal by default. Means and scatter
+            of results are weighted. Those of :func:`iriftrace.fit_members` have a covariance.
         normals, inside_hit, notes, wall_temperature_k
             See the attributes.
 
         Raises
         ------
         InputError
-            There is neither a field nor shells, there are shells of several fields, or not as many
-            labels as fields.
+            There is neither a field nor shells, there are shells of several fields, not as many
+            labels or weights as fields, or a weight is negative.
         """
         several = isinstance(field, Sequence)
         fields = list(field) if isinstance(field, Sequence) else [field]
@@ -132,9 +150,16 @@ class HotAir:
         names = list(labels) or ["" if one is None else f"{one.source.path}" for one in fields]
         if len(names) != len(fields):
             raise InputError(f"There are {len(names)} labels for {len(fields)} fields.")
+        if not isinstance(weights, MemberWeights):
+            weights = MemberWeights(list(weights) or [1.0] * len(fields))
+        if len(weights.weights) != len(fields):
+            raise InputError(
+                f"There are {len(weights.weights)} weights for {len(fields)} fields; give one for "
+                "each."
+            )
         states = tuple(
-            AirState(one, name, None, layers, rule, shells)
-            for one, name in zip(fields, names, strict=True)
+            AirState(one, name, None, share, row, layers, rule, shells)
+            for one, name, (share, row) in zip(fields, names, weights.rows, strict=True)
         )
         self.__attrs_init__(states, normals, inside_hit, notes or {}, wall_temperature_k)  # type: ignore[attr-defined]
 

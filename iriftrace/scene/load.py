@@ -33,8 +33,16 @@ from iriftrace.scene.air import (
     stated_normals,
     warn_of_another_part,
 )
-from iriftrace.scene.ensemble import MEMBER, FieldMember, is_ensemble, member_folder, members_of
+from iriftrace.scene.ensemble import (
+    MEMBER,
+    FieldMember,
+    is_ensemble,
+    member_folder,
+    members_of,
+    weights_of,
+)
 from iriftrace.scene.file import read_scene_file, readable
+from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells, table_at
 
 KEPT_TRIANGLES = 10_000_000
@@ -238,6 +246,11 @@ class LoadedEnsemble:
             return cells
 
         return LoadedEnsemble(self.members, load)
+
+    @property
+    def weights(self) -> MemberWeights:
+        """Weights of the members, in their order."""
+        return weights_of(self.members)
 
     def scenes(self) -> Iterator[LoadedScene]:
         """Every member's scene, in their order; what does not fit is let go after its turn."""

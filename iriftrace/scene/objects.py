@@ -8,7 +8,7 @@ from.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,8 +79,9 @@ def mitsuba_scene(
     *,
     normals: str,
     inside_hit: str,
+    blockers: Sequence[Part] = (),
 ) -> Any:
-    """A scene of a part, shells and devices by their ids.
+    """A scene of a part, shells, devices by their ids, and bodies that only block the view.
 
     `normals` and `inside_hit` are parameters of ``first_hit``.
     """
@@ -94,11 +95,16 @@ def mitsuba_scene(
             "embree_use_robust_intersections": True,
             "integrator": {"type": "first_hit", "normals": normals, "inside_hit": inside_hit},
             **{name: sensor_of(camera) for name, camera in devices.items()},
-            "part": _mesh("part", {"type": "diffuse"}, part.vertices, part.faces, {}),
+            "part": _body("part", part),
+            **{f"blocker_{k}": _body(f"blocker_{k}", body) for k, body in enumerate(blockers, 1)},
             **{f"shell_{shell.layer:02d}": _shell(shell) for shell in shells.shells},
         },
         optimize=False,
     )
+
+
+def _body(name: str, body: Part) -> Any:
+    return _mesh(name, {"type": "diffuse"}, body.vertices, body.faces, {})
 
 
 def _shell(shell: Shell) -> Any:

@@ -61,6 +61,9 @@ class Scene:
         which they are too few (:func:`iriftrace.trace.engine.choose`).
     variant : str or None
         Mitsuba variant; see :func:`iriftrace.runtime.variant.ensure`.
+    blockers : tuple of Part
+        Bodies that only block the view, mm, world: supports; or the hot part, where `part` is a
+        board that is seen past it.
     """
 
     part: Part
@@ -71,6 +74,7 @@ class Scene:
     wavelength_nm: float | None = None
     engine: str | None = field(default=None)
     variant: str | None = None
+    blockers: tuple[Part, ...] = field(default=(), converter=tuple)
 
     @engine.validator
     def _check_engine(self, _: Attribute[str | None], engine: str | None) -> None:
@@ -98,8 +102,9 @@ class Scene:
                 warnings.warn(message, IriftraceWarning, stacklevel=2)
         for device, name in ((self.camera, "camera"), (self.second, "second device")):
             if device is not None:
+                bodies = (self.part, *self.blockers)
                 for state in self.air.states:
-                    refuse_camera_inside(device.origin, self.part, state.shells, state.field, name)
+                    refuse_camera_inside(device.origin, bodies, state.shells, state.field, name)
         return _loaded(self)
 
     @cached_property
@@ -111,7 +116,10 @@ class Scene:
             None
             if state.field is None
             else fit_part_to_field(
-                state.field, self.part, wall_temperature_k=self.air.wall_temperature_k
+                state.field,
+                self.part,
+                wall_temperature_k=self.air.wall_temperature_k,
+                blockers=self.blockers,
             )
             for state in self.air.states
         )
@@ -151,6 +159,7 @@ class Scene:
             "notes": self.air.notes,
             "second": self.second,
             "second_id": self.second_id,
+            "blockers": self.blockers,
         }
         if len(self.air.states) > 1:
             members = (state.as_member() for state in self.air.states)
@@ -167,7 +176,14 @@ def _loaded(scene: Scene) -> LoadedScene:
     if len(states) == 1:
         return _one_state(scene, 0)
     members = tuple(
-        FieldMember(number, state.label, state.time, asdict(state.shells.source))
+        FieldMember(
+            number,
+            state.label,
+            state.time,
+            asdict(state.shells.source),
+            state.weight,
+            state.covariance,
+        )
         for number, state in enumerate(states, start=1)
         if state.shells.source is not None
     )
@@ -188,7 +204,12 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
     table = table_of(state.shells, notes)
     devices = {"camera": camera} | ({} if second is None else {scene.second_id: second})
     found = mitsuba_scene(
-        part, state.shells, devices, normals=air.normals, inside_hit=air.inside_hit
+        part,
+        state.shells,
+        devices,
+        normals=air.normals,
+        inside_hit=air.inside_hit,
+        blockers=[kept_part(body) for body in scene.blockers],
     )
     if scene.wavelength_nm is not None:
         set_shells(found, dispersion(table["air"], scene.wavelength_nm))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,19 +150,25 @@ def part_view(part: Part, camera: Camera) -> PartView:
 
 def refuse_camera_inside(
     origin: ArrayLike,
-    part: Part,
+    bodies: Sequence[Part],
     stack: ShellStack,
     field: IndexField | None,
     name: str = "camera",
 ) -> None:
     """Refuse a camera, at (3,) mm in the world, in the part or inside the outermost shell.
 
+    `bodies` are the part and what only blocks the view.
+
     Without a field, the closed shells are asked; `name` is what the error calls the camera.
     """
     point = np.asarray(origin, dtype=np.float64).reshape(1, 3)
     place = f"The {name} at {np.round(point[0], 1).tolist()} mm stands"
-    if part.closed and part.surface.inside(point)[0]:
-        raise InputError(f"{place} in the part, where there is nothing to see; move it outside.")
+    for number, body in enumerate(bodies):
+        if body.closed and body.surface.inside(point)[0]:
+            what = f"blocker {body.path}" if number else "part"
+            raise InputError(
+                f"{place} in the {what}, where there is nothing to see; move it outside."
+            )
     if field is None:
         closed = [shell for shell in stack.shells if len(open_edges(shell.faces)) == 0]
         layers = [s.layer for s in closed if Surface(s.vertices, s.faces).inside(point)[0]]

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 
 PART_FILE = "part.ply"
+BLOCKER_FILE = "blocker_{}.ply"
+"""Names of the files of bodies that only block the view, by their number from 1."""
+
 SHELLS_FOLDER = "shells"
 
 SCALE = 0.5
@@ -52,6 +55,7 @@ def write_scene(
     field: IndexField | None = None,
     second: Camera | None = None,
     second_id: str = "projector",
+    blockers: Sequence[Part] = (),
 ) -> Path:
     """Write a complete scene folder: XML, part, shells and what the continuous engine needs.
 
@@ -83,6 +87,8 @@ def write_scene(
         The device with which points are triangulated, at its full resolution.
     second_id : str
         Its id: ``"projector"``, ``"camera_2"`` or ``"laser"``.
+    blockers : sequence of Part
+        Bodies that only block the view.
 
     Returns
     -------
@@ -97,13 +103,12 @@ def write_scene(
     require_pinhole(camera, second)
     target = Path(folder)
     with written_together(target) as building:
-        save_part(part, building / PART_FILE)
         shapes = save_air(
             building,
             SHELLS_FOLDER,
             shells,
             field,
-            part=PartFile.of(building / PART_FILE, part),
+            part=save_bodies(building, part, blockers),
             report=report,
             notes=notes,
             paraview=paraview,
@@ -118,10 +123,26 @@ def write_scene(
             inside_hit=inside_hit,
             second=second,
             second_id=second_id,
+            blockers=len(blockers),
         )
         (building / name).write_text(text, encoding="utf-8")
     remove_stale(target / SHELLS_FOLDER, shells, paraview)
+    remove_stale_blockers(target, len(blockers))
     return target / name
+
+
+def save_bodies(folder: Path, part: Part, blockers: Sequence[Part]) -> PartFile:
+    """Write the part and the bodies that block the view; the part's file."""
+    save_part(part, folder / PART_FILE)
+    for number, blocker in enumerate(blockers, start=1):
+        save_part(blocker, folder / BLOCKER_FILE.format(number))
+    return PartFile.of(folder / PART_FILE, part)
+
+
+def remove_stale_blockers(folder: Path, count: int) -> None:
+    """Remove the blockers of an earlier scene in a folder that has `count` of them now."""
+    while (stale := folder / BLOCKER_FILE.format(count := count + 1)).is_file():
+        stale.unlink()
 
 
 @contextmanager
@@ -191,11 +212,11 @@ def refuse_edited(xml: Path) -> None:
 def _is_as_written(text: str) -> bool:
     """True if a scene's XML has the check sum that `scene_xml` gave it."""
     head, found, rest = text.partition(_SEAL)
-    return bool(found) and _sealed(head, rest.partition("\n")[2]) == text
+    return bool(found) and sealed(head, rest.partition("\n")[2]) == text
 
 
-def _sealed(head: str, rest: str) -> str:
-    """Both pieces of a scene's XML with the check sum between them."""
+def sealed(head: str, rest: str) -> str:
+    """Both pieces of a scene's XML with the check sum between them, by which edits are found."""
     return f"{head}{_SEAL}{sha256((head + rest).encode()).hexdigest()} -->\n{rest}"
 
 
@@ -219,11 +240,13 @@ def scene_xml(
     inside_hit: str = "refract",
     second: Camera | None = None,
     second_id: str = "projector",
+    blockers: int = 0,
 ) -> str:
     """XML of a scene: integrator, camera, part and what bends the light.
 
     `shapes` are the lines after the part: shells, or what includes them; `parameters` what else the
-    shapes use, with defaults; `remark` is a comment at the top. The rest is as for `write_scene`.
+    shapes use, with defaults; `remark` is a comment at the top; `blockers` is the number of bodies
+    that only block the view. The rest is as for `write_scene`.
     """
     head = [
         '<?xml version="1.0" encoding="utf-8"?>',
@@ -254,13 +277,25 @@ def scene_xml(
         "",
         *sensor_lines(camera, "camera"),
         *(sensor_lines(second, second_id) if second is not None else []),
-        '    <shape type="ply" id="part">',
-        f'        <string name="filename" value={quoteattr(PART_FILE)}/>',
+        *_body_lines("part", PART_FILE),
+        *(
+            line
+            for number in range(1, blockers + 1)
+            for line in _body_lines(f"blocker_{number}", BLOCKER_FILE.format(number))
+        ),
+    ]
+    return sealed("\n".join([*head, ""]), "\n".join([*lines, *shapes, "</scene>", ""]))
+
+
+def _body_lines(name: str, file: str) -> list[str]:
+    """Lines of an opaque body with an id and a file."""
+    return [
+        f'    <shape type="ply" id="{name}">',
+        f'        <string name="filename" value={quoteattr(file)}/>',
         '        <boolean name="face_normals" value="true"/>',
         '        <bsdf type="diffuse"/>',
         "    </shape>",
     ]
-    return _sealed("\n".join([*head, ""]), "\n".join([*lines, *shapes, "</scene>", ""]))
 
 
 def sensor_lines(camera: Camera, name: str) -> list[str]:

@@ -7,18 +7,27 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from attrs import Factory, asdict, frozen
+from attrs import Factory, asdict, evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.part.part import Part, save_part
-from iriftrace.scene.ensemble import FOLDER, INCLUDED, MEMBER, TABLE, FieldMember, write_members
+from iriftrace.part.part import Part
+from iriftrace.scene.ensemble import (
+    FOLDER,
+    INCLUDED,
+    MEMBER,
+    TABLE,
+    FieldMember,
+    weights_of,
+    write_members,
+)
 from iriftrace.scene.write import (
-    PART_FILE,
     SHELLS_FOLDER,
     included_xml,
+    remove_stale_blockers,
     require_pinhole,
     save_air,
+    save_bodies,
     scene_xml,
     written_together,
 )
@@ -48,6 +57,10 @@ class MemberAir:
         Added to the shells' table; `iriftrace.build_ensemble` makes it.
     notes : mapping of str
         Stated in every result, besides the scene's.
+    weight : float
+        Relative to that of the other members; equal by default.
+    covariance : list of float or None
+        Row of the covariance of fitted weights.
     """
 
     label: str
@@ -56,6 +69,8 @@ class MemberAir:
     field: IndexField | None = None
     report: Sequence[ShellReport] | None = None
     notes: Mapping[str, str] = Factory(dict)
+    weight: float = 1.0
+    covariance: list[float] | None = None
 
 
 def write_ensemble_scene(
@@ -72,6 +87,7 @@ def write_ensemble_scene(
     paraview: bool = True,
     second: Camera | None = None,
     second_id: str = "projector",
+    blockers: Sequence[Part] = (),
 ) -> tuple[Path, tuple[FieldMember, ...]]:
     """Write a scene that is rendered once for every member.
 
@@ -80,7 +96,8 @@ def write_ensemble_scene(
 
     Parameters
     ----------
-    folder, part, camera, name, scale, normals, inside_hit, notes, paraview, second, second_id
+    folder, part, camera, name, scale, normals, inside_hit, notes, paraview, second,
+    second_id, blockers
         See `iriftrace.scene.write.write_scene`.
     members : iterable of MemberAir
         At least two; one is in memory at a time.
@@ -102,8 +119,7 @@ def write_ensemble_scene(
     _refuse_files_of_others(scene.parent / FOLDER)
     with written_together(scene.parent) as building:
         (building / FOLDER).mkdir()
-        save_part(part, building / PART_FILE)
-        placed = PartFile.of(building / PART_FILE, part)
+        placed = save_bodies(building, part, blockers)
         listed = tuple(
             _write_member(building, number, member, placed, notes, paraview)
             for number, member in enumerate(members, start=1)
@@ -112,6 +128,8 @@ def write_ensemble_scene(
             raise InputError(
                 f"An ensemble of {len(listed)} field has no scatter; give at least two."
             )
+        shares = weights_of(listed).weights.tolist()
+        listed = tuple(evolve(m, weight=w) for m, w in zip(listed, shares, strict=True))
         write_members(building / FOLDER, listed)
         origins = dict.fromkeys(m.source["origin"] for m in listed if m.source["origin"])
         remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
@@ -125,10 +143,12 @@ def write_ensemble_scene(
             inside_hit=inside_hit,
             second=second,
             second_id=second_id,
+            blockers=len(blockers),
         )
         (building / name).write_text(text, encoding="utf-8")
         # Members of an earlier, larger ensemble would be taken for this one's.
         shutil.rmtree(scene.parent / FOLDER, ignore_errors=True)
+    remove_stale_blockers(scene.parent, len(blockers))
     return scene, listed
 
 
@@ -170,4 +190,5 @@ def _write_member(
     )
     included = scene / FOLDER / str(number) / INCLUDED
     included.write_text(included_xml(shapes), encoding="utf-8")
-    return FieldMember(number, member.label, member.time, asdict(member.shells.source))
+    source = asdict(member.shells.source)
+    return FieldMember(number, member.label, member.time, source, member.weight, member.covariance)

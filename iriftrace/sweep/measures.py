@@ -104,9 +104,19 @@ ENSEMBLE: dict[str, Measure] = {
         for key, text in _STATISTICS
     },
     **{
+        f"worst_{key}": Measure(
+            ("ensemble", "worst_mm", key),
+            "mm",
+            f"{text} displacement by the worst member in each pixel",
+            method="realization: maximum",
+        )
+        for key, text in _STATISTICS
+    },
+    **{
         name: Measure(("ensemble", key), "1", text, count=True)
         for name, key, text in (
             ("ensemble_members", "members", "members of the ensemble"),
+            ("worst_member", "worst_member", "member that is the worst in most pixels"),
             ("rays_in_all", "rays_in_all", "rays that count in all members"),
             ("rays_in_some", "rays_in_some", "rays that count in some members only"),
         )

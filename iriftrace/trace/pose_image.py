@@ -15,6 +15,8 @@ from iriftrace.image.aov_image import (
     ERROR_CHANNEL,
     MEMBERS_CHANNEL,
     SCHEMA,
+    WORST_CHANNEL,
+    WORST_NORM_CHANNEL,
     AovImage,
     Status,
 )
@@ -48,9 +50,10 @@ def pose_image(
     statistics = EnsembleStatistics(include)
     time_s: dict[str, float] = {}
     counts: dict[str, int] = {}
-    for number, member in enumerate(scene.ensemble.scenes(), start=1):
-        image, straight = _one_field(member, camera, straight, f" of member {number}")
-        statistics.add(image)
+    members = zip(scene.ensemble.members, scene.ensemble.scenes(), strict=True)
+    for listed, member in members:
+        image, straight = _one_field(member, camera, straight, f" of member {listed.number}")
+        statistics.add(image, listed.weight, listed.number)
         last = image.header
         for key, seconds in last["time_s"].items():
             time_s[key] = time_s.get(key, 0.0) + seconds
@@ -109,19 +112,23 @@ def _one_field(
 
 
 class EnsembleStatistics:
-    """Running mean and variance of every pixel (Welford, Technometrics 4 (1962) 419).
+    """Running weighted mean and variance of every pixel, and its worst member.
 
-    Memory does not grow with the number of members: for each pixel on the part 7 means and 5
-    variances. Only rays that count enter, so the number of members differs between pixels near
-    silhouettes; the channel ``ensemble.members`` holds it. Rays count by their status codes.
+    Welford, Technometrics 4 (1962) 419; West, Communications of the ACM 22 (1979) 532. Memory does
+    not grow with the number of members: for each pixel on the part 7 means and 5 variances. Only
+    rays that count enter, so the number of members differs between pixels near silhouettes; the
+    channel ``ensemble.members`` holds it. Rays count by their status codes.
     """
 
     def __init__(self, include: Collection[int] = (Status.GOOD,)) -> None:
         self.count = 0
         self._include = tuple(include)
 
-    def add(self, image: AovImage) -> None:
-        """Take in the image of one more member, of the same part and camera."""
+    def add(self, image: AovImage, weight: float = 1.0, number: int | None = None) -> None:
+        """Take in the image of one more member, of the same part and camera.
+
+        Its `number` is by default that of the images so far, from 1.
+        """
         face = image.channels["part.face"].ravel()
         if self.count == 0:
             self._begin(image, face)
@@ -136,13 +143,20 @@ class EnsembleStatistics:
         status = image.channels["status.code"].ravel()[self._pixels]
         first = (self._status == Status.GOOD) & (status != Status.GOOD)
         self._status[first] = status[first]
-        weight = np.divide(good, self._members, out=np.zeros(len(good)), where=self._members > 0)
+        own = weight * good
+        self._weight += own
+        self._weight_squared += own * weight
+        fraction = np.divide(own, self._weight, out=np.zeros(len(good)), where=self._weight > 0)
         for name, mean in self._mean.items():
             value = image.channels[name].ravel()[self._pixels].astype(np.float64)
-            step = (value - mean) * weight
+            step = (value - mean) * fraction
             if name in self._square:
-                self._square[name] += good * (value - mean) * (value - mean - step)
+                self._square[name] += own * (value - mean) * (value - mean - step)
             mean += step
+        norm = image.channels["displacement.norm"].ravel()[self._pixels]
+        worse = good & ((norm > self._worst_norm) | (self._worst == 0))
+        self._worst[worse] = self.count if number is None else number
+        self._worst_norm[worse] = norm[worse]
         if self._error is not None:
             error = image.channels[ERROR_CHANNEL].ravel()[self._pixels]
             np.maximum(self._error, np.where(good, error, 0.0), out=self._error)
@@ -152,12 +166,13 @@ class EnsembleStatistics:
 
         ``displacement``, ``shift.px`` and ``refracted`` are those of the mean over the members
         whose ray counts; ``displacement.norm`` is the length of the mean vector. The standard
-        deviations are those of a sample (n - 1); ``displacement.std.norm`` is the root of the sum
-        of the variances along the axes. A pixel is good if it is good in every member; else its
-        status is that of the first member where it is not.
+        deviations are those of a weighted sample, as `MemberWeights.scatter`;
+        ``displacement.std.norm`` is the root of the sum of the variances along the axes. A pixel
+        is good if it is good in every member; else its status is that of the first member where it
+        is not.
         """
         channels = {name: self._first.channels[name].copy() for name in CHANNELS}
-        some, several = self._members > 0, self._members > 1
+        some = self._weight > 0
 
         def put(name: str, values: NDArray[Any]) -> None:
             plane = channels.setdefault(name, np.zeros(self._shape, dtype=np.float32))
@@ -170,9 +185,12 @@ class EnsembleStatistics:
         for axis, moved in zip("XYZ", vector, strict=True):
             straight = channels[f"straight.{axis}"].ravel()[self._pixels]
             put(f"refracted.{axis}", np.where(some, straight + moved, 0.0))
-        degrees = np.maximum(self._members - 1, 1)
+        total = np.where(some, self._weight, 1.0)
+        freedom = total - self._weight_squared / total
+        several = some & (freedom > 1e-9 * total)
         variance = {
-            name: np.where(several, square / degrees, 0.0) for name, square in self._square.items()
+            name: np.divide(square, freedom, out=np.zeros(len(square)), where=several)
+            for name, square in self._square.items()
         }
         for name, values in variance.items():
             quantity, axis = name.rsplit(".", 1)
@@ -180,6 +198,8 @@ class EnsembleStatistics:
         put("displacement.std.norm", np.sqrt(sum(variance[f"displacement.{a}"] for a in "XYZ")))
         put("status.code", self._status)
         put(MEMBERS_CHANNEL, self._members)
+        put(WORST_CHANNEL, self._worst)
+        put(WORST_NORM_CHANNEL, self._worst_norm)
         if self._error is not None:
             put(ERROR_CHANNEL, self._error)
         return AovImage(channels, header)
@@ -190,7 +210,9 @@ class EnsembleStatistics:
         self._pixels = np.flatnonzero(face > 0)
         self._face = face[self._pixels]
         count = len(self._pixels)
-        self._members = np.zeros(count, dtype=np.int64)
+        self._members, self._worst = np.zeros((2, count), dtype=np.int64)
+        self._weight, self._weight_squared = np.zeros((2, count))
+        self._worst_norm = np.zeros(count, dtype=np.float32)
         self._status = np.full(count, float(Status.GOOD), dtype=np.float32)
         self._mean = {name: np.zeros(count) for name in _AVERAGED}
         self._square = {name: np.zeros(count) for name in _SCATTERED}

@@ -90,9 +90,14 @@ def _members(ensemble: LoadedEnsemble) -> dict[str, Any]:
 
 
 def _meaning(ensemble: LoadedEnsemble) -> str:
+    weights = ensemble.weights
+    equal = abs(weights.effective - len(ensemble)) < 1e-6
+    weighted = "" if equal else f" weighted like {weights.effective:.2g} equal ones"
+    if weights.covariance is not None:
+        weighted += " by a fit to measured shifts"
     return (
-        f"displacements are means over {len(ensemble)} fields (bias), scatter is the standard "
-        "deviation of a sample"
+        f"displacements are means over {len(ensemble)} fields{weighted} (bias), scatter is the "
+        "standard deviation of a sample"
     )
 
 

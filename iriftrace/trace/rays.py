@@ -125,9 +125,9 @@ def traced_as_chosen(
     origins: FloatArray,
     directions: FloatArray,
     *,
-    focus_mm: tuple[float, float],
-    coherent: bool,
-    trace_all: bool,
+    focus_mm: tuple[float, float] = (0.0, math.inf),
+    coherent: bool = False,
+    trace_all: bool = True,
 ) -> RayHits:
     """As `trace_rays`, of rays whose engine is chosen already; directions have length one."""
     with runtime.using(scene.variant):

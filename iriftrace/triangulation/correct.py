@@ -22,6 +22,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
@@ -91,7 +92,8 @@ def correct(
 ) -> Correction:
     """Take the air's share out of measured points.
 
-    Of an ensemble of fields the mean of its members' shares, with their scatter as uncertainty.
+    Of an ensemble of fields the weighted mean of its members' shares; its uncertainty is their
+    scatter, or follows from the covariance of fitted weights (:func:`iriftrace.fit_members`).
 
     Parameters
     ----------
@@ -137,7 +139,8 @@ def correct(
             shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _air_share(
                 measured[rows], member, camera, second, system, phase
             )
-    status = _common_status(statuses, shares)
+    weights = None if traced.ensemble is None else traced.ensemble.weights
+    status = _common_status(statuses, shares, weights)
     # What stands behind the part, such as a table, is hidden and none of it.
     hidden = np.flatnonzero(status == CorrectionStatus.HIDDEN)
     far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
@@ -156,14 +159,15 @@ def correct(
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, shares, 0.0)
     return Correction(
         measured=measured,
-        error=errors.mean(axis=0),
+        error=errors[0] if weights is None else weights.mean(errors),
         status=status,
         face=faces[0],
         normal=loaded.part.surface.normals[faces[0]],
         system=system,
         provenance=provenance_of_two(traced, camera),
         field_uncertainty=field_uncertainty,
-        errors=None if len(shares) == 1 else errors,
+        errors=None if weights is None else errors,
+        weights=weights,
         to_part=to_part,
         larger=larger,
         growth=loaded.part.growth,
@@ -227,11 +231,13 @@ def _sample(points: FloatArray) -> FloatArray:
     return points[rows]
 
 
-def _common_status(statuses: Sequence[IntArray], shares: Sequence[FloatArray]) -> IntArray:
+def _common_status(
+    statuses: Sequence[IntArray], shares: Sequence[FloatArray], weights: MemberWeights | None
+) -> IntArray:
     """Outcome (n,) of each point by those in the air of each member of an ensemble."""
     status = np.max(statuses, axis=0)
-    if len(shares) > 1:
-        scatter, mean = np.std(shares, axis=0, ddof=1), np.mean(shares, axis=0)
+    if weights is not None:
+        scatter, mean = weights.uncertainty(shares), weights.mean(shares)
         vague = np.linalg.norm(scatter, axis=1) > np.linalg.norm(mean, axis=1)
         status[vague & (status == CorrectionStatus.CORRECTED)] = CorrectionStatus.UNCERTAIN
     return np.asarray(status)

@@ -17,6 +17,7 @@ from iriftrace.core.units import length_factor
 from iriftrace.geometry.transform import apply
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
+from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.cloud import Cloud
 from iriftrace.triangulation.cloud_write import by_axis, save_cloud
 from iriftrace.triangulation.feature_table import feature_table
@@ -25,7 +26,7 @@ from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
 from iriftrace.triangulation.relations import relations
-from iriftrace.triangulation.statistics import PointStatus, scatter_along, spread
+from iriftrace.triangulation.statistics import PointStatus, each_along, spread
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -79,7 +80,10 @@ class Correction:
         Relative standard uncertainty of the air's contrast, n - n of the ambient air, without its
         unsteadiness; 0 if it is not stated.
     errors : (k, n, 3) array or None, mm
-        The air's share by each member of an ensemble, whose mean `error` is; None for one field.
+        The air's share by each member of an ensemble, whose weighted mean `error` is; None for one
+        field.
+    weights : MemberWeights or None
+        Of the members.
     to_part : (m,) array or None, mm
         Distance of a sample of the measured points in a box around the part from it.
     larger : Larger or None
@@ -100,6 +104,7 @@ class Correction:
     provenance: dict[str, Any]
     field_uncertainty: float = 0.0
     errors: FloatArray | None = None
+    weights: MemberWeights | None = None
     to_part: FloatArray | None = None
     larger: Larger | None = None
     growth: Growth | None = None
@@ -116,15 +121,16 @@ class Correction:
     def u_normal(self) -> FloatArray | None:
         """(n,) array, mm: standard uncertainty of what was taken out, along the normal.
 
-        The members' standard deviation, and the contrast's uncertainty times the correction, which
-        is proportional to it, in quadrature. NaN of points that stay as they are; None where
-        neither is known.
+        That of the members' mean (`MemberWeights.uncertainty`), and the contrast's uncertainty
+        times the correction, which is proportional to it, in quadrature. NaN of points that stay as
+        they are; None where neither is known.
         """
         if self.errors is None and not self.u_contrast:
             return None
         found: FloatArray = self.u_contrast * np.einsum("ij,ij->i", self.error, self.normal)
-        if self.errors is not None:
-            found = np.hypot(found, scatter_along(self.errors, self.normal))
+        if self.errors is not None and self.weights is not None:
+            along = each_along(self.errors, self.normal)
+            found = np.hypot(found, self.weights.uncertainty(along))
         return np.where(self.status == CorrectionStatus.CORRECTED, np.abs(found), np.nan)
 
     @property
@@ -160,7 +166,11 @@ class Correction:
         by_member = () if self.errors is None else measured - self.errors[:, good]
         rows = feature_table(clouds, face, part, choices, by_member, gate)
         for row in rows:
-            air, factor = self._air_uncertainty(row["size_mm"], row.pop("size_scatter_mm", None))
+            sizes = row.pop("size_by_member_mm", None)
+            scatter = 0.0
+            if sizes is not None and self.weights is not None:
+                scatter = float(self.weights.uncertainty(sizes))
+            air, factor = self._air_uncertainty(row["size_mm"], scatter)
             u = row["u_size_mm"]["corrected"]
             fit = None if u is None else COVERAGE_FACTOR * u
             row |= {
@@ -183,7 +193,7 @@ class Correction:
         return rows
 
     def _air_uncertainty(
-        self, size: dict[str, float | None], scatter: float | None
+        self, size: dict[str, float | None], scatter: float
     ) -> tuple[float | None, float | None]:
         """Expanded uncertainty, mm, of the share of a size that was air, and its k."""
         measured, corrected = size["measured"], size["corrected"]
@@ -191,17 +201,21 @@ class Correction:
         if measured is None or corrected is None or not known:
             return None, None
         by_field = abs(self.u_contrast * (measured - corrected))
-        factor = self._coverage_factor(by_field, scatter or 0.0)
-        return factor * math.hypot(by_field, scatter or 0.0), factor
+        factor = self._coverage_factor(by_field, scatter)
+        return factor * math.hypot(by_field, scatter), factor
 
     def _coverage_factor(self, by_field: float, scatter: float) -> float:
         """k for as many degrees of freedom as Welch and Satterthwaite's formula gives (GUM, G.4).
 
-        The field's uncertainty is taken for known; the scatter over n fields has n - 1.
+        The field's uncertainty is taken for known; the scatter over n equally weighted fields has
+        n - 1.
         """
-        if self.errors is None or not scatter:
+        if self.weights is None or not scatter:
             return COVERAGE_FACTOR
-        degrees = (len(self.errors) - 1) * (math.hypot(by_field, scatter) / scatter) ** 4
+        own = self.weights.degrees_of_freedom
+        degrees = own * (math.hypot(by_field, scatter) / scatter) ** 4
+        if math.isinf(degrees):
+            return COVERAGE_FACTOR
         return float(stdtrit(degrees, COVERED))
 
     def as_dict(self) -> dict[str, Any]:

@@ -57,8 +57,8 @@ def feature_table(
 
     Gives ``kind``, ``region``, ``points`` that were fitted and ``left_out``, and by cloud
     ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`; with
-    the same points by each member of an ensemble also ``size_scatter_mm``, the size's standard
-    deviation over them, None for a feature without a size.
+    the same points by each member of an ensemble also ``size_by_member_mm``, None for a
+    feature without a size.
     """
     check_choices(choices, part)
     check_gate(gate)
@@ -110,8 +110,7 @@ def feature_table(
         }
         if members:
             sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in members]
-            known = [size for size in sizes if size is not None]
-            row["size_scatter_mm"] = float(np.std(known, ddof=1)) if known else None
+            row["size_by_member_mm"] = None if None in sizes else sizes
         rows.append(row)
     return rows
 

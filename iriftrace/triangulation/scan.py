@@ -26,6 +26,7 @@ from iriftrace.geometry.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.engine import choose
@@ -38,7 +39,7 @@ from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
 from iriftrace.triangulation.relations import relations
-from iriftrace.triangulation.statistics import PointStatus, scatter_along, spread
+from iriftrace.triangulation.statistics import PointStatus, each_along, spread
 from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.scan/1"
@@ -105,8 +106,10 @@ class Scan:
         Version, scene, field and part, and the assumptions in force; see
         :func:`iriftrace.trace.provenance.provenance`.
     errors : (k, n, 3) array or None, mm
-        X' - X in the air of each member of an ensemble, whose means over the k members all else
-        is; None for one field.
+        X' - X in the air of each member of an ensemble, whose weighted means over the k members
+        all else is; None for one field.
+    weights : MemberWeights or None
+        Of the members.
     time_s : dict of float, s
         ``load`` and ``build`` of the scene, and ``measure``.
     """
@@ -125,6 +128,7 @@ class Scan:
     second: Camera
     provenance: dict[str, Any]
     errors: FloatArray | None = None
+    weights: MemberWeights | None = None
     time_s: dict[str, float] = Factory(dict)
 
     def __repr__(self) -> str:
@@ -145,7 +149,41 @@ class Scan:
     @property
     def scatter_normal(self) -> FloatArray | None:
         """(n,) array, mm: standard deviation over an ensemble's members along the normal."""
-        return None if self.errors is None else scatter_along(self.errors, self.normal)
+        if self.errors is None or self.weights is None:
+            return None
+        return self.weights.scatter(each_along(self.errors, self.normal))
+
+    @property
+    def worst_member(self) -> IntArray | None:
+        """(n,) array: number of the member with the largest error along the normal."""
+        if self.errors is None:
+            return None
+        numbers = [member["number"] for member in self.provenance["ensemble"]["members"]]
+        along = each_along(self.errors, self.normal)
+        return np.asarray(np.array(numbers)[np.abs(along).argmax(axis=0)])
+
+    def _by_member(self) -> dict[str, Any]:
+        """JSON values of an ensemble: scatter, and the error along the normal by each member."""
+        scatter = self.scatter_normal
+        if self.errors is None or scatter is None:
+            return {}
+        rows = [
+            {
+                **{key: member[key] for key in ("number", "label", "weight")},
+                "error_normal_mm": spread(values),
+            }
+            for member, values in zip(
+                self.provenance["ensemble"]["members"],
+                each_along(self.errors, self.normal),
+                strict=True,
+            )
+        ]
+        worst = max(rows, key=lambda row: row["error_normal_mm"]["rms"])
+        return {
+            "scatter_normal_mm": spread(scatter),
+            "members": rows,
+            "worst_member": worst["number"],
+        }
 
     def best_fit(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """What a rigid alignment of the cloud to the part takes for pose, and what it leaves.
@@ -169,7 +207,6 @@ class Scan:
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.scan/1``."""
         translation, rotation, left = self.best_fit()
-        scatter = self.scatter_normal
         return {
             "schema": SCHEMA,
             **self.provenance,
@@ -178,7 +215,7 @@ class Scan:
             "points": {"pixels": int(self.status.size), **ScanStatus.counts(self.status)},
             "error_normal_mm": spread(self.error_normal),
             "error_mm": spread(np.linalg.norm(self.error, axis=1)),
-            **({} if scatter is None else {"scatter_normal_mm": spread(scatter)}),
+            **self._by_member(),
             "gap_mm": spread(self.gap),
             "angle_deg": spread(np.degrees(self.angle)),
             "best_fit": {
@@ -195,11 +232,28 @@ class Scan:
     ) -> list[dict[str, Any]]:
         """Features of the points, cold and measured; see `feature_table`.
 
-        Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members.
+        Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members,
+        and ``worst_member`` with ``worst_size_mm``, the size farthest from the cold one.
         """
         clouds = {"cold": self.true, "measured": self.points}
         by_member = () if self.errors is None else self.true + self.errors
-        return feature_table(clouds, self.face, part, choices, by_member, gate)
+        rows = feature_table(clouds, self.face, part, choices, by_member, gate)
+        return [self._with_scatter(row) for row in rows]
+
+    def _with_scatter(self, row: dict[str, Any]) -> dict[str, Any]:
+        """A feature with its scatter and worst member in place of its size by each member."""
+        sizes = row.pop("size_by_member_mm", None)
+        if self.weights is None:
+            return row
+        if sizes is None:
+            return row | {"size_scatter_mm": None}
+        cold = row["size_mm"]["cold"]
+        worst = int(np.argmax(np.abs(np.array(sizes) - cold)))
+        return row | {
+            "size_scatter_mm": float(self.weights.scatter(sizes)),
+            "worst_member": self.provenance["ensemble"]["members"][worst]["number"],
+            "worst_size_mm": sizes[worst],
+        }
 
     def regions(self, part: Part) -> list[dict[str, Any]]:
         """Errors along the normal by region of the part; see `region_table`."""
@@ -232,12 +286,13 @@ class Scan:
         }
         if acceptance:
             values["acceptance"] = list(acceptance)
-        scatter = self.scatter_normal
+        scatter, worst = self.scatter_normal, self.worst_member
         columns: dict[str, NDArray[Any]] = {
             **by_axis("true", self.true),
             **by_axis("error", self.error),
             "error_normal": self.error_normal,
             **({} if scatter is None else {"scatter_normal": scatter}),
+            **({} if worst is None else {"worst_member": worst.astype(np.int32)}),
             "gap": self.gap,
             "angle": self.angle,
             "pixel_u": self.pixel[:, 0],
@@ -259,7 +314,7 @@ def measure(
 ) -> Scan:
     """Simulate a measurement with two devices in hot air.
 
-    Of an ensemble of fields the means over its members, with their scatter.
+    Of an ensemble of fields the weighted means over its members, with their scatter.
 
     The camera's pixels (the rays of the sheet, of a laser) are traced along their bent rays to the
     part. The other device's line of sight to each point is found by `lines_of_sight`. The measured
@@ -302,14 +357,17 @@ def measure(
     else:
         members = chosen.ensemble.scenes()
         scans = [_scan(member, camera, second, system, phase) for member in members]
-        found = evolve(_together(scans), provenance=provenance_of_two(chosen, camera))
+        found = evolve(
+            _together(scans, chosen.ensemble.weights),
+            provenance=provenance_of_two(chosen, camera),
+        )
     measure_s = time.perf_counter() - started
     time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
     return evolve(found, time_s=time_s)
 
 
-def _together(scans: Sequence[Scan]) -> Scan:
-    """Means of the points that are measured in the air of every member of an ensemble."""
+def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
+    """Weighted means of the points that are measured in the air of every member of an ensemble."""
     status = np.max([scan.status for scan in scans], axis=0)
     kept = (status == ScanStatus.MEASURED).ravel()
     if not kept.any():
@@ -324,19 +382,20 @@ def _together(scans: Sequence[Scan]) -> Scan:
         pairs = zip(scans, rows, strict=True)
         return np.array([getattr(scan, name)[chosen] for scan, chosen in pairs])
 
-    true, errors = each("true").mean(axis=0), each("error")
+    true, errors = weights.mean(each("true")), each("error")
     first = scans[0]
     return evolve(
         first,
-        points=true + errors.mean(axis=0),
+        points=true + weights.mean(errors),
         true=true,
         normal=first.normal[rows[0]],
-        gap=each("gap").mean(axis=0),
-        angle=each("angle").mean(axis=0),
+        gap=weights.mean(each("gap")),
+        angle=weights.mean(each("angle")),
         pixel=first.pixel[rows[0]],
         face=first.face[rows[0]],
         status=status,
         errors=errors,
+        weights=weights,
     )
 
 

@@ -37,7 +37,7 @@ def spread(values: FloatArray) -> dict[str, float]:
     }
 
 
-def scatter_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
-    """Standard deviation (n,), mm, of (k, n, 3) errors over k members, along (n, 3) normals."""
-    scatter: FloatArray = np.einsum("kij,ij->ki", errors, normal).std(axis=0, ddof=1)
-    return scatter
+def each_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
+    """Components (k, n), mm, of (k, n, 3) errors of k members along (n, 3) normals."""
+    along: FloatArray = np.einsum("kij,ij->ki", errors, normal)
+    return along

@@ -108,11 +108,15 @@ def test_ensemble_of_fields(scene: iriftrace.Scene, tmp_path: Path) -> None:
         + 0.9 * (field.refractivity - field.ambient_refractivity),
     )
     ensemble = attrs.evolve(
-        scene, air=iriftrace.HotAir([field, weaker], layers=9, labels=["as it is", "weaker"])
+        scene,
+        air=iriftrace.HotAir(
+            [field, weaker], layers=9, labels=["as it is", "weaker"], weights=(3, 1)
+        ),
     )
     in_memory = iriftrace.render_scene(ensemble)
     written = iriftrace.render_scene(ensemble.save(tmp_path / "scene.xml", scale=1.0))
     assert in_memory.metrics.ensemble is not None
+    assert [m["weight"] for m in written.image.header["ensemble"]["members"]] == [0.75, 0.25]
     for name, values in written.image.channels.items():
         np.testing.assert_array_equal(in_memory.image.channels[name], values, err_msg=name)
 
@@ -133,6 +137,8 @@ def test_what_cannot_be_a_scene_is_refused(scene: iriftrace.Scene, tmp_path: Pat
         iriftrace.HotAir([field, field], shells=shells)
     with pytest.raises(InputError, match="1 labels for 2 fields"):
         iriftrace.HotAir([field, field], labels=["one"])
+    with pytest.raises(InputError, match="3 weights for 2 fields"):
+        iriftrace.HotAir([field, field], weights=(1, 1, 1))
     with pytest.raises(InputError, match="no engine 'cells'"):
         attrs.evolve(scene, engine="cells")
     inside = scene.camera.at(iriftrace.look_at((0.0, 0.0, 0.1), (10.0, 0.0, 0.0)))

@@ -29,7 +29,7 @@ def test_widths_and_squareness_of_a_box() -> None:
     hot = points.copy()
     hot[names == "plane +x"] += (0.01, 0.0, 0.0)
     turn = Rotation.from_euler("z", 0.1, degrees=True)
-    hot[names == "plane +y"] = turn.apply(hot[names == "plane +y"] - (0, 15, 0)) + (0, 15, 0)
+    hot[names == "plane +y"] = np.add(turn.apply(hot[names == "plane +y"] - (0, 15, 0)), (0, 15, 0))
     place = Rotation.from_rotvec((0.3, -0.2, 0.5))
     clouds = {"cold": place.apply(points), "measured": place.apply(hot)}
     rows = relations(feature_table(clouds, face, part, ["plane"], gate=None))

@@ -18,6 +18,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab
@@ -93,11 +94,52 @@ def test_a_correction_is_the_mean_of_the_members(three: LoadedScene) -> None:
     assert "3 fields" in found.provenance["assumptions"]["ensemble"]
 
 
+def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> None:
+    """Fitted weights in the scene's table: mean by NumPy, u along the normal by x C x."""
+    part, stack = slab(5)
+    given, folder = np.array((0.2, 0.3, 0.5)), tmp_path / "weighted"
+    airs = [
+        MemberAir("a", None, scaled(stack, share), weight=2 * weight)
+        for share, weight in zip(SHARES, given, strict=True)
+    ]
+    xml, _ = write_ensemble_scene(folder, part, airs, CAMERA, paraview=False, second=PROJECTOR)
+    table = folder / "members" / "members.json"
+    listed = json.loads(table.read_text())
+    assert [row["weight"] for row in listed["members"]] == pytest.approx(given.tolist())
+    factor = np.array(((0.1, 0.0), (-0.2, 0.1), (0.1, -0.1)))
+    for row, values in zip(listed["members"], (factor @ factor.T).tolist(), strict=True):
+        row["covariance"] = values
+    table.write_text(json.dumps(listed))
+    scene = load_scene(xml, variant=variant)
+    scan = measure(scene)
+    assert scan.errors is not None
+    np.testing.assert_allclose(scan.error, np.average(scan.errors, 0, given), atol=1e-12)
+    values = scan.as_dict()
+    assert values["worst_member"] == 3
+    assert values["members"][0]["weight"] == pytest.approx(0.2)
+    row = scan._with_scatter({"size_mm": {"cold": 10.0}, "size_by_member_mm": [9.7, 10.0, 10.2]})
+    assert (row["worst_member"], row["worst_size_mm"]) == (1, 9.7)
+    spread = np.sqrt(np.cov((9.7, 10.0, 10.2), aweights=given))
+    assert row["size_scatter_mm"] == pytest.approx(float(spread))
+    found = correct(scan.points, scene)
+    good = found.status == CorrectionStatus.CORRECTED
+    assert found.errors is not None
+    assert found.u_normal is not None
+    along = np.einsum("kij,ij->ki", found.errors, found.normal)
+    expected = np.linalg.norm(along.T @ factor, axis=1)
+    np.testing.assert_allclose(found.u_normal[good], expected[good], rtol=1e-9)
+    assert found._coverage_factor(0.0, 1e-3) == 2
+    listed["members"][1]["weight"] = -1.0
+    table.write_text(json.dumps(listed))
+    with pytest.raises(InputError, match="weights"):
+        load_scene(xml, variant=variant)
+
+
 def test_few_fields_take_a_larger_coverage_factor(three: LoadedScene) -> None:
     """GUM, table G.2, 95.45 %: 13.97 for one degree of freedom, 4.53 for two; 2 without scatter."""
     found = correct(measure(member(three, 2)).points, three)
     assert found.errors is not None
-    two = evolve(found, errors=found.errors[:2])
+    two = evolve(found, errors=found.errors[:2], weights=MemberWeights((0.5, 0.5)))
     assert two._coverage_factor(0.0, 1e-3) == pytest.approx(13.97, abs=0.005)
     assert found._coverage_factor(0.0, 1e-3) == pytest.approx(4.53, abs=0.005)
     assert found._coverage_factor(1.0, 1e-3) == pytest.approx(2.0, abs=1e-9)

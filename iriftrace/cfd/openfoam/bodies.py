@@ -60,6 +60,13 @@ def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
             pv.PolyData.from_regular_faces(body.surface.vertices, faces).save(temporary)
 
 
+def bodies_beside(field: Path, origin: str | None) -> tuple[Path, ...]:
+    """Files of the bodies around which a field was solved, as its origin names them."""
+    names = set((origin or "").partition("around ")[2].split(", "))
+    files = sorted((field.parent / FOLDER).glob("*.stl"))
+    return tuple(file for file in files if file.stem in names)
+
+
 def check_bodies(bodies: Sequence[Body], part: Part, domain: Domain) -> None:
     """Refuse bodies that cannot stand in this air, with an InputError."""
     names = [body.name for body in bodies]

@@ -1,0 +1,126 @@
+"""The command ``iriftrace fit``: weights of an ensemble's members from measured shifts."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from iriftrace.cli.console import command_line, out, say, working
+from iriftrace.cli.options import check_input, check_output
+from iriftrace.cli.trace_options import TraceOptions
+from iriftrace.core.errors import IriftraceWarning
+
+if TYPE_CHECKING:
+    from iriftrace.trace.member_fit import MemberFit
+
+
+def fit(
+    board: Path,
+    shifts: Path,
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"])],
+    scene: Path | None = None,
+    noise: float | None = None,
+    camera_motion: Annotated[bool, Parameter(negative=())] = False,
+    trace: TraceOptions = TraceOptions(),
+) -> None:
+    """Find which air it was: weights of an ensemble's members from measured shifts of a board.
+
+    Weights are not negative and sum to 1; with them, the members' predicted shifts come closest to
+    the measured ones. The new scene has the members that matter, with their weights and what the
+    fit leaves uncertain: ``measure`` and ``correct`` use both.
+
+    Example: ``iriftrace fit board/scene.xml shifts.csv -o fitted/scene.xml``
+
+    Parameters
+    ----------
+    board
+        The scene of the board: an ensemble (--member) whose part is the board, with the hot part as
+        the first --blocker.
+    shifts
+        Dots in the cold picture and their shifts to the hot one: .csv with the columns u, v, du, dv
+        in pixels of the camera's full resolution (pixel centres are whole numbers, as OpenCV
+        counts), or a map as for ``compare``.
+    output
+        XML file of the weighted scene, in a folder of its own; the fit's numbers (fit.json) go
+        beside it.
+    scene
+        Scene of the hot part with the same fields and the measuring devices, to be weighted; by
+        default that of the board, in which the hot part takes the board's place.
+    noise
+        Standard deviation of a component of the shifts, px; by default estimated from how much
+        neighbouring dots differ.
+    camera_motion
+        Fit a rigid motion of the camera between the two pictures, too.
+    """
+    from iriftrace.core.files import whole_file
+    from iriftrace.image.measured_shift import read_measured_shift
+    from iriftrace.scene.file import require_scene
+    from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
+    from iriftrace.trace.member_fit import fit_members
+
+    check_input(board, shifts, scene)
+    for xml in (board, scene):
+        if xml is not None:
+            require_scene(xml)
+    check_output(output, "scene.xml", make=True)
+    check_fitted_scene(scene or board, output)
+    measured = read_measured_shift(shifts)
+    loaded = trace.load(board)
+    with working("Fitting the members"):
+        found = fit_members(loaded, measured, noise_px=noise, camera_motion=camera_motion)
+    _print_fit(found)
+    found.require_contained()
+    if not found.contained:
+        warnings.warn(
+            f"{found.verdict} The uncertainty of corrections includes the residual; closer members "
+            "(other speeds and directions of the draught, finer meshes) make it smaller.",
+            IriftraceWarning,
+            stacklevel=1,
+        )
+    with working("Writing the scene"):
+        listed = write_fitted_scene(scene or board, found.serving, output, of_board=scene is None)
+    numbers = output.with_name("fit.json")
+    with whole_file(numbers) as temporary:
+        temporary.write_text(json.dumps(found.as_dict(), indent=2) + "\n", encoding="utf-8")
+    say(f"Files: {output} with {len(listed)} members, {numbers}")
+    say(f"Correct a cloud by it:  {command_line('correct', 'CLOUD', output)}")
+
+
+def _print_fit(found: MemberFit) -> None:
+    """Weights by member, and what the fit leaves."""
+    table = Table(title="Members that reproduce the measured shifts")
+    for heading in ("member", "field", "weight", "u", "alone"):
+        table.add_column(heading, justify="left" if heading == "field" else "right")
+    serving = {member.number for member in found.serving}
+    rows = zip(found.members, found.covariance.diagonal() ** 0.5, found.single_px, strict=True)
+    for member, deviation, alone in rows:
+        if member.number in serving:
+            table.add_row(
+                str(member.number),
+                member.label,
+                f"{member.weight:.3f}",
+                f"{deviation:.3f}",
+                f"{alone:.3g} px",
+            )
+    out.print(table)
+    dots = found.dots
+    say(
+        f"{dots['used']:,} of {dots['measured']:,} dots were used ({dots['hidden']:,} hidden, "
+        f"{dots['beside']:,} beside the board, {dots['lost']:,} lost, {dots['outliers']:,} "
+        f"outliers). Shifts: measured rms {found.measured_px:.3g} px, residual "
+        f"{found.residual_px:.3g} px, noise {found.noise_px:.3g} px (each of a component). "
+        f"Effective number of members: {found.weights.effective:.3g}."
+    )
+    if found.motion is not None:
+        moved, turned = 1e3 * found.motion[:3], 1e6 * found.motion[3:]
+        listed = ", ".join(f"{value:.3g}" for value in moved)
+        angles = ", ".join(f"{value:.3g}" for value in turned)
+        say(f"Camera between the pictures: moved by {listed} um, turned by {angles} urad.")
+    if found.contained:
+        say(found.verdict)

@@ -1,0 +1,131 @@
+"""Mixtures of several predicted shifts that come closest to measured ones."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import null_space, qr
+from scipy.optimize import nnls
+
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.image.camera_motion import OUTLIER
+
+NEAREST = 4
+"""Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
+
+HIDDEN = 0.5
+"""Systematic part of the shifts, over their noise, that a residual as large as the noise hides."""
+
+MOST_OUTLIERS = 0.02
+"""A larger fraction of dots far from the fit are no outliers but air that the members are not."""
+
+_SUM = 1e4  # Weight of the row that makes the weights sum to 1, over that of the shifts.
+_NONE = 1e-6  # Smaller weights are 0.
+
+
+class ShiftMixture:
+    """Least squares of (k, n, 2) predicted against (n, 2) measured shifts, without outliers.
+
+    `free` (n, 2, 6) are derivatives of the shifts by a motion of the camera, or None.
+
+    Attributes
+    ----------
+    weights : (k,) array
+        Not negative; their sum is 1.
+    used : (n,) array of bool
+        Shifts that are no outliers.
+    residual : float, px
+        Root mean square of a component of what is left, by its degrees of freedom.
+    """
+
+    def __init__(
+        self, predicted: FloatArray, measured: FloatArray, free: FloatArray | None
+    ) -> None:
+        self._predicted, self._measured = predicted, measured
+        # Turns in units that compare with the translations.
+        self._units = None if free is None else 1.0 / np.sqrt(np.mean(free**2, axis=(0, 1)))
+        self._free = None if free is None or self._units is None else free * self._units
+        self.used: BoolArray = np.ones(len(measured), dtype=np.bool_)
+        for _ in range(20):
+            self._columns, self._target = self._without_motion(self.used)
+            self.weights = simplex_weights(self._columns, self._target)
+            lengths = np.linalg.norm(self.left(self.weights, everywhere=True), axis=1)
+            # Median length of a vector of two normal components of deviation 1.
+            spread = float(np.median(lengths[self.used])) / 1.1774
+            inside = lengths <= max(OUTLIER * spread, 1e-9)
+            if np.mean(~inside) > MOST_OUTLIERS:
+                inside = np.ones_like(inside)
+            if np.array_equal(inside, self.used):
+                break
+            self.used = inside
+        freedom = self._target.size - (self.weights > 0).sum() + 1 - (6 if free is not None else 0)
+        rest = self._columns @ self.weights - self._target
+        self.residual = float(np.sqrt((rest**2).sum() / max(freedom, 1)))
+
+    @property
+    def motion(self) -> FloatArray | None:
+        """(6,) motion of the camera, mm and rad; None where none was fitted."""
+        if self._free is None or self._units is None:
+            return None
+        return np.asarray(self._units * self._motion_of(self.weights))
+
+    def left(self, weights: FloatArray, everywhere: bool = False) -> FloatArray:
+        """(n, 2) array, px: measured minus predicted shifts, with the best motion, used dots."""
+        rows = np.ones_like(self.used) if everywhere else self.used
+        rest = self._measured - np.tensordot(weights, self._predicted, axes=1)
+        if self._free is not None:
+            rest = rest - self._free @ self._motion_of(weights)
+        return np.asarray(rest[rows])
+
+    def covariance(self, noise: float) -> FloatArray:
+        """(k, k) covariance of the weights, by the noise of a component, px, and the residual.
+
+        The residual counts as noise of the shifts, which scatters the weights. Its systematic part,
+        at least `HIDDEN` times the noise, counts as a step towards one of the nearest members, and
+        as more or less of all shifts.
+        """
+        count = len(self.weights)
+        found = np.zeros((count, count))
+        support = np.flatnonzero(self.weights)
+        if len(support) > 1:
+            along = null_space(np.ones((1, len(support))))
+            columns = self._columns[:, support] @ along
+            # Weights lie between 0 and 1, whatever the dots do not determine.
+            precision = columns.T @ columns / max(self.residual, noise) ** 2 + 4.0 * np.eye(
+                along.shape[1]
+            )
+            found[np.ix_(support, support)] = along @ np.linalg.inv(precision) @ along.T
+        steps = np.eye(count) - self.weights
+        size = np.sqrt(np.mean((self._columns @ steps.T) ** 2, axis=0))
+        near = np.argsort(size)
+        near = near[size[near] > 1e-9 * size.max()][:NEAREST]
+        systematic = np.sqrt(max(self.residual**2 - noise**2, 0.0) + (HIDDEN * noise) ** 2)
+        scaled = steps[near] * (systematic / size[near])[:, None]
+        found += scaled.T @ scaled / len(near)
+        whole = max(float(np.sqrt(np.mean((self._columns @ self.weights) ** 2))), systematic)
+        return np.asarray(found + (systematic / whole) ** 2 * np.outer(self.weights, self.weights))
+
+    def _motion_of(self, weights: FloatArray) -> FloatArray:
+        assert self._free is not None
+        rest = self._measured - np.tensordot(weights, self._predicted, axes=1)
+        rows = self._free[self.used].reshape(-1, 6)
+        return np.asarray(np.linalg.lstsq(rows, rest[self.used].ravel(), rcond=1e-10)[0])
+
+    def _without_motion(self, used: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Predicted (2m, k) and measured (2m,) shifts without what a motion could make of them."""
+        columns = self._predicted[:, used].reshape(len(self._predicted), -1).T
+        target = self._measured[used].ravel()
+        if self._free is None:
+            return columns, target
+        basis = qr(self._free[used].reshape(-1, 6), mode="economic")[0]
+        return columns - basis @ (basis.T @ columns), target - basis @ (basis.T @ target)
+
+
+def simplex_weights(columns: FloatArray, target: FloatArray) -> FloatArray:
+    """Weights (k,) >= 0 of the sum 1 with the least squares of ``columns @ weights - target``."""
+    heavy = _SUM * max(float(np.linalg.norm(columns, axis=0).max()), 1e-12)
+    rows = np.vstack((columns, np.full((1, columns.shape[1]), heavy)))
+    # A triangular system of the same least squares: as many rows as members.
+    basis, small = qr(rows, mode="economic")
+    weights, _ = nnls(small, basis.T @ np.append(target, heavy))
+    weights = np.where(weights < _NONE, 0.0, weights)
+    return np.asarray(weights / weights.sum())

@@ -1,0 +1,44 @@
+"""Noise of shifts measured at scattered places, from how much neighbours differ."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+NEIGHBOURS = 16
+"""Places around each one, itself among them, through which a surface of second order is laid."""
+
+FEWEST_PLACES = 30
+_NORMAL_MEDIAN = 0.6745  # Median of a normal distribution's absolute values, of deviation 1.
+
+
+def shift_noise(places: FloatArray, shifts: FloatArray) -> float:
+    """Standard deviation, px, of one component of shifts (n, 2), px, at places (n, 2), px.
+
+    Each shift is compared with the surface of second order through its neighbours' and its own
+    (least squares); the median ignores the places where the shifts themselves change faster.
+
+    Raises
+    ------
+    InputError
+        There are fewer than `FEWEST_PLACES` places.
+    """
+    if len(places) < FEWEST_PLACES:
+        raise InputError(
+            f"The noise of {len(places)} shifts cannot be told from their differences, for which "
+            f"{FEWEST_PLACES} are needed; state it (--noise 0.05, in Python noise_px)."
+        )
+    _, near = cKDTree(places).query(places, NEIGHBOURS)
+    offset = places[near] - places[:, None]
+    x, y = np.moveaxis(offset / np.abs(offset).max(), 2, 0)
+    surface = np.stack((np.ones_like(x), x, y, x * x, x * y, y * y), axis=2)
+    # Row 0 of each inverse gives the plane's value at the place, the first of its neighbours.
+    weight = np.linalg.pinv(surface)[:, 0]
+    fitted = np.einsum("nk,nkc->nc", weight, shifts[near])
+    freedom = 1.0 - weight[:, 0]
+    known = freedom > 1e-6
+    rest = np.abs(shifts - fitted)[known] / np.sqrt(freedom[known])[:, None]
+    return float(np.median(rest)) / _NORMAL_MEDIAN

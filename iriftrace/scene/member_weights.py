@@ -1,0 +1,101 @@
+"""Weighted mean, scatter and uncertainty over the members of an ensemble."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import field, frozen
+from numpy.typing import ArrayLike
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+
+
+def _checked(values: ArrayLike) -> FloatArray:
+    """Weights (k,) scaled to the sum 1; InputError unless they are finite, >= 0 and not all 0."""
+    weights = np.array(values, dtype=np.float64)
+    if not (np.isfinite(weights).all() and (weights >= 0.0).all() and weights.sum() > 0.0):
+        listed = ", ".join(f"{weight:g}" for weight in weights)
+        raise InputError(
+            f"The weights {listed} are not those of an ensemble; give each member a finite number "
+            "of 0 or more, and at least one of them more than 0."
+        )
+    return np.asarray(weights / weights.sum())
+
+
+@frozen(eq=False)
+class MemberWeights:
+    """Weights of an ensemble's members.
+
+    Attributes
+    ----------
+    weights : (k,) array
+        Not negative; their sum is 1.
+    covariance : (k, k) array or None
+        Of weights that were fitted to a measurement (:func:`iriftrace.fit_members`); None for
+        members that are a sample of what the air may be.
+    """
+
+    weights: FloatArray = field(converter=_checked)
+    covariance: FloatArray | None = None
+
+    @classmethod
+    def of(
+        cls, weights: Sequence[float], covariance: Sequence[Sequence[float] | None]
+    ) -> MemberWeights:
+        """Weights and the rows of their covariance, None where it is not known."""
+        if any(row is None for row in covariance):
+            return cls(weights)
+        matrix = np.array(covariance, dtype=np.float64)
+        if matrix.shape != (len(weights),) * 2:
+            raise InputError(
+                f"The covariance of {len(weights)} weights has the shape {matrix.shape}; write the "
+                "scene again."
+            )
+        return cls(weights, matrix)
+
+    @property
+    def rows(self) -> list[tuple[float, list[float] | None]]:
+        """Weight of each member and its row of the covariance, None where that is not known."""
+        weights = self.weights.tolist()
+        known = [None] * len(weights) if self.covariance is None else self.covariance.tolist()
+        return list(zip(weights, known, strict=True))
+
+    @property
+    def effective(self) -> float:
+        """Effective number of members, 1 / sum w^2."""
+        return float(1.0 / np.sum(self.weights**2))
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Of `uncertainty`: effective members - 1 of a sample; infinite of fitted weights."""
+        return np.inf if self.covariance is not None else max(self.effective - 1.0, 0.0)
+
+    def mean(self, values: ArrayLike) -> FloatArray:
+        """Weighted mean (...) of one value or array per member, (k, ...)."""
+        return np.asarray(np.tensordot(self.weights, np.asarray(values), axes=1))
+
+    def scatter(self, values: ArrayLike) -> FloatArray:
+        """Weighted standard deviation (...) over the members' (k, ...) values.
+
+        That of a sample, ``sum w (x - mean)^2 / (1 - sum w^2)`` under the root, which for equal
+        weights divides by k - 1; 0 where one member has all the weight.
+        """
+        numbers = np.asarray(values, dtype=np.float64)
+        freedom = 1.0 - float(np.sum(self.weights**2))
+        if freedom < 1e-12:
+            return np.zeros(numbers.shape[1:])
+        return np.asarray(np.sqrt(self.mean((numbers - self.mean(numbers)) ** 2) / freedom))
+
+    def uncertainty(self, values: ArrayLike) -> FloatArray:
+        """Standard uncertainty (...) of the weighted mean as a statement about the real air.
+
+        By the covariance C of fitted weights, the root of ``x C x``; without one the `scatter`.
+        """
+        numbers = np.asarray(values, dtype=np.float64)
+        if self.covariance is None:
+            return self.scatter(numbers)
+        flat = numbers.reshape(len(numbers), -1)
+        variance = np.einsum("in,in->n", flat, self.covariance @ flat)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)).reshape(numbers.shape[1:]))

@@ -1,0 +1,305 @@
+"""Weights of an ensemble's members from measured shifts of what is seen through their air.
+
+The shift that a member predicts at a place of the hot picture is that place minus the projection
+of the point where its bent ray ends. Weights are not negative and sum to 1, so the fit is a mixture
+of the members; a motion of the camera between the pictures may be fitted with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.image.aov_image import Status
+from iriftrace.image.camera_motion import interaction_matrix
+from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.image.shift_mixture import ShiftMixture
+from iriftrace.image.shift_noise import shift_noise
+from iriftrace.scene.ensemble import FieldMember
+from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.member_weights import MemberWeights
+from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.trace.engine import choose
+from iriftrace.trace.provenance import provenance
+from iriftrace.trace.rays import traced_as_chosen
+
+SCHEMA = "iriftrace.fit/1"
+
+DOUBTFUL = 2.0
+"""From so many times the noise on the residual says that the members are not the measured air."""
+
+REFUSED = 3.0
+"""From so many times on no weighted scene is made of them."""
+
+INDISTINCT = 0.1
+"""Members whose shifts differ by less, over their noise, cannot be told apart."""
+
+BESIDE = 0.2
+"""A larger fraction of dots that lie beside the board are another camera's."""
+
+
+@frozen(eq=False)
+class MemberFit:
+    """Weights that make the members' shifts those that were measured.
+
+    Attributes
+    ----------
+    members : tuple of FieldMember
+        All members of the scene, with their fitted weights and rows of the covariance.
+    covariance : (k, k) array
+        Of the weights: by the residual as noise of the shifts; and by what air may differ from the
+        fit by as much of the dots' shifts as the residual has more than the noise: towards the
+        nearest members, or all of it more or less.
+    residual_px, noise_px : float, px
+        Root mean square of a component of what the fit leaves, and its noise.
+    single_px : (k,) array, px
+        What each member leaves by itself.
+    measured_px : float, px
+        Root mean square of a component of the measured shifts.
+    dots : dict of int
+        Number ``measured``, ``used``, ``hidden`` by a body, ``beside`` the board, ``lost`` and
+        ``outliers``.
+    motion : (6,) array or None
+        Translation, mm, and rotation vector, rad, of the camera between the pictures, in its own
+        frame; None where it was not fitted.
+    """
+
+    members: tuple[FieldMember, ...]
+    covariance: FloatArray = field(repr=False)
+    residual_px: float
+    noise_px: float
+    single_px: FloatArray = field(repr=False)
+    measured_px: float
+    dots: dict[str, int]
+    motion: FloatArray | None
+    provenance: dict[str, Any] = field(repr=False)
+
+    @property
+    def weights(self) -> MemberWeights:
+        """Weights of all members, with their covariance."""
+        return MemberWeights(np.array([m.weight for m in self.members]), self.covariance)
+
+    @property
+    def ratio(self) -> float:
+        """Residual over noise."""
+        return self.residual_px / self.noise_px
+
+    @property
+    def contained(self) -> bool:
+        """Whether the residual is below `DOUBTFUL` times the noise."""
+        return self.ratio < DOUBTFUL
+
+    @property
+    def verdict(self) -> str:
+        """Whether the members contain the measured air, in a sentence."""
+        found = f"the residual of {self.residual_px:.3g} px is {self.ratio:.3g} times the noise"
+        if self.contained:
+            return f"These members reproduce the measured shifts: {found}."
+        return f"These members do not contain your air: {found}."
+
+    @property
+    def serving(self) -> tuple[FieldMember, ...]:
+        """Members with weight, and those without that the covariance rests on."""
+        rows = zip(self.members, self.covariance, strict=True)
+        return tuple(m for m, row in rows if m.weight > 0.0 or row.any())
+
+    def require_contained(self) -> None:
+        """Refuse members that are far from the measured air, with an InputError."""
+        if self.ratio >= REFUSED:
+            raise InputError(
+                f"{self.verdict} No scene is written; add members that are closer (other speeds "
+                "and directions of the draught, other bodies), or check the board and its camera."
+            )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values, schema ``iriftrace.fit/1``."""
+        labels = zip(self.members, self.single_px.tolist(), strict=True)
+        motion = None if self.motion is None else self.motion.tolist()
+        return {
+            "schema": SCHEMA,
+            **self.provenance,
+            "verdict": self.verdict,
+            "residual_px": self.residual_px,
+            "noise_px": self.noise_px,
+            "measured_px": self.measured_px,
+            "effective_members": self.weights.effective,
+            "dots": self.dots,
+            "camera_motion": None
+            if motion is None
+            else {"translation_mm": motion[:3], "rotation_rad": motion[3:]},
+            "members": [
+                {"number": m.number, "label": m.label, "weight": m.weight, "alone_px": alone}
+                for m, alone in labels
+            ],
+            "covariance": self.covariance.tolist(),
+        }
+
+
+def fit_members(
+    scene: AnyScene,
+    shifts: MeasuredShift,
+    *,
+    noise_px: float | None = None,
+    camera_motion: bool = False,
+) -> MemberFit:
+    """Fit the weights of an ensemble's members to measured shifts of a board's dots.
+
+    Parameters
+    ----------
+    scene : Scene, LoadedScene or path
+        An ensemble whose part is the board and whose camera took both pictures; the hot part in
+        front of it is a blocker.
+    shifts : MeasuredShift
+        Positions in the cold picture and shifts to the hot one, in pixels of the camera's full
+        resolution (:func:`iriftrace.read_measured_shift`).
+    noise_px : float, px, optional
+        Standard deviation of a component of the shifts; by default from the differences of
+        neighbours (`shift_noise`).
+    camera_motion : bool
+        Fit a rigid motion of the camera between the pictures, too.
+
+    Returns
+    -------
+    MemberFit
+
+    Raises
+    ------
+    InputError
+        The scene is no ensemble; the dots are another camera's, hidden, or fewer than the members;
+        or the members' shifts do not differ, as of a board in front of the part.
+    """
+    loaded = loaded_scene(scene)
+    if loaded.ensemble is None:
+        raise InputError(
+            f"{loaded.name} has one field, so there are no weights to fit; make it of several "
+            "states of the air (iriftrace scene --member)."
+        )
+    if noise_px is not None and not noise_px > 0.0:
+        raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
+    camera = _full_camera(loaded)
+    _check_count(len(shifts.places), len(loaded.ensemble))
+    _check_in_picture(shifts, camera)
+    noise = shift_noise(shifts.places, shifts.shifts) if noise_px is None else noise_px
+    hot = shifts.places + shifts.shifts
+    chosen = choose(loaded, camera).scene.ensemble
+    assert chosen is not None
+    points, status = _seen(chosen.scenes(), camera, hot)
+    good = (status == Status.GOOD).all(axis=0)
+    dots = _counts(status)
+    _check_dots(dots, len(loaded.ensemble))
+    predicted = hot[good] - np.array([camera.project(seen[good]) for seen in points])
+    free = interaction_matrix(camera, points[0][good]) if camera_motion else None
+    _check_spread(_rms(predicted - predicted.mean(axis=0)), noise)
+    found = ShiftMixture(predicted, shifts.shifts[good], free)
+    covariance = found.covariance(noise)
+    fitted = MemberWeights(found.weights, covariance).rows
+    return MemberFit(
+        members=tuple(
+            evolve(member, weight=weight, covariance=row)
+            for member, (weight, row) in zip(loaded.ensemble.members, fitted, strict=True)
+        ),
+        covariance=covariance,
+        residual_px=found.residual,
+        noise_px=noise,
+        single_px=np.array([_rms(found.left(unit)) for unit in np.eye(len(fitted))]),
+        measured_px=_rms(shifts.shifts[good]),
+        dots={**dots, "used": int(found.used.sum()), "outliers": int((~found.used).sum())},
+        motion=found.motion,
+        provenance={
+            **provenance(loaded, camera),
+            "shifts": {"path": shifts.path, "sha256": shifts.sha256},
+        },
+    )
+
+
+def _full_camera(scene: LoadedScene) -> Camera:
+    """The scene's camera at the resolution of its film before ``scale`` changed it."""
+    return scene.camera.scaled(scene.full_resolution[0] / scene.camera.resolution[0])
+
+
+def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
+    width, height = camera.resolution
+    off = np.abs(shifts.places - (width / 2, height / 2)) - (width / 2, height / 2)
+    outside = off.max(axis=1) > 0.0
+    if outside.any():
+        raise InputError(
+            f"{outside.sum():,} of {len(outside):,} dots in {shifts.path} lie outside the camera's "
+            f"picture of {width} x {height} px, so they are shifts from another camera or of a "
+            "scaled picture; give those of the camera in the scene, at its full resolution."
+        )
+
+
+def _seen(
+    scenes: Iterable[LoadedScene], camera: Camera, hot: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Points (k, n, 3), mm, seen at places of the hot picture by member, and status (k, n)."""
+    origins, directions = camera.rays(hot)
+    points, status = [], []
+    for scene in scenes:
+        hits = traced_as_chosen(scene, origins, directions)
+        whole = np.full((len(hot), 3), np.nan)
+        code = np.full(len(hot), int(Status.MISSED))
+        whole[hits.ray], code[hits.ray] = hits.refracted, hits.status
+        points.append(whole)
+        status.append(code)
+    return np.array(points), np.array(status)
+
+
+def _counts(status: IntArray) -> dict[str, int]:
+    """Dots by what became of their rays in the members."""
+    hidden = (status == Status.BLOCKED).any(axis=0)
+    beside = (status == Status.MISSED).any(axis=0) & ~hidden
+    lost = (status != Status.GOOD).any(axis=0) & ~hidden & ~beside
+    return {
+        "measured": status.shape[1],
+        "hidden": int(hidden.sum()),
+        "beside": int(beside.sum()),
+        "lost": int(lost.sum()),
+    }
+
+
+def _check_dots(dots: dict[str, int], members: int) -> None:
+    """Refuse dots that do not lie on the board, or are too few."""
+    measured, beside, hidden = dots["measured"], dots["beside"], dots["hidden"]
+    usable = measured - beside - hidden - dots["lost"]
+    if beside > BESIDE * measured:
+        raise InputError(
+            f"{beside:,} of {measured:,} dots lie beside the board as the scene's camera sees it, "
+            "so the shifts are from another camera, or camera or board stand elsewhere; correct "
+            "the scene's camera, or the board's place (--part-transform)."
+        )
+    if hidden == measured:
+        raise InputError(
+            f"All {measured:,} dots lie on the hot part or on another blocker, which hides the "
+            "board there; give shifts of dots on the board."
+        )
+    _check_count(usable, members, f" ({hidden:,} dots are hidden, {beside:,} beside the board)")
+
+
+def _check_count(dots: int, members: int, others: str = "") -> None:
+    if dots < members:
+        raise InputError(
+            f"{dots:,} dots on the board are fewer than the {members} members, so their weights "
+            f"cannot be told{others}; measure more dots, or use fewer members."
+        )
+
+
+def _check_spread(spread: float, noise: float) -> None:
+    """Refuse members whose shifts, px, no dot tells apart."""
+    if spread < INDISTINCT * noise:
+        raise InputError(
+            f"The members' shifts of the dots differ by {spread:.2g} px, less than a tenth of the "
+            f"noise of {noise:.2g} px, so they tell nothing of the air; a board in front of the "
+            "part or far beside it sees no hot air: place it behind the part."
+        )
+
+
+def _rms(values: FloatArray) -> float:
+    """Root mean square of a component."""
+    return float(np.sqrt(np.mean(values**2)))

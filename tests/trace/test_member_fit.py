@@ -1,0 +1,238 @@
+"""Weights of members from a board's shifts: a twin experiment in air of a formula, and by command.
+
+The truth lies between two members; the shifts of the dots have noise of 0.05 px.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import attrs
+import numpy as np
+import pytest
+
+import iriftrace
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError
+from iriftrace.image.camera_motion import interaction_matrix
+from iriftrace.image.measured_shift import MeasuredShift
+from iriftrace.image.shift_mixture import simplex_weights
+from iriftrace.image.shift_noise import shift_noise
+from iriftrace.scene.load import load_scene
+from iriftrace.triangulation.correct import CorrectionStatus
+from validation.inputs.leaning_air import (
+    BOARD,
+    BOARD_CAMERA,
+    LEEWARD,
+    UPRIGHT,
+    along_normal,
+    hot_block_part,
+    leaning,
+    measured_shifts,
+)
+
+pytestmark = [
+    pytest.mark.usefixtures("variant"),
+    pytest.mark.filterwarnings("ignore:Hits of this view"),
+]
+
+LEANS = (0.0, 0.2, 0.4, 0.6)
+NOISE = 0.05
+Printed = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def fields(tmp_path_factory: pytest.TempPathFactory) -> list[iriftrace.IndexField]:
+    folder = tmp_path_factory.mktemp("fields")
+    return [leaning(lean, folder) for lean in LEANS]
+
+
+@pytest.fixture(scope="module")
+def board(fields: list[iriftrace.IndexField]) -> iriftrace.Scene:
+    """The board behind the block, in the air of the members."""
+    part = BOARD.part.transformed(UPRIGHT)
+    air = iriftrace.HotAir(fields, layers=9)
+    return iriftrace.Scene(part, air, BOARD_CAMERA, blockers=[hot_block_part()], engine="shells")
+
+
+def in_air(scene: iriftrace.Scene, field: iriftrace.IndexField) -> iriftrace.Scene:
+    return attrs.evolve(scene, air=iriftrace.HotAir(field, layers=9))
+
+
+def of_part(scene: iriftrace.Scene, air: iriftrace.HotAir) -> iriftrace.Scene:
+    """The block measured by two devices to its lee, in some air."""
+    camera, second = LEEWARD
+    return attrs.evolve(
+        scene,
+        part=scene.blockers[0],
+        air=air,
+        camera=camera,
+        second=second,
+        second_id="camera_2",
+        blockers=(),
+    )
+
+
+@pytest.fixture(scope="module")
+def true_air(tmp_path_factory: pytest.TempPathFactory) -> iriftrace.IndexField:
+    return leaning(0.3, tmp_path_factory.mktemp("truth"))
+
+
+@pytest.fixture(scope="module")
+def shifts(board: iriftrace.Scene, true_air: iriftrace.IndexField) -> MeasuredShift:
+    return measured_shifts(in_air(board, true_air), NOISE)
+
+
+def test_twin(
+    board: iriftrace.Scene, true_air: iriftrace.IndexField, shifts: MeasuredShift
+) -> None:
+    """What the weighted correction leaves, against the block's planes and beside still air's."""
+    fit = iriftrace.fit_members(board, shifts)
+    assert fit.noise_px == pytest.approx(NOISE, rel=0.1)
+    assert fit.contained
+    assert fit.ratio < 1.3
+    assert 1.8 < fit.weights.effective < 2.2
+    assert fit.weights.weights @ LEANS == pytest.approx(0.3, abs=0.02)
+    truth = of_part(board, iriftrace.HotAir(true_air, layers=9))
+    scan, block = iriftrace.measure(truth), board.blockers[0]
+
+    def left(air: iriftrace.HotAir) -> tuple[float, iriftrace.Correction, np.ndarray]:
+        found = iriftrace.correct(scan.points, of_part(board, air))
+        good = found.status == CorrectionStatus.CORRECTED
+        assert good.mean() > 0.9
+        off = along_normal(block, found.points[good], scan.face[good])
+        return float(np.sqrt(np.mean(off**2))), found, off
+
+    states = board.air.states
+    weighted = iriftrace.HotAir([s.field for s in states], layers=9, weights=fit.weights)
+    after, found, off = left(weighted)
+    uncorrected = float(np.sqrt(np.mean(scan.error_normal**2)))
+    assert after <= 0.25 * uncorrected
+    assert after <= 0.25 * left(iriftrace.HotAir(states[0].field, layers=9))[0]
+    assert found.u_normal is not None
+    u = found.u_normal[found.status == CorrectionStatus.CORRECTED]
+    assert np.mean(np.abs(off) <= 2.0 * u) >= 0.9
+    assert np.median(u) < 0.3 * uncorrected
+    assert "by a fit to measured shifts" in found.provenance["assumptions"]["ensemble"]
+
+
+@pytest.mark.parametrize("lean", [-0.3, 1.0])
+def test_air_outside_the_family_is_refused(
+    board: iriftrace.Scene, tmp_path: Path, lean: float
+) -> None:
+    seen = measured_shifts(in_air(board, leaning(lean, tmp_path)), NOISE)
+    fit = iriftrace.fit_members(board, seen)
+    assert not fit.contained
+    with pytest.raises(InputError, match="do not contain your air: the residual"):
+        fit.require_contained()
+
+
+def test_a_motion_of_the_camera_is_told_from_the_air(
+    board: iriftrace.Scene, shifts: MeasuredShift
+) -> None:
+    motion = np.array((0.02, -0.01, 0.03, 1e-4, -2e-4, 3e-4))
+    dots = BOARD.centres @ UPRIGHT[:3, :3].T + UPRIGHT[:3, 3]
+    nearest = np.argmin(
+        np.linalg.norm(BOARD_CAMERA.project(dots)[:, None] - shifts.places, axis=2), axis=0
+    )
+    moved = interaction_matrix(BOARD_CAMERA, dots[nearest]) @ motion
+    both = attrs.evolve(shifts, shifts=shifts.shifts + moved)
+    assert not iriftrace.fit_members(board, both).contained
+    fit = iriftrace.fit_members(board, both, camera_motion=True)
+    assert fit.ratio < 1.3
+    assert fit.weights.weights @ LEANS == pytest.approx(0.3, abs=0.03)
+    assert fit.motion is not None
+    # A turn and a move across the view are seen as nearly the same shift: compare what is seen.
+    seen = interaction_matrix(BOARD_CAMERA, dots[nearest]) @ fit.motion
+    assert np.sqrt(np.mean((seen - moved) ** 2)) < 0.5 * NOISE < np.sqrt(np.mean(moved**2))
+
+
+def test_weights_are_the_least_squares_on_the_simplex() -> None:
+    """Against the optimality conditions: the gradient is equal where w > 0 and larger where not."""
+    random = np.random.default_rng(4)
+    columns, target = random.normal(size=(40, 6)), random.normal(size=40)
+    weights = simplex_weights(columns, target)
+    assert weights.sum() == pytest.approx(1.0, abs=1e-12)
+    gradient = columns.T @ (columns @ weights - target)
+    level = gradient[weights > 0].mean()
+    np.testing.assert_allclose(gradient[weights > 0], level, atol=1e-5)
+    assert (gradient[weights == 0] > level).all()
+    assert 0 < (weights == 0).sum() < 5
+    mixture = np.array((0.0, 0.25, 0.0, 0.75, 0.0, 0.0))
+    np.testing.assert_allclose(simplex_weights(columns, columns @ mixture), mixture, atol=1e-7)
+
+
+def test_noise_is_told_from_the_signal() -> None:
+    random = np.random.default_rng(5)
+    places = random.uniform(0.0, 1000.0, (2000, 2))
+    x, y = places.T / 1000.0
+    signal = np.column_stack((3.0 * x**2 - y, np.sin(4.0 * x) * y))
+    noisy = signal + random.normal(0.0, 0.08, signal.shape)
+    assert shift_noise(places, noisy) == pytest.approx(0.08, rel=0.05)
+    assert shift_noise(places, signal) < 0.002
+    with pytest.raises(InputError, match="state it"):
+        shift_noise(places[:10], signal[:10])
+
+
+def test_shifts_that_cannot_be_fitted(board: iriftrace.Scene, shifts: MeasuredShift) -> None:
+    def refused(words: str, seen: MeasuredShift, scene: iriftrace.Scene = board) -> None:
+        with pytest.raises(InputError, match=words):
+            iriftrace.fit_members(scene, seen, noise_px=NOISE)
+
+    def some(rows: object, offset: float = 0.0) -> MeasuredShift:
+        return attrs.evolve(shifts, places=shifts.places[rows] + offset, shifts=shifts.shifts[rows])
+
+    refused("outside the camera's picture", some(slice(None), 1500.0))
+    refused("fewer than the 4 members", some(slice(3)))
+    middle = BOARD_CAMERA.project(np.random.default_rng(6).uniform(-4, 4, (40, 3)))
+    refused("hides the board", attrs.evolve(shifts, places=middle, shifts=np.zeros((40, 2))))
+    aside = board.part.transformed(
+        np.array(((1, 0, 0, 60), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1.0)))
+    )
+    refused("beside the board", shifts, attrs.evolve(board, part=aside))
+    front = board.part.transformed(
+        np.array(((1, 0, 0, 0), (0, 1, 0, -100), (0, 0, 1, 0), (0, 0, 0, 1.0)))
+    )
+    refused("in front of the part", shifts, attrs.evolve(board, part=front))
+    refused("has one field", shifts, in_air(board, board.air.states[0].field))
+
+
+def test_command(
+    board: iriftrace.Scene, shifts: MeasuredShift, tmp_path: Path, capsys: Printed
+) -> None:
+    """Files of the board's scene and of the part's; the weighted scenes correct as in memory."""
+    xml = attrs.evolve(board, second=LEEWARD[1], second_id="camera_2").save(
+        tmp_path / "board" / "scene.xml", scale=0.25
+    )
+    table = np.column_stack((shifts.places - 0.5, shifts.shifts))
+    np.savetxt(
+        tmp_path / "s.csv", table, delimiter=",", header="u,v,du,dv", comments="", fmt="%.9g"
+    )
+    measuring = of_part(board, board.air).save(tmp_path / "part" / "scene.xml", scale=1.0)
+    words = ["fit", str(xml.path), str(tmp_path / "s.csv"), "--engine", "shells", "-o"]
+    assert main([*words, str(tmp_path / "fitted" / "scene.xml")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "These members reproduce the measured shifts" in printed
+    fit = json.loads((tmp_path / "fitted" / "fit.json").read_text())
+    in_memory = iriftrace.fit_members(board, shifts)
+    weights = [row["weight"] for row in fit["members"]]
+    np.testing.assert_allclose(weights, in_memory.weights.weights, atol=1e-6)
+    fitted = load_scene(tmp_path / "fitted" / "scene.xml")
+    np.testing.assert_allclose(fitted.part.bounds, board.blockers[0].bounds, atol=1e-5)
+    assert fitted.ensemble is not None
+    assert fitted.ensemble.weights.covariance is not None
+    assert fitted.second_id == "camera_2"
+    other = tmp_path / "by_others" / "scene.xml"
+    assert main([*words, str(other), "--scene", str(measuring.path)]) == 0
+    scan = iriftrace.measure(load_scene(other, {"member": 2}))
+    cloud, corrected = tmp_path / "cloud.vtp", tmp_path / "corrected.vtp"
+    scan.save(cloud)
+    capsys.readouterr()
+    assert main(["correct", str(cloud), str(other), "-o", str(corrected)]) == 0
+    assert "were fitted to measured shifts" in " ".join(capsys.readouterr().out.split())
+    numbers = json.loads(corrected.with_suffix(".json").read_text())
+    rows = numbers["ensemble"]["members"]
+    assert [row["weight"] for row in rows] == pytest.approx(weights, abs=1e-9)
+    assert main([*words, str(tmp_path / "board" / "other.xml")]) == 2
+    assert "folder of its own" in " ".join(capsys.readouterr().err.split())
