@@ -326,12 +326,15 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
 
     plan = summary.plan
     _print_table(
-        f"Best poses for region {plan.criteria.region}: displacement, coverage, resolution",
+        f"Best poses for region {plan.criteria.region}: {summary.displacement.title.lower()}, "
+        "coverage, resolution",
         ranking.short_headings,
         ranking.rows,
     )
     if ranking.note:
         say(ranking.note)
+    if summary.devices:
+        say(summary.devices)
     if plan.unranked:
         pose, reason = next(iter(plan.unranked.items()))
         count = len(plan.unranked)

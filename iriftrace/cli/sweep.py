@@ -39,7 +39,8 @@ def sweep(
 
     An interrupted sweep goes on where it stopped when the same command is given again.
     Several scenes of the same part (one field each), focal lengths and stand-offs give all their
-    combinations, whose poses `iriftrace plan` normalises and ranks together.
+    combinations, whose poses `iriftrace plan` normalises and ranks together. A scene with two
+    devices is a rigid sensor: both move together, and their errors are kept too.
 
     Example: ``iriftrace sweep scene.xml -o sweep.nc --azimuth 0:90:10 --elevation -90:90:19``
 
@@ -131,6 +132,8 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     for name, unit, factor in (
         ("displacement_median", "um", 1e3),
         *([("scatter_median", "um", 1e3)] if "scatter_median" in whole else []),
+        *([("error_normal_p95", "um", 1e3)] if "error_normal_p95" in whole else []),
+        *([("coverage_measured", "%", 100)] if "coverage_measured" in whole else []),
         ("coverage_area", "%", 100),
         ("lateral_resolution", "um", 1e3),
     ):

@@ -132,7 +132,7 @@ def report_content(
                 for name, weight in weights.items()
             )
             + " of the normalised metrics, the smaller the better "
-            f"({plan.criteria.statistic} displacement)."
+            f"({summary.displacement.title.lower()})."
         ),
         answer=(
             f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} "
@@ -198,6 +198,7 @@ def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
         f"{mark}: {'; '.join(origins)}. Time of the field: {time}.",
         assumed.get("field_fit", ""),
         _engines_text(dataset),
+        summary.devices,
         warned_text(summary),
         other_statistics_text(summary),
     )

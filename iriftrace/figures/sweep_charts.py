@@ -85,7 +85,8 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         _finish_histogram(axes, title if score else f"{quantity.title} (normalised, 0 to 1)")
         axes.tick_params(labelleft=True, labelbottom=True)
     spare.set_axis_off()
-    terms = [f"{weights['displacement']:g} displacement", f"{weights['coverage']:g} (1 - coverage)"]
+    error = summary.displacement.title.lower()
+    terms = [f"{weights['displacement']:g} {error}", f"{weights['coverage']:g} (1 - coverage)"]
     terms += [f"{weights[key]:g} {key} resolution" for key in ("axial", "lateral")]
     spare.text(
         0.02,
@@ -186,8 +187,9 @@ def rays_figure(summary: SweepSummary) -> Figure:
 
 def pareto_figure(summary: SweepSummary) -> Figure:
     """Coverage against displacement, coloured by lateral resolution, with the Pareto front."""
+    error = "displacement" if summary.of_camera else "error"
     figure, body = new_figure(
-        8.0, 6.0, "Coverage against displacement, and the poses that none beats", summary.subtitle
+        8.0, 6.0, f"Coverage against {error}, and the poses that none beats", summary.subtitle
     )
     axes = body.add_subplot()
     across, up, colour = summary.displacement, summary.coverage, summary.lateral
@@ -228,7 +230,7 @@ def pareto_figure(summary: SweepSummary) -> Figure:
     ):
         if count:
             entries.append(Line2D([], [], label=text.format(count), **UNKNOWN))
-    text = "Pareto front in displacement, coverage, axial and lateral resolution: "
+    text = f"Pareto front in {error}, coverage, axial and lateral resolution: "
     ring = Line2D([], [], label=f"{text}{len(summary.front)} poses", **FRONT_RING)
     legend_below(body, [ring, *entries])
     return figure

@@ -6,6 +6,7 @@ import math
 from typing import Any, Literal, get_args
 
 from attrs import Attribute, asdict, field, frozen
+from attrs.validators import optional
 
 from iriftrace.core.errors import InputError
 
@@ -15,6 +16,7 @@ METRICS = ("displacement", "coverage", "axial", "lateral")
 Statistic = Literal["mean", "median", "p95"]
 Resolution = Literal["step", "nn3d", "nnxy"]
 Outside = Literal["clip", "discard"]
+Criterion = Literal["displacement", "normal", "features"]
 
 
 def _is_weight(_: Any, attribute: Attribute[float], value: float) -> None:
@@ -64,6 +66,10 @@ class Criteria:
         Region of the part; "part" is all of it.
     percentile
         Upper end of the normalisation.
+    criterion
+        What ranks beside coverage and resolution, with the weight of the displacement: that of the
+        camera's rays; or, of a sensor with two devices, the error of its points along the normal,
+        or the error of diameters. By default normal where the sweep has two devices.
     outside
         What becomes of poses beyond the percentile: clipped to it, or not ranked.
     min_hits
@@ -85,6 +91,7 @@ class Criteria:
     resolution: Resolution = field(default="step", validator=_one_of(Resolution))
     region: str = "part"
     percentile: float = 95.0
+    criterion: Criterion | None = field(default=None, validator=optional(_one_of(Criterion)))
     outside: Outside = field(default="clip", validator=_one_of(Outside))
     min_hits: int = 100
     min_coverage: float = 0.0

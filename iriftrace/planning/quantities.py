@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 
 _STATISTICS = {"mean": "Mean", "median": "Median", "p95": "95th-percentile"}
+_ERRORS = {
+    "displacement": "displacement",
+    "normal": "error along the normal",
+    "features": "Error of diameters",
+}
 _READINGS = {
     "step": "step to the next pixel",
     "nn3d": "nearest neighbour in space",
@@ -58,7 +63,9 @@ class Quantity:
 def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     """One of `METRICS` of a ranking; `enough` masks the poses whose values rest on enough rays."""
     if key == "displacement":
-        name = f"{_STATISTICS[plan.criteria.statistic]} displacement"
+        name = _ERRORS[plan.criteria.criterion or "displacement"]
+        if plan.criteria.criterion != "features":
+            name = f"{_STATISTICS[plan.criteria.statistic]} {name}"
     elif key == "coverage":
         name = "Coverage"
     else:

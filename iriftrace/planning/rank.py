@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -107,6 +107,7 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     IriftraceWarning
         A metric is the same, or nearly the same, in all ranked poses.
     """
+    criteria = in_force(criteria, dataset)
     needed = criteria.needed
     metrics, eligible, unranked = _candidates(dataset, criteria, needed)
     limits = {
@@ -237,7 +238,7 @@ def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray
     InputError
         The dataset is not a sweep, or no pose can be compared.
     """
-    metrics, eligible, _ = _candidates(dataset, criteria, METRICS)
+    metrics, eligible, _ = _candidates(dataset, in_force(criteria, dataset), METRICS)
     poses = np.flatnonzero(eligible)
     by_name = {**metrics, "coverage": -metrics["coverage"]}
     costs = np.stack([by_name[name][poses] for name in METRICS], axis=1)
@@ -253,12 +254,30 @@ def pareto_front(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> IntArray
     return np.sort(poses[front]).astype(np.int64)
 
 
+def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
+    """The criteria with the criterion that a sweep is ranked by.
+
+    InputError for one about two devices where the sweep has one camera.
+    """
+    rig = "error_normal_p95" in dataset
+    if criteria.criterion in ("normal", "features") and not rig:
+        raise InputError(
+            f"The criterion {criteria.criterion} is about what two devices measure, and the sweep "
+            "is of one camera; sweep a scene with two (iriftrace scene --second), or leave it out."
+        )
+    return evolve(criteria, criterion=criteria.criterion or ("normal" if rig else "displacement"))
+
+
 def metric_variables(criteria: Criteria) -> dict[str, str]:
-    """Names of the variables of a sweep that hold each of `METRICS`."""
+    """Names of the variables of a sweep that hold each of `METRICS`, by criteria in force."""
     reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
+    error = {
+        "normal": f"error_normal_{criteria.statistic}",
+        "features": "size_error",
+    }.get(criteria.criterion or "", f"displacement_{criteria.statistic}")
     return {
-        "displacement": f"displacement_{criteria.statistic}",
-        "coverage": "coverage",
+        "displacement": error,
+        "coverage": "coverage" if criteria.criterion == "displacement" else "coverage_measured",
         "axial": f"axial_resolution{reading}",
         "lateral": f"lateral_resolution{reading}",
     }
@@ -274,10 +293,12 @@ def _candidates(
     region, min_hits, min_coverage = criteria.region, criteria.min_hits, criteria.min_coverage
     variables = metric_variables(criteria)
     column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
-    metrics = {name: _column(dataset, v, column) for name, v in variables.items()}
+    metrics = {name: np.abs(_column(dataset, v, column)) for name, v in variables.items()}
     good_rays = _column(dataset, "rays_good", column)
     count = len(good_rays)
     failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else [""] * count
+    together = criteria.criterion != "displacement"
+    points = _column(dataset, "points_measured", column).tolist() if together else None
     reasons = {}
     seen = metrics["coverage"].tolist()
     for pose, (failure, rays) in enumerate(zip(failures, good_rays.tolist(), strict=True)):
@@ -288,6 +309,10 @@ def _candidates(
             reasons[pose] = "not traced"
         elif rays < min_hits:
             reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
+        elif points is not None and points[pose] < min_hits:
+            reasons[pose] = (
+                f"{points[pose]:.0f} points that both devices see, fewer than {min_hits}"
+            )
         elif seen[pose] < min_coverage:
             reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
     rich = np.ones(count, dtype=np.bool_)

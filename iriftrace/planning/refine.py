@@ -24,7 +24,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
 from iriftrace.planning.rank import Plan, metric_variables, score_of
-from iriftrace.sweep.measures import MEASURES
+from iriftrace.sweep.measures import MEASURES, RIG
 from iriftrace.sweep.store import WHOLE_PART, attribute
 
 if TYPE_CHECKING:
@@ -264,16 +264,17 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
     """The four metrics of a pose; None where the camera cannot stand or sees too little."""
     criteria = plan.criteria
     try:
-        rendering = swept.render(matrix, nearest=criteria.resolution != "step")
+        view = swept.metrics(matrix, nearest=criteria.resolution != "step")
     except InputError:
         return None
-    view = rendering.metrics.as_dict()
     if criteria.region != WHOLE_PART:
         view = view["regions"][criteria.region]
     if view["rays"]["good"] < criteria.min_hits or (view["coverage"] or 0) < criteria.min_coverage:
         return None
     variables = metric_variables(criteria)
-    return {name: MEASURES[variable].value(view) for name, variable in variables.items()}
+    known = {**MEASURES, **RIG}
+    found = {name: abs(known[variable].value(view)) for name, variable in variables.items()}
+    return found if math.isfinite(sum(found.values())) else None
 
 
 def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Dataset) -> None:

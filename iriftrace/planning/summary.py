@@ -74,6 +74,8 @@ class SweepSummary:
         Number of the best pose by each other statistic of the displacement that the sweep has.
     scatter : Quantity or None
         Standard deviation over the members of an ensemble; None for a single field.
+    devices : str or None
+        Of how many devices the ranking is, a sentence; None for one camera.
     """
 
     displacement: Quantity
@@ -97,11 +99,17 @@ class SweepSummary:
     quartiles: FloatArray | None
     other_winners: dict[str, int]
     scatter: Quantity | None = None
+    devices: str | None = None
 
     @property
     def metrics(self) -> tuple[Quantity, ...]:
         """What the score is made of."""
         return self.displacement, self.coverage, self.axial, self.lateral
+
+    @property
+    def of_camera(self) -> bool:
+        """Whether poses are ranked by the displacement of the camera's rays."""
+        return self.plan.criteria.criterion == "displacement"
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -192,9 +200,10 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
         plan=plan,
         subtitle=_subtitle(dataset, criteria.region, len(enough), len(plan.unranked)),
         warned=warned_of(dataset),
-        quartiles=_quartiles(view, enough),
+        quartiles=_quartiles(view, enough) if plan.criteria.criterion == "displacement" else None,
         other_winners=_other_winners(dataset, criteria),
         scatter=scatter_quantity(view, criteria.statistic, enough),
+        devices=devices_text(dataset, plan.criteria),
     )
 
 
@@ -209,7 +218,7 @@ def _quartiles(view: xr.Dataset, enough: BoolArray) -> FloatArray | None:
 def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:
     found = {}
     for statistic in get_args(Statistic):
-        if statistic == criteria.statistic:
+        if statistic == criteria.statistic or criteria.criterion == "features":
             continue
         # A sweep may lack it.
         with suppress(InputError):
@@ -325,7 +334,9 @@ def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
         )
         for pose in poses
     ]
-    short = (summary.plan.criteria.statistic, "cover", "axial", "lat.")
+    criteria = summary.plan.criteria
+    error = {"normal": f"|e| {criteria.statistic}", "features": "|d|"}
+    short = (error.get(criteria.criterion or "", criteria.statistic), "cover", "axial", "lat.")
     notes = []
     if any(map(summary.sees_frontally, poses)):
         notes.append(f"Axial resolution 0: {FRONTAL}.")
@@ -355,6 +366,18 @@ def _flags_met(given: BoolArray) -> list[Flag]:
     return [flag for flag, met in zip(FLAGS, given.tolist(), strict=True) if met]
 
 
+def devices_text(dataset: xr.Dataset, criteria: Criteria) -> str | None:
+    """Of how many devices the ranking is, one sentence; None for one camera."""
+    if "error_normal_p95" not in dataset:
+        return None
+    if criteria.criterion == "displacement":
+        return (
+            "This ranking is of the camera alone, but the sensor has two devices; rank by what "
+            "they measure (--criterion normal or features)."
+        )
+    return "Both devices move together, and the coverage is that of points that both see."
+
+
 def stability_text(summary: SweepSummary) -> str:
     """Ranks of the best pose with other weights, one sentence."""
     varied = stability(summary.plan)
@@ -375,7 +398,8 @@ def other_statistics_text(summary: SweepSummary) -> str | None:
     if not others:
         return None
     return (
-        f"Scored with the {STATISTICS[summary.plan.criteria.statistic]} of the displacement pose "
+        f"Scored with the {STATISTICS[summary.plan.criteria.statistic]} of the "
+        f"{'displacement' if summary.of_camera else 'error along the normal'} pose "
         f"{summary.plan.best} is the best, {' and '.join(others)} (--statistic)."
     )
 
@@ -449,8 +473,9 @@ def views_title(summary: SweepSummary, limits: ViewLimits) -> str:
 
 def front_text(summary: SweepSummary) -> str:
     """The poses on the Pareto front, one sentence."""
+    error = "displacement" if summary.of_camera else "error"
     return (
-        "Not beaten in displacement, coverage and resolution at once (Pareto front): poses "
+        f"Not beaten in {error}, coverage and resolution at once (Pareto front): poses "
         f"{', '.join(map(str, summary.front.tolist()))}."
     )
 

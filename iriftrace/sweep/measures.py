@@ -124,6 +124,30 @@ ENSEMBLE: dict[str, Measure] = {
 }
 """Of an ensemble only; the other displacements are then those of the members' mean."""
 
+RIG: dict[str, Measure] = {
+    **{
+        f"error_normal_{key}": Measure(
+            ("scan", "error_normal_mm", key), "mm", f"{text} of measured points along the normal"
+        )
+        for key, text in (
+            ("mean", "mean size of the error"),
+            ("median", "median size of the error"),
+            ("p95", "95th percentile of the size of the error"),
+            ("rms", "root mean square error"),
+            ("bias", "median error, with its sign,"),
+            ("scatter", "median standard deviation over the members"),
+        )
+    },
+    "size_error": Measure(
+        ("scan", "size_mm"), "mm", "error of the region's diameter; of the whole part the largest"
+    ),
+    "coverage_measured": Measure(
+        ("scan", "coverage"), "1", "area of the faces with measured points over the area"
+    ),
+    "points_measured": Measure(("scan", "points"), "1", "points that both devices see", count=True),
+}
+"""Of a sensor with two devices only."""
+
 RAYS: dict[str, Measure] = {
     **{
         f"rays_{key}": Measure(("rays", key), "1", count=True)
@@ -168,14 +192,21 @@ def metric_variables(
     region_names: Sequence[str],
     *,
     ensemble: bool = False,
+    rig: bool = False,
 ) -> dict[str, Any]:
     """Variables of a dataset from what was measured in each of `count` poses.
 
     Their entries, of which only one is in memory at a time, have ``metrics`` (the JSON of a pose,
     or None) and ``failure``. The whole part comes before its regions. The scatter is added where
-    poses are those of an ensemble of fields.
+    poses are those of an ensemble of fields, what is measured where they are those of two devices.
     """
-    measures = {**MEASURES, **(ENSEMBLE if ensemble else {}), **RAYS, **OF_POSES}
+    measures = {
+        **MEASURES,
+        **(ENSEMBLE if ensemble else {}),
+        **(RIG if rig else {}),
+        **RAYS,
+        **OF_POSES,
+    }
     regions = 1 + len(region_names)
     values = {
         name: np.empty(

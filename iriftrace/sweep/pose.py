@@ -22,6 +22,7 @@ from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_f
 from iriftrace.scene.file import read_scene_file
 from iriftrace.scene.load import LoadedScene, may_use_cells
 from iriftrace.sweep.journal import Piece
+from iriftrace.sweep.rig import add_measured
 from iriftrace.trace.render import render_scene
 
 _OF_ALL_POSES = ("schema", "full_camera", "wavelength_nm", "camera", "pose", "assumptions")
@@ -51,7 +52,8 @@ class PoseTask:
     """A pose to be rendered; small, and understood by every process that sees the scene's files.
 
     `include` has the status codes whose rays the metrics use; `nearest` is that of
-    :func:`iriftrace.image.metrics.pose_metrics`; `exr` is the AOV image's absolute path, or empty.
+    :func:`iriftrace.image.metrics.pose_metrics`; `exr` is the AOV image's absolute path, or empty;
+    `second` is the other device of a sensor that measures by triangulation.
     """
 
     number: int
@@ -60,6 +62,7 @@ class PoseTask:
     include: tuple[int, ...]
     nearest: bool
     exr: str
+    second: Camera | None = None
 
 
 def source_of(
@@ -136,5 +139,7 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
         rendering.save(task.exr)
     metrics = rendering.metrics.as_dict()
     measured = {key: value for key, value in metrics.items() if key not in _OF_ALL_POSES}
+    if task.second is not None:
+        add_measured(measured, scene, task.camera, task.second)
     seen = sight_faces(rendering.image, task.include).as_rows()
     return Piece(task.number, {"metrics": measured, "failure": ""}, seen)

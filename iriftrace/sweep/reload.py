@@ -16,6 +16,7 @@ from iriftrace.core.arrays import AnyIntArray
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.part.part import Part, read_part
 from iriftrace.scene.outline import outermost_surface, read_surface
+from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
 
 if TYPE_CHECKING:
@@ -62,6 +63,15 @@ class SweptScene:
                 nearest=nearest,
                 empty=True,
             )
+
+    def metrics(self, matrix: ArrayLike, *, nearest: bool = False) -> dict[str, Any]:
+        """Metrics of a pose as the sweep kept them; raises as `render`."""
+        camera = self.camera.at(matrix)
+        found = self.render(matrix, nearest=nearest).metrics.as_dict()
+        rig = rig_of(self.scene)
+        if rig is not None:
+            add_measured(found, self.scene, camera, rig.placed(camera.matrix))
+        return found
 
 
 def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:

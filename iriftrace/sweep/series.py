@@ -18,6 +18,7 @@ from iriftrace.core.files import sha256_of
 from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
+from iriftrace.sweep.rig import Rig, rig_of
 from iriftrace.trace.rays import is_inside
 
 RenderPoses = Callable[[Iterable[PoseTask]], Iterator[Piece]]
@@ -29,13 +30,14 @@ class Series:
     """Poses of one scene with one camera, whose own pose is not used.
 
     The stand-off is what the orbit's semi-axes exceed the part's half extents by; NaN for other
-    poses.
+    poses. A second device moves with the camera.
     """
 
     scene: LoadedScene
     camera: Camera
     poses: PoseSet
     stand_off_mm: float = math.nan
+    rig: Rig | None = None
 
 
 def all_series(
@@ -55,7 +57,7 @@ def all_series(
     for scene in scenes:
         placed = {key: _placed(scene, one, move_out) for key, one in sets.items()}
         series += [
-            Series(scene, camera, one, stand_off)
+            Series(scene, camera, one, stand_off, rig_of(scene))
             for camera in _cameras(scene.camera, focal_lengths_mm)
             for stand_off, one in placed.items()
         ]
@@ -141,6 +143,12 @@ def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
             raise InputError(
                 f"{names} were made for light of {light[0]:g} and {light[1]:g} nm, which hot air "
                 "bends differently; give both the same with --wavelength."
+            )
+        alone = first.rig is None and one.rig is None
+        if not alone and not (first.rig and first.rig.same_as(one.rig)):
+            raise InputError(
+                f"{names} have different second devices, or one has none, so that what they "
+                "measure could not be compared; give both the same."
             )
         if _sensor(one.camera) != _sensor(first.camera):
             raise InputError(

@@ -78,6 +78,9 @@ def run_sweep(
 ) -> xr.Dataset:
     """Render scenes from many poses and keep the metrics, in one netCDF file or in memory.
 
+    A scene with two devices is a rigid sensor: they move together, and what they measure from each
+    pose is kept beside the camera's metrics (:mod:`iriftrace.sweep.rig`).
+
     Every combination of scene, focal length and set of poses is swept, in this order of nesting.
     All poses are equals: one `iriftrace.planning.rank.rank_poses` normalises and ranks them
     together, so that fields, focal lengths and distances compete.
@@ -227,6 +230,7 @@ def _tasks(
                     include=options.include,
                     nearest=options.nearest,
                     exr=str(folder / _exr_name(number)) if options.exr else "",
+                    second=None if one.rig is None else one.rig.placed(matrix),
                 )
             number += 1
 
@@ -262,6 +266,7 @@ def _dataset(
         len(poses),
         part.region_names,
         ensemble=any(one.scene.ensemble is not None for one in series),
+        rig=first.rig is not None,
     )
     failures = measured["failure"][1]
     images = [

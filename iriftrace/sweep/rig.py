@@ -1,0 +1,142 @@
+"""Two devices that move together: what they measure from each pose of a sweep."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.part.part import Part
+from iriftrace.scene.load import LoadedScene
+from iriftrace.trace.rays import is_inside
+from iriftrace.triangulation.feature_table import feature_table, found_features
+from iriftrace.triangulation.scan import Scan, measure
+
+FEWEST_POINTS = 100
+"""Points of a region below which nothing is stated of it; as rays of a picture."""
+
+
+@frozen(eq=False)
+class Rig:
+    """The second device of a rigid sensor.
+
+    Attributes
+    ----------
+    device : Camera
+        Its own pose is not used.
+    to_first : (4, 4) array, mm
+        Rigid motion from its frame to the first device's.
+    """
+
+    device: Camera
+    to_first: FloatArray
+
+    def placed(self, matrix: FloatArray) -> Camera:
+        """The second device where the first one is at ``matrix`` (4, 4), mm, camera to world."""
+        return self.device.at(matrix @ self.to_first)
+
+    def same_as(self, other: Rig | None) -> bool:
+        """Whether another rig measures alike from the same poses."""
+        if other is None:
+            return False
+        devices = [{**one.device.as_dict(), "matrix": None} for one in (self, other)]
+        return devices[0] == devices[1] and np.allclose(self.to_first, other.to_first, atol=1e-9)
+
+
+def rig_of(scene: LoadedScene) -> Rig | None:
+    """The rigid sensor that a scene's two devices are; None of a scene with one camera."""
+    if scene.second is None:
+        return None
+    return Rig(scene.second, np.linalg.inv(scene.camera.matrix) @ scene.second.matrix)
+
+
+def add_measured(
+    metrics: dict[str, Any], scene: LoadedScene, camera: Camera, second: Camera
+) -> None:
+    """Add what two devices measure to a pose's metrics (plain values).
+
+    The key ``scan`` for the whole part and for each region: ``points``, ``coverage`` (area of the
+    faces with points over the area), ``error_normal_mm`` (mean, median, p95 and rms of the size of
+    the error along the normal, and the median with its sign, ``bias``; of an ensemble the median
+    ``scatter``), nothing for fewer than `FEWEST_POINTS`; ``size_mm``, the error of the region's
+    diameter where it is a cylinder or sphere, of the whole part the largest one. Nothing measured
+    is no error; ``failure`` says why.
+    """
+    found = _measured_by(scene, camera, second)
+    metrics["scan"] = found.pop("part")
+    for name, region in metrics["regions"].items():
+        region["scan"] = found.get(name)
+
+
+def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> dict[str, Any]:
+    part = scene.part
+    if is_inside(scene, second.matrix[None, :3, 3]).any():
+        return _nothing(part, "the second device stands in the hot air or in the part")
+    try:
+        with warnings.catch_warnings():
+            # Said once for the sweep, and not for every pose.
+            warnings.simplefilter("ignore", IriftraceWarning)
+            scan = measure(scene, camera, second)
+            sizes = _size_errors(scan, part)
+    except InputError as error:
+        return _nothing(part, str(error))
+    everything = np.ones(len(part.faces), dtype=bool)
+    largest = max(sizes.values(), key=abs, default=None)
+    return {
+        "part": _of(scan, part, everything, largest),
+        **{
+            name: _of(scan, part, part.region_of_face == number, sizes.get(name))
+            for number, name in enumerate(part.region_names)
+        },
+    }
+
+
+def _nothing(part: Part, why: str) -> dict[str, Any]:
+    return {
+        name: {"points": 0, "coverage": 0.0, "failure": why}
+        for name in ("part", *part.region_names)
+    }
+
+
+def _of(scan: Scan, part: Part, faces: BoolArray, size_mm: float | None) -> dict[str, Any]:
+    chosen = faces[scan.face]
+    seen = np.unique(scan.face[chosen])
+    known: dict[str, Any] = {
+        "points": int(chosen.sum()),
+        "coverage": float(part.face_areas[seen].sum() / part.face_areas[faces].sum()),
+    }
+    if chosen.sum() < FEWEST_POINTS:
+        return known
+    errors = scan.error_normal[chosen]
+    size = np.abs(errors)
+    scatter = scan.scatter_normal
+    return known | {
+        "size_mm": size_mm,
+        "error_normal_mm": {
+            "mean": float(size.mean()),
+            "median": float(np.median(size)),
+            "p95": float(np.percentile(size, 95)),
+            "rms": float(np.sqrt(np.mean(errors**2))),
+            "bias": float(np.median(errors)),
+            "scatter": None if scatter is None else float(np.median(scatter[chosen])),
+        },
+    }
+
+
+def _size_errors(scan: Scan, part: Part) -> dict[str, float]:
+    """Errors of diameters, mm, by region."""
+    choices = [c for c in found_features(part, scan.face) if c.partition(":")[0] != "plane"]
+    if not choices:
+        return {}
+    clouds = {"cold": scan.true, "measured": scan.points}
+    rows = feature_table(clouds, scan.face, part, choices, gate=None)
+    return {
+        row["region"]: row["size_mm"]["measured"] - row["size_mm"]["cold"]
+        for row in rows
+        if row["region"] and row["size_mm"]["cold"] is not None
+    }
