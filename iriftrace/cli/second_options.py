@@ -16,7 +16,7 @@ from iriftrace.cli.camera_options import (
     with_all_in_focus,
 )
 from iriftrace.cli.console import say
-from iriftrace.cli.options import Length, Vector, refuse_given
+from iriftrace.cli.options import Length, Vector, check_input, refuse_given
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -164,6 +164,7 @@ class StereoOptions:
                 'such as --pixel-size "3.45 um" (no ray depends on it, only the focal length and '
                 "the sensor's size that results state)."
             )
+        check_input(self.cloud_to_part)
         self._motion()  # refuses a wrong one before the field is read
         return read_stereo_calibration(
             *self.stereo_calibration, length_unit=first.calibration_length_unit
