@@ -12,6 +12,8 @@ from .camera.pose_files import from_convention as from_convention
 from .camera.pose_files import read_poses as read_poses
 from .camera.pose_files import to_convention as to_convention
 from .camera.pose_set import PoseSet as PoseSet
+from .camera.stereo import StereoCalibration as StereoCalibration
+from .camera.stereo import read_stereo_calibration as read_stereo_calibration
 from .cfd.check.check import check_field as check_field
 from .cfd.check.finding import FieldCheck as FieldCheck
 from .cfd.synthetic.field import synthetic_field as synthetic_field

@@ -206,8 +206,8 @@ def exact_rotation(values: CalibrationValues, matrix: FloatArray) -> FloatArray:
         )
     if off > 1e-6:
         warn(
-            f"The rotation matrix in {values.path} is rounded to few digits; the nearest rotation "
-            f"is used, and directions are uncertain by about {off:.1g} rad.",
+            f"The rotation matrix in {values.called} is rounded to few digits; the nearest "
+            f"rotation is used, and directions are uncertain by about {off:.1g} rad.",
             IriftraceWarning,
             stacklevel=4,
         )
@@ -276,7 +276,7 @@ def _distortion(values: CalibrationValues) -> Distortion:
     named = models & set(_MODELS) or values.named(FISHEYE) is not None
     if len(numbers) == 4 and numbers.any() and not named:
         warn(
-            f"{values.path} has four distortion coefficients and names no lens model; they are "
+            f"{values.called} has four distortion coefficients and names no lens model; they are "
             "read as k1, k2, p1, p2. If they are k1 to k4 of a fisheye lens (cv2.fisheye), "
             "calibrate with cv2.calibrateCamera; if not, add distortion_model: plumb_bob.",
             IriftraceWarning,

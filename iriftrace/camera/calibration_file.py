@@ -6,6 +6,7 @@ import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +97,10 @@ def calibration_content(path: Path) -> Mapping[str, Any]:
         ) from error
     if not isinstance(content, Mapping):
         raise InputError(f"{path} holds no named values; give a camera calibration of OpenCV.")
-    return content
+    values = list(content.values())
+    # A file may have one name for the whole, such as `stereo`; a matrix is a mapping with `data`.
+    whole = len(values) == 1 and isinstance(values[0], Mapping) and "data" not in values[0]
+    return values[0] if whole else content
 
 
 _NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)
@@ -156,24 +160,32 @@ class CalibrationValues:
     content: Mapping[str, Any]
     camera: str = ""
 
+    @property
+    def called(self) -> str:
+        """File and camera, for messages."""
+        return f"{self.path}, {self.camera}" if self.camera else str(self.path)
+
     def wrong(self, fault: str) -> InputError:
         """The error for a fault of this file."""
-        camera = f", {self.camera}" if self.camera else ""
-        return InputError(f"The calibration {self.path}{camera}: {fault}.")
+        return InputError(f"The calibration {self.called}: {fault}.")
 
     def named(self, names: Iterable[str]) -> Any:
         """Value under the first of the names that the file has, in any case; None without one."""
+        name = self._spelling(names)
+        return None if name is None else self.content[name]
+
+    def _spelling(self, names: Iterable[str]) -> str | None:
+        """The first of the names that the file has, as it writes it."""
         names = tuple(names)
-        for name in names:
-            if name in self.content:
-                return self.content[name]
-        any_case = {folded(str(name)): value for name, value in self.content.items()}
+        any_case = {folded(str(name)): name for name in self.content}
+        exact = (name for name in names if name in self.content)
         found = (any_case[folded(name)] for name in names if folded(name) in any_case)
-        return next(found, None)
+        return next(chain(exact, found), None)
 
     def array(self, names: tuple[str, ...], counts: tuple[int, ...] = ()) -> FloatArray:
         """Numbers of a matrix, flat; how many there may be (any when empty)."""
-        value = self.named(names)
+        name = self._spelling(names)
+        value = None if name is None else self.content[name]
         if value is None:
             raise self.wrong(f"{names[0]} is missing, without which there are no rays; add it")
         if isinstance(value, Mapping):
@@ -183,10 +195,10 @@ class CalibrationValues:
         except (TypeError, ValueError):
             numbers = np.array((np.nan,))
         if not np.isfinite(numbers).all():
-            raise self.wrong(f"{names[0]} has entries that are no finite numbers; write it again")
+            raise self.wrong(f"{name} has entries that are no finite numbers; write it again")
         if counts and len(numbers) not in counts:
             allowed = " or ".join(map(str, counts))
-            raise self.wrong(f"{names[0]} has {len(numbers)} numbers instead of {allowed}")
+            raise self.wrong(f"{name} has {len(numbers)} numbers instead of {allowed}")
         return numbers
 
     def whole(self, names: tuple[str, ...]) -> int:

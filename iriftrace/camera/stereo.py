@@ -205,12 +205,15 @@ def _two_cameras(
             )
             _refuse_third(values, by_name, sides)
             return first, second, sides
-    names = ", ".join(map(str, list(values.content)[:12])) or "none"
     raise values.wrong(
-        f"it has not two camera matrices under names known here, such as M1 and M2, "
-        f"cameraMatrixLeft and cameraMatrixRight, or cam0 and cam1 (its names are {names}); "
-        "rename them, or give a file for each camera"
+        "it has not two camera matrices under names known here, such as M1 and M2, "
+        "cameraMatrixLeft and cameraMatrixRight, or cam0 and cam1 (its names are "
+        f"{_listed(values)}); rename them, or give a file for each camera"
     )
+
+
+def _listed(values: CalibrationValues) -> str:
+    return ", ".join(map(str, list(values.content)[:12])) or "none"
 
 
 def _refuse_third(
@@ -267,7 +270,8 @@ def _motion(
         rotation, shift = _motion_of_rectified(first, second)
         return rotation, shift, "m" if first.named(LENS) is not None else "mm"
     raise rest.wrong(
-        "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them; add both"
+        "R and T from camera 1 to camera 2 are missing, as stereoCalibrate gives them (its names "
+        f"are {_listed(rest)}); add both"
     )
 
 

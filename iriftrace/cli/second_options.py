@@ -16,12 +16,13 @@ from iriftrace.cli.camera_options import (
     with_all_in_focus,
 )
 from iriftrace.cli.console import say
-from iriftrace.cli.options import Length, Vector, refuse_given
+from iriftrace.cli.options import Length, Vector, check_input, refuse_given
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.camera.stereo import StereoCalibration
+    from iriftrace.core.arrays import FloatArray
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
     from iriftrace.shells.stack import ShellStack
@@ -163,6 +164,8 @@ class StereoOptions:
                 'such as --pixel-size "3.45 um" (no ray depends on it, only the focal length and '
                 "the sensor's size that results state)."
             )
+        check_input(self.cloud_to_part)
+        self._motion()  # refuses a wrong one before the field is read
         return read_stereo_calibration(
             *self.stereo_calibration, length_unit=first.calibration_length_unit
         )
@@ -177,15 +180,11 @@ class StereoOptions:
         stack: ShellStack,
     ) -> tuple[Camera, Camera]:
         """Camera 1 and camera 2 of the calibration that was read, at their whole resolution."""
-        from iriftrace.geometry.transform import parse_transform, rigid_motion
-
         size = first.pixel_size or 0.0
         sizes = (size, second.second_pixel_size or size)
         focus = first.focus or FOCUS_MM
-        if self.cloud_to_part is not None:
-            motion = str(self.cloud_to_part)
-            matrix = rigid_motion(parse_transform(motion), motion)
-        else:
+        matrix = self._motion()
+        if matrix is None:
             camera = stereo.first.camera(pixel_size_mm=size, focus_mm=focus)
             matrix = first.placed(camera, part, field, stack).matrix
         cameras = []
@@ -209,6 +208,15 @@ class StereoOptions:
             f"{stereo.length_unit}), {stereo.angle_deg:.3g} deg between the axes."
         )
         return cameras[0], cameras[1]
+
+    def _motion(self) -> FloatArray | None:
+        """Pose of camera 1, (4, 4), to world, mm; None if no motion is given."""
+        from iriftrace.geometry.transform import parse_transform, rigid_motion
+
+        if self.cloud_to_part is None:
+            return None
+        name = str(self.cloud_to_part)
+        return rigid_motion(parse_transform(name), name)
 
     def _called(self) -> str:
         """The files, for messages."""

@@ -45,6 +45,8 @@ def parse_transform(text: str) -> FloatArray:
         numbers = _numbers(path.read_text(encoding="utf-8", errors="replace"))
         if numbers is None:
             raise InputError(f"{path} does not hold a transform: expected 16 numbers, row by row.")
+    elif numbers is None and path.suffix and len(text.split()) == 1:
+        raise InputError(f"The transform's file {path} does not exist; check the path.")
     matrix = np.eye(4)
     if numbers is None:
         for step in text.split(","):

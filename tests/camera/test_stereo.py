@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose
 
 from iriftrace.camera.pose import look_at
@@ -56,6 +57,12 @@ def test_other_programs(tmp_path: Path, program: str) -> None:
     found = read_stereo_calibration(*write(tmp_path))
     _assert_the_rig(found, rig.FOUR if program == "Kalibr" else rig.COEFFICIENTS)
     assert found.length_unit == unit
+
+
+def test_a_name_for_the_whole(tmp_path: Path) -> None:
+    values = yaml.safe_load(rig.pyyaml(tmp_path / "a.yaml").read_text())
+    (tmp_path / "b.yaml").write_text(yaml.safe_dump({"stereo_calibration": values}))
+    _assert_the_rig(read_stereo_calibration(tmp_path / "b.yaml"), rig.COEFFICIENTS)
 
 
 def test_intrinsics_and_extrinsics_in_two_files(tmp_path: Path) -> None:
@@ -116,6 +123,7 @@ def test_left_and_right_exchanged(tmp_path: Path) -> None:
         ({"image_width": None, "image_height": None}, "image_width and image_height are missing"),
         ({"M0": np.eye(3), "D0": np.zeros(5)}, "more than two cameras"),
         ({"T": np.zeros(3)}, "0 mm apart"),
+        ({"T": np.eye(4)}, "T has 16 numbers instead of 3"),
         ({"fisheye_model": 1}, "fisheye model, which is not modelled"),
     ],
 )

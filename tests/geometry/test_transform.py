@@ -73,7 +73,7 @@ def test_numbers_and_files_hold_a_matrix_row_by_row(tmp_path):
         ("translate 1 2 nan", "not finite"),
         ("1 2 3", "3 numbers"),
         ("1 0 0 0 0 1 0 0 0 0 1 0 5 6 7 1", "transposed"),
-        ("no_such_file.txt", "not known"),
+        ("no_such_file.txt", "no_such_file.txt does not exist"),
         ("rotate x 1.5708", "is 90 degrees in radians"),
         ("rotate z -3.14159", "is -180 degrees in radians"),
         # A shear, a mirror, and one column of a rotation twice as long.

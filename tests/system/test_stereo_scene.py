@@ -101,7 +101,7 @@ WRONG = {
     ),
     "no such motion": (
         ["--stereo-calibration={rig}", "--cloud-to-part=gone.txt", "--pixel-size=3um"],
-        "gone.txt",
+        "The transform's file gone.txt does not exist",
     ),
     "two cameras in one": (
         ["--calibration={rig}", "--pixel-size=3um"],

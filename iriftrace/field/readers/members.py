@@ -15,15 +15,16 @@ from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
-from iriftrace.field.readers import comsol, ensight, openfoam, vtk_files
+from iriftrace.field.readers import comsol, ensight, exodus, openfoam, vtk_files
 from iriftrace.field.readers.states import Contents
 
 VTK = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm")
 OPENFOAM = (".foam", ".openfoam")
 ENSIGHT = (".case", ".encas")
+EXODUS = (".e", ".ex2", ".exo")
 COMSOL_TEXT = (".txt", ".csv", ".dat")
 COMPRESSED = (".gz", ".zip", ".bz2", ".xz", ".7z")
-SUFFIXES = (*VTK, *ENSIGHT, *OPENFOAM, *COMSOL_TEXT)
+SUFFIXES = (*VTK, *ENSIGHT, *EXODUS, *OPENFOAM, *COMSOL_TEXT)
 """Suffixes of files that can hold a field; an OpenFOAM case may also be named by its folder."""
 
 
@@ -55,7 +56,8 @@ class Member:
 
 
 def kind_of(path: Path) -> str:
-    """Format of a field file: ``"vtk"``, ``"ensight"``, ``"openfoam"`` or ``"comsol"``.
+    """Format of a field file: ``"vtk"``, ``"ensight"``, ``"exodus"``, ``"openfoam"`` or
+    ``"comsol"``.
 
     An InputError if the file does not exist, may not be read, is of another type, or is a folder
     that is no OpenFOAM case.
@@ -79,6 +81,8 @@ def kind_of(path: Path) -> str:
         return "vtk"
     if suffix in ENSIGHT:
         return "ensight"
+    if suffix in EXODUS:
+        return "exodus"
     if suffix in COMPRESSED:
         raise InputError(f"The field file {path} is compressed; unpack it first.")
     raise InputError(
@@ -95,6 +99,8 @@ def read_state(path: Path, number: int | None, *, flow: bool = False) -> Content
             return openfoam.read(path, number, flow=flow)
         if kind == "ensight":
             return ensight.read(path, number)
+        if kind == "exodus":
+            return exodus.read(path, number)
         return vtk_files.read(path, number) if kind == "vtk" else comsol.read(path, number)
 
 
@@ -117,6 +123,7 @@ def members(path: str | Path) -> tuple[Member, ...]:
         readers = {
             "vtk": vtk_files,
             "ensight": ensight,
+            "exodus": exodus,
             "openfoam": openfoam,
             "comsol": comsol,
         }

@@ -81,6 +81,28 @@ def _read_ensight(request: Request) -> Any:
     return _output(reader)
 
 
+def _read_exodus(request: Request) -> Any:
+    """One step of an Exodus file, and its times; only these where `step` is empty."""
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as pipeline
+    from vtkmodules.vtkIOExodus import vtkExodusIIReader
+
+    reader = vtkExodusIIReader()
+    reader.SetFileName(request["path"])
+    window = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    reader.UpdateInformation()
+    if not reader.GetNumberOfNodes():
+        raise ValueError("VTK finds no nodes of Exodus in it")
+    times = reader.GetOutputInformation(0).Get(pipeline.TIME_STEPS()) or ()
+    request["named"] = [repr(float(time)) for time in times]
+    if not request["step"]:
+        return model.vtkMultiBlockDataSet()
+    for kind in (reader.NODAL, reader.ELEM_BLOCK):
+        reader.SetAllArrayStatus(kind, 1)
+    reader.SetTimeStep(int(request["step"]))
+    return _output(reader)
+
+
 def _output(reader: Any) -> Any:
     """What a reader has read; a ValueError with its first complaint."""
     window = vtkStringOutputWindow()
@@ -121,6 +143,7 @@ _READERS: dict[str, Callable[[Request], Any]] = {
     "file": _read_file,
     "case": _read_case,
     "ensight": _read_ensight,
+    "exodus": _read_exodus,
 }
 
 

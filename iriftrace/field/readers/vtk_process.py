@@ -84,6 +84,15 @@ def read_ensight(path: Path, time: str) -> Any:
     return _read(path, "ensight", size, time=time)[0]
 
 
+def read_exodus(path: Path, step: int | None) -> tuple[Any, list[str]]:
+    """Blocks of one step of an Exodus file and the times of all; None reads the times alone.
+
+    An InputError if it is damaged.
+    """
+    number = "" if step is None else str(step)
+    return _read(path, "exodus", path.stat().st_size, step=number)
+
+
 def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found there.
 

@@ -1,0 +1,23 @@
+"""Read one state of an Exodus file (``.e``, ``.ex2``, ``.exo``), as MOOSE and Sierra write it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from iriftrace.core.files import sha256_of
+from iriftrace.field.readers.states import Contents, State, state_number
+from iriftrace.field.readers.vtk_process import read_exodus
+
+
+def states(path: Path) -> list[State]:
+    """Label and time of every state in a file, at least one."""
+    _, times = read_exodus(path, None)
+    return [(f"t = {time}", float(time)) for time in times] or [("", None)]
+
+
+def read(path: Path, member: int | None) -> Contents:
+    """The blocks of one state; an InputError if the file is damaged."""
+    found = states(path)
+    number = state_number(found, member, path)
+    data, _ = read_exodus(path, number)
+    return Contents(data, sha256_of(path), found, origin=found[number][0])

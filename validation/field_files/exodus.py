@@ -1,0 +1,30 @@
+"""Writes fields as Exodus by VTK's own writer, which is ParaView's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from scipy.io import netcdf_file
+from vtkmodules.vtkIOExodus import vtkExodusIIWriter
+
+
+def write(
+    path: Path, grid: pv.UnstructuredGrid, later: Sequence[tuple[float, NDArray[np.float64]]] = ()
+) -> Path:
+    """Write a grid with its one point array at t = 0, and its values at later times."""
+    writer = vtkExodusIIWriter()
+    writer.SetFileName(str(path))
+    writer.SetInputData(grid)
+    writer.WriteAllTimeStepsOff()
+    writer.Write()
+    if later:
+        # The writer takes further times from a pipeline alone; in the file they are records.
+        with netcdf_file(str(path), "a", mmap=False) as file:
+            for step, (time, values) in enumerate(later, start=1):
+                file.variables["time_whole"][step] = time
+                file.variables["vals_nod_var1"][step] = values
+    return path
