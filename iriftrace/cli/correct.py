@@ -47,6 +47,7 @@ def correct(
     expansion_uncertainty: Share | None = None,
     temperature_uncertainty: Kelvins = None,
     trace: TraceOptions = TraceOptions(),
+    figures: bool = True,
 ) -> None:
     """Take the air's share out of a measured cloud.
 
@@ -81,6 +82,8 @@ def correct(
     expansion_uncertainty, temperature_uncertainty
         Standard uncertainties of the part's thermal expansion, "2 %", and of its temperature,
         "10 K", for sizes at 20 degC. The scene has both values (iriftrace scene --expansion).
+    figures
+        Draw what was taken out, and the deviation from the part, into a .png next to the output.
     """
     from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
     from iriftrace.scene.file import require_scene
@@ -114,9 +117,17 @@ def correct(
         u_temperature_k=temperature_uncertainty,
     )
     regions = found.regions(loaded.part)
-    files = found.save(
+    files: tuple[Path, ...] = found.save(
         output, features, regions, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
     )
+    if figures:
+        from iriftrace.figures.scan import correction_figure
+        from iriftrace.figures.style import write_figure
+
+        with working("Drawing"):
+            picture = output.with_suffix(".png")
+            write_figure(correction_figure(found, loaded.part, loaded.camera), picture)
+        files = (*files, picture)
     values = found.as_dict()
     counts, error = values["points"], values["error_mm"]
     say(

@@ -19,8 +19,8 @@ def relations(features: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
     Of parallel planes ``{"kind": "distance", "regions": [a, b], "size_mm": {cloud: mm}}``: how far
     the points' centres are apart along the mean of both normals. Of square ones ``{"kind": "angle",
-    "regions": [a, b], "angle_deg": {cloud: deg}}``, below or above 90 degrees as their normals point
-    (each with its largest component positive). The first cloud tells which planes these are.
+    "regions": [a, b], "angle_deg": {cloud: deg}}``, below or above 90 degrees as their normals
+    point (each with its largest component positive). The first cloud tells which planes these are.
     """
     planes = [row for row in features if row["kind"] == "plane"]
     found: list[dict[str, Any]] = []
