@@ -28,6 +28,7 @@ from iriftrace.cli.triangulation_text import (
 
 if TYPE_CHECKING:
     from iriftrace.part.growth import Growth
+    from iriftrace.triangulation.correction import Correction
 
 
 def correct(
@@ -129,47 +130,12 @@ def correct(
             write_figure(correction_figure(found, loaded.part, loaded.camera), picture)
         files = (*files, picture)
     values = found.as_dict()
-    counts, error = values["points"], values["error_mm"]
-    say(
-        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])}). As measured stay "
-        f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
-        f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
-        f"device or beyond its lens, {counts['several_images']:,} with several images, "
-        f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
-        f"lost on the way and {counts['uncertain']:,} whose correction is uncertain by more than "
-        "itself. As measured, the cloud lies "
-        f"{um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
-        f"{um(values['to_part_mm']['p95'])})."
-    )
+    _say_counts(values)
     say_features(features, "corrected", gate, found.growth, synthetic=found.state.synthetic)
     say_relations(features, "corrected", found.growth)
     print_regions(regions, "Refraction error along the normal by region, taken out")
     _say_expansion(found.growth, features)
-    if found.state.synthetic:
-        say(
-            "The air is synthetic, so that the corrections of sizes have no uncertainty: use a "
-            "flow solution (iriftrace field simulate)."
-        )
-    elif found.u_normal is None:
-        say(
-            "No uncertainty of the correction is stated, because that of the field is not known: "
-            'give --field-uncertainty "5 %", or a scene of several states of the air (iriftrace '
-            "scene --member)."
-        )
-    if found.u_normal is not None:
-        say(
-            "Standard uncertainty of the correction along the normal: "
-            f"{um(values['u_normal_mm']['median'])} (median). That of the air follows from what "
-            "is known of the field, that of the fit from the scatter of the points; the sensor's "
-            "systematic errors, and what shells and mesh leave, come on top."
-        )
-    _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
-    if found.errors is not None:
-        say(
-            f"It rests on the scatter of {len(found.errors)} fields; k allows for so few by "
-            "Student's t."
-        )
+    _say_uncertainty(found, values)
     say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))
 
@@ -201,4 +167,49 @@ def _say_expansion(growth: Growth | None, features: list[dict[str, Any]]) -> Non
             f"The sizes at {celsius(references[0]['temperature_k'])} state no uncertainty of "
             "expansion and temperature: give both --expansion-uncertainty and "
             "--temperature-uncertainty."
+        )
+
+
+def _say_counts(values: dict[str, Any]) -> None:
+    """How many points are corrected, and what became of the others."""
+    counts, error = values["points"], values["error_mm"]
+    say(
+        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
+        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])}). As measured stay "
+        f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
+        f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
+        f"device or beyond its lens, {counts['several_images']:,} with several images, "
+        f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
+        f"lost on the way and {counts['uncertain']:,} whose correction is uncertain by more than "
+        "itself. As measured, the cloud lies "
+        f"{um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
+        f"{um(values['to_part_mm']['p95'])})."
+    )
+
+
+def _say_uncertainty(found: Correction, values: dict[str, Any]) -> None:
+    """What the uncertainties contain, or why there is none."""
+    if found.state.synthetic:
+        say(
+            "The air is synthetic, so that the corrections of sizes have no uncertainty: use a "
+            "flow solution (iriftrace field simulate)."
+        )
+    elif found.u_normal is None:
+        say(
+            "No uncertainty of the correction is stated, because that of the field is not known: "
+            'give --field-uncertainty "5 %", or a scene of several states of the air (iriftrace '
+            "scene --member)."
+        )
+    if found.u_normal is not None:
+        say(
+            "Standard uncertainty of the correction along the normal: "
+            f"{um(values['u_normal_mm']['median'])} (median). That of the air follows from what "
+            "is known of the field, that of the fit from the scatter of the points; the sensor's "
+            "systematic errors, and what shells and mesh leave, come on top."
+        )
+    _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
+    if found.errors is not None:
+        say(
+            f"It rests on the scatter of {len(found.errors)} fields; k allows for so few by "
+            "Student's t."
         )
