@@ -10,7 +10,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 .DEFAULT_GOAL := help
 
 help:
-	@echo 'make demo    trace the bundled scene into out/'
+	@echo 'make demo    trace the bundled scenes into out/ and write a report'
 	@echo 'make test    run the quick tests'
 	@echo 'make test-all  run all tests: OpenFOAM, the accuracy page, killed sweeps, fine fields'
 	@echo 'make lint    check format, style, the direction of imports and types'
@@ -26,6 +26,8 @@ help:
 
 demo: $(VENV)/installed $(VENV)/drawing llvm
 	$(BIN)/iriftrace demo -o out
+	$(BIN)/iriftrace demo -o out --scene fringe_cylinder
+	$(BIN)/iriftrace report out/fringe_cylinder_scan.vtp -o out/fringe_cylinder_report.html
 
 # Most of a test is one thread of Python or VTK. What a file's tests share is made once.
 TWO_AT_A_TIME = --numprocesses 2 --dist loadfile --no-loadscope-reorder

@@ -28,6 +28,7 @@ from iriftrace.cli.triangulation_text import (
 
 if TYPE_CHECKING:
     from iriftrace.part.growth import Growth
+    from iriftrace.triangulation.correction import Correction
 
 
 def correct(
@@ -47,6 +48,7 @@ def correct(
     expansion_uncertainty: Share | None = None,
     temperature_uncertainty: Kelvins = None,
     trace: TraceOptions = TraceOptions(),
+    figures: bool = True,
 ) -> None:
     """Take the air's share out of a measured cloud.
 
@@ -81,6 +83,8 @@ def correct(
     expansion_uncertainty, temperature_uncertainty
         Standard uncertainties of the part's thermal expansion, "2 %", and of its temperature,
         "10 K", for sizes at 20 degC. The scene has both values (iriftrace scene --expansion).
+    figures
+        Draw what was taken out, and the deviation from the part, into a .png next to the output.
     """
     from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
     from iriftrace.scene.file import require_scene
@@ -114,56 +118,24 @@ def correct(
         u_temperature_k=temperature_uncertainty,
     )
     regions = found.regions(loaded.part)
-    files = found.save(
+    files: tuple[Path, ...] = found.save(
         output, features, regions, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
     )
+    if figures:
+        from iriftrace.figures.scan import correction_figure
+        from iriftrace.figures.style import write_figure
+
+        with working("Drawing"):
+            picture = output.with_suffix(".png")
+            write_figure(correction_figure(found, loaded.part, loaded.camera), picture)
+        files = (*files, picture)
     values = found.as_dict()
-    counts, error = values["points"], values["error_mm"]
-    say(
-        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
-        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])}). As measured stay "
-        f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
-        f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
-        f"device or beyond its lens, {counts['several_images']:,} with several images, "
-        f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
-        f"lost on the way and {counts['uncertain']:,} whose correction is uncertain by more than "
-        "itself. As measured, the cloud lies "
-        f"{um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
-        f"{um(values['to_part_mm']['p95'])})."
-    )
+    _say_counts(values)
     say_features(features, "corrected", gate, found.growth, synthetic=found.state.synthetic)
     say_relations(features, "corrected", found.growth)
     print_regions(regions, "Refraction error along the normal by region, taken out")
     _say_expansion(found.growth, features)
-    if found.state.synthetic:
-        say(
-            "The air is synthetic, so that the corrections of sizes have no uncertainty: use a "
-            "flow solution (iriftrace field simulate)."
-        )
-    elif found.u_normal is None:
-        say(
-            "No uncertainty of the correction is stated, because that of the field is not known: "
-            'give --field-uncertainty "5 %", or a scene of several states of the air (iriftrace '
-            "scene --member)."
-        )
-    if found.u_normal is not None:
-        say(
-            "Standard uncertainty of the correction along the normal: "
-            f"{um(values['u_normal_mm']['median'])} (median). That of the air follows from what "
-            "is known of the field, that of the fit from the scatter of the points; the sensor's "
-            "systematic errors, and what shells and mesh leave, come on top."
-        )
-    _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
-    if found.weights is not None and found.weights.covariance is not None:
-        say(
-            f"The weights of {len(found.weights.weights)} fields were fitted to measured shifts; U "
-            "includes their covariance and what the fit left."
-        )
-    elif found.weights is not None:
-        say(
-            f"It rests on the scatter of {len(found.weights.weights)} fields; k allows for so few "
-            "by Student's t."
-        )
+    _say_uncertainty(found, values)
     say_field(found.provenance)
     say("Files: " + ", ".join(map(str, files)))
 
@@ -195,4 +167,54 @@ def _say_expansion(growth: Growth | None, features: list[dict[str, Any]]) -> Non
             f"The sizes at {celsius(references[0]['temperature_k'])} state no uncertainty of "
             "expansion and temperature: give both --expansion-uncertainty and "
             "--temperature-uncertainty."
+        )
+
+
+def _say_counts(values: dict[str, Any]) -> None:
+    """How many points are corrected, and what became of the others."""
+    counts, error = values["points"], values["error_mm"]
+    say(
+        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
+        f"{um(error['median'])} (median; 95th percentile {um(error['p95'])}). As measured stay "
+        f"{counts['far_from_part']:,} far from the part (table, clamps, outliers) or on its "
+        f"outline, {counts['hidden']:,} hidden from a device, {counts['outside_view']:,} behind a "
+        f"device or beyond its lens, {counts['several_images']:,} with several images, "
+        f"{counts['outside_field']:,} seen through no hot air, {counts['lost']:,} whose rays were "
+        f"lost on the way and {counts['uncertain']:,} whose correction is uncertain by more than "
+        "itself. As measured, the cloud lies "
+        f"{um(values['to_part_mm']['median'])} beside the part (median; 95th percentile "
+        f"{um(values['to_part_mm']['p95'])})."
+    )
+
+
+def _say_uncertainty(found: Correction, values: dict[str, Any]) -> None:
+    """What the uncertainties contain, or why there is none."""
+    if found.state.synthetic:
+        say(
+            "The air is synthetic, so that the corrections of sizes have no uncertainty: use a "
+            "flow solution (iriftrace field simulate)."
+        )
+    elif found.u_normal is None:
+        say(
+            "No uncertainty of the correction is stated, because that of the field is not known: "
+            'give --field-uncertainty "5 %", or a scene of several states of the air (iriftrace '
+            "scene --member)."
+        )
+    if found.u_normal is not None:
+        say(
+            "Standard uncertainty of the correction along the normal: "
+            f"{um(values['u_normal_mm']['median'])} (median). That of the air follows from what "
+            "is known of the field, that of the fit from the scatter of the points; the sensor's "
+            "systematic errors, and what shells and mesh leave, come on top."
+        )
+    _say_unsteadiness(found.state.unsteadiness, known=bool(found.u_contrast))
+    if found.weights is not None and found.weights.covariance is not None:
+        say(
+            f"The weights of {len(found.weights.weights)} fields were fitted to measured shifts; U "
+            "includes their covariance and what the fit left."
+        )
+    elif found.weights is not None:
+        say(
+            f"It rests on the scatter of {len(found.weights.weights)} fields; k allows for so few "
+            "by Student's t."
         )

@@ -96,7 +96,7 @@ def view(file: Path, *, picture: Path | None = None) -> None:
 
 
 def report(
-    sweep: Path,
+    file: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])] = Path("report.html"),
     ranking: Ranking = STANDARD,
@@ -104,14 +104,15 @@ def report(
     wavelength: LightOf = None,
     several: ViewOptions = ViewOptions(),
 ) -> None:
-    """Write the findings of a sweep as one HTML page that needs neither Python nor a network.
+    """Write a sweep, a measurement or a correction as one HTML page, to be read without a network.
 
     Example: ``iriftrace report sweep.nc -o report.html``
 
     Parameters
     ----------
-    sweep
-        A file that ``iriftrace sweep`` wrote.
+    file
+        A sweep (.nc); or a cloud (or its .json) that ``iriftrace measure`` or ``correct`` wrote, to
+        which the options for the ranking do not apply.
     output
         The HTML file.
     top
@@ -123,14 +124,20 @@ def report(
 
     limits = several.limits()
     check_output(output, "report.html")
-    check_input(sweep)
-    dataset = read_sweep(sweep)
-    check_light(wavelength, dataset.attrs, sweep)
+    check_input(file)
+    if file.suffix.lower() != ".nc":
+        from iriftrace.figures.scan_report import write_scan_report
+
+        _print_missing(write_scan_report(output, file))
+        say(f"Report in {output}")
+        return
+    dataset = read_sweep(file)
+    check_light(wavelength, dataset.attrs, file)
     summary = summarise(dataset, ranking)
     with working("Writing the report"):
         missing = write_report(
             output,
-            sweep,
+            file,
             dataset,
             summary,
             top=top,

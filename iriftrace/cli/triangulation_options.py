@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -51,9 +52,12 @@ Gate = Annotated[
 
 
 def _read_kelvins(text: str, option: str) -> float:
-    kelvins = numbers(text.strip().removesuffix("K"), 1, option)[0]
+    try:
+        kelvins = float(text.strip().removesuffix("K"))
+    except ValueError:
+        kelvins = math.nan
     if not 0.0 <= kelvins < 1000.0:
-        raise InputError(f"{option} is {text}, which is no uncertainty; give such as 10 K.")
+        raise InputError(f'{option} is "{text}"; give a temperature difference such as 10 K.')
     return kelvins
 
 

@@ -129,7 +129,7 @@ def print_regions(rows: list[dict[str, Any]], title: str) -> None:
     seen = sorted((row for row in rows if row["points"]), key=lambda row: -int(row["points"]))
     table = Table(title=title, title_justify="left")
     table.add_column("region")
-    for heading in ("points", "measured", "median (um)", "rms (um)", "p95 (um)"):
+    for heading in ("points", "measured", "median (um)", "rms (um)", "95 % below (um)"):
         table.add_column(heading, justify="right")
     for row in seen[:MOST_LINES]:
         values = row["along_normal_mm"]
@@ -137,7 +137,10 @@ def print_regions(rows: list[dict[str, Any]], title: str) -> None:
             row["region"],
             f"{row['points']:,}",
             f"{row['measured']:.0%}",
-            *(f"{1e3 * values[key]:.3g}" for key in ("median", "rms", "p95")),
+            *(
+                f"{1e3 * value:.3g}"
+                for value in (values["median"], values["rms"], row["size_p95_mm"])
+            ),
         )
     out.print(table)
     say(

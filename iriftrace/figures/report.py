@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-from importlib import resources
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +12,9 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.camera.pose import PoseText, pose_text
-from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.files import sha256_of
 from iriftrace.field.origin import synthetic_mark
+from iriftrace.figures.page import file_text, name_of, value_text, write_page
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
 from iriftrace.image.aov_image import Status
@@ -115,7 +115,7 @@ def report_content(
     region = plan.criteria.region
     chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
     ranking = ranking_table(summary, top)
-    part = _name(attribute(dataset, "part"))
+    part = name_of(attribute(dataset, "part"))
     of_it = "" if region == "part" else f", and of it the region {region},"
     weights = plan.criteria.weights
     best = plan.best
@@ -171,7 +171,7 @@ def report_content(
 
 def _assumptions(dataset: xr.Dataset) -> Rows:
     """What all poses share, and of the engine which poses do not."""
-    rows = {key: _text(value) for key, value in attribute(dataset, "assumptions").items()}
+    rows = {key: value_text(value) for key, value in attribute(dataset, "assumptions").items()}
     if other := _engines_text(dataset):
         rows["engine"] = "; ".join(filter(None, (rows.get("engine"), other)))
     return tuple((key.replace("_", " "), text) for key, text in rows.items())
@@ -205,14 +205,6 @@ def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     return tuple(filter(None, sentences))
 
 
-def _name(file: dict[str, Any]) -> str:
-    return file.get("source") or (Path(file["path"]).name if file.get("path") else "the part")
-
-
-def _text(value: Any) -> str:
-    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-
-
 def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
     scene, sha256 = scene_of(dataset)
     variables = attribute(dataset, "scene").get("variables") or {}
@@ -220,9 +212,9 @@ def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
     criteria = summary.plan.criteria
     least = f" and a coverage of {criteria.min_coverage:g}" if criteria.min_coverage else ""
     return (
-        ("Part", _file(attribute(dataset, "part"))),
+        ("Part", file_text(attribute(dataset, "part"))),
         ("Field", _field(dataset)),
-        ("Scene", _file({"path": scene, "sha256": sha256}) if scene else "not stated"),
+        ("Scene", file_text({"path": scene, "sha256": sha256}) if scene else "not stated"),
         ("Scene parameters", ", ".join(f"{k} = {v}" for k, v in variables.items()) or "as written"),
         ("Camera", _camera(attribute(dataset, "camera"), varied=len(focal) > 1)),
         ("Poses", _orbit(summary)),
@@ -241,13 +233,6 @@ def _setting(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
     )
 
 
-def _file(named: dict[str, Any]) -> str:
-    if not named.get("path"):
-        return "not stated"
-    sha256 = str(named.get("sha256") or "")
-    return _name(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
-
-
 def _fields(dataset: xr.Dataset) -> list[dict[str, Any]]:
     """Fields of all scenes; that of the sweep's own attribute where they do not say."""
     try:
@@ -260,7 +245,7 @@ def _fields(dataset: xr.Dataset) -> list[dict[str, Any]]:
 
 def _field(dataset: xr.Dataset) -> str:
     texts = [
-        _file(one) + (f", {one['quantity']}" if one.get("quantity") else "")
+        file_text(one) + (f", {one['quantity']}" if one.get("quantity") else "")
         for one in _fields(dataset)
     ]
     wavelength = dataset.attrs.get("wavelength_nm")
@@ -396,17 +381,13 @@ def write_report(
     InputError
         The file cannot be written, or no row is wanted.
     """
-    from jinja2 import Environment, StrictUndefined
-
     content = report_content(dataset, summary, top, views, limits)
     pictures, missing = sweep_pictures(dataset, summary)
     figures = {**sweep_charts(summary), **pictures}
     names = [name for name in {**_CAPTIONS, **figures} if name in figures]
-    template = resources.files("iriftrace.figures") / "templates/report.html.jinja"
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    text = environment.from_string(template.read_text(encoding="utf-8")).render(
+    write_page(
+        path,
+        "report.html.jinja",
         content=content,
         figures=[
             {
@@ -421,6 +402,4 @@ def write_report(
         sha256=sha256_of(sweep),
         version=str(dataset.attrs.get("version", "")),
     )
-    with whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
     return missing

@@ -1,12 +1,15 @@
-"""Figure of a simulated measurement: what a deviation map against the CAD model would show."""
+"""Figures of a simulated measurement and of a correction, as deviation maps show them."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from iriftrace.camera.camera import Camera
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.figures.style import finish_axes, new_figure
+from iriftrace.part.part import Part
+from iriftrace.triangulation.correction import Correction, CorrectionStatus
 from iriftrace.triangulation.scan import Scan, ScanStatus
 
 UM_PER_MM = 1000.0
@@ -47,6 +50,46 @@ def scan_figure(scan: Scan) -> Figure:
         right.hist(values.clip(bins[0], bins[-1]), bins, histtype="step", label=name)
     right.axvline(0.0, color="0.5", linewidth=0.8)
     right.set_xlabel("error along the normal (µm)")
+    right.set_ylabel("points")
+    right.legend(fontsize="small")
+    finish_axes(right)
+    return figure
+
+
+def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
+    """Draw what was taken out along the part's normal, and the deviation from the part.
+
+    In the camera's picture, and as a histogram of the points as measured and corrected.
+    """
+    good = found.status == CorrectionStatus.CORRECTED
+    normal, face = found.normal[good], found.face[good]
+    along = UM_PER_MM * np.einsum("ij,ij->i", found.error[good], normal)
+    mark = synthetic_mark(found.provenance["assumptions"]["field_origin"])
+    low, middle, high = np.percentile(along, (5, 50, 95))
+    figure, body = new_figure(
+        8.0,
+        4.4,
+        "What hot air added to the measured points" + (f" ({mark})" if mark else ""),
+        f"median {middle:.2g} µm, 5th to 95th percentile {low:.2g} to {high:.2g} µm along the "
+        "part's normal",
+    )
+    left, right = body.subplots(1, 2, width_ratios=(3, 2))
+    limit = max(float(np.percentile(np.abs(along), 99)), 1e-6)
+    u, v = camera.project(found.measured[good]).T
+    shown = left.hexbin(u, v, along, gridsize=120, cmap="RdBu_r", vmin=-limit, vmax=limit)
+    left.set_aspect("equal")
+    left.invert_yaxis()
+    left.set_axis_off()
+    body.colorbar(shown, ax=left, orientation="horizontal", label="taken out along the normal (µm)")
+    deviations = {
+        name: UM_PER_MM * (np.einsum("ij,ij->i", points[good], normal) - part.face_offsets[face])
+        for name, points in (("as measured", found.measured), ("corrected", found.points))
+    }
+    lowest, highest = np.percentile(np.concatenate(list(deviations.values())), (1, 99))
+    bins = np.linspace(lowest, highest, 61)
+    for name, values in deviations.items():
+        right.hist(values.clip(lowest, highest), bins, histtype="step", label=name)
+    right.set_xlabel("deviation from the part (µm)")
     right.set_ylabel("points")
     right.legend(fontsize="small")
     finish_axes(right)

@@ -120,7 +120,6 @@ def correct(
     measured = _checked(points, field_uncertainty)
     loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
     in_box, to_part = _near_part(measured, loaded.part)
-    larger = _larger(measured, to_part, loaded.part)
     traced = choose(loaded, camera, second).scene
     members = (traced,) if traced.ensemble is None else traced.ensemble.scenes()
     # Clouds come in any order, and rays side by side are traced faster.
@@ -146,20 +145,13 @@ def correct(
     far = loaded.part.surface.distance(measured[hidden]) > REACH_MM
     status[hidden[far]] = CorrectionStatus.FAR_FROM_PART
     _refuse_none(status, measured, loaded.part)
-    if larger is not None:
-        warnings.warn(larger.sentence(loaded.part.growth), IriftraceWarning, stacklevel=2)
-    for code, sentence in _DOUBTFUL.items():
-        share = np.mean(status == code)
-        # Points far from a part of another size are no matter of the alignment.
-        explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
-        if share > MANY and not explained:
-            warnings.warn(f"{share:.0%} of the points {sentence}", IriftraceWarning, stacklevel=2)
-    lost = int((status == CorrectionStatus.LOST).sum())
-    warn_of_lost_points(lost, len(status), "stay as they were measured")
     errors = np.where(status[:, None] == CorrectionStatus.CORRECTED, shares, 0.0)
+    error = errors[0] if weights is None else weights.mean(errors)
+    larger = _larger(measured - error, loaded.part)
+    _warn_of_doubtful(status, larger, loaded.part)
     return Correction(
         measured=measured,
-        error=errors[0] if weights is None else weights.mean(errors),
+        error=error,
         status=status,
         face=faces[0],
         normal=loaded.part.surface.normals[faces[0]],
@@ -202,8 +194,7 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
     InputError
         The cloud is not one of the part where it stands.
     """
-    low, high = part.bounds + np.array([[-2.0], [2.0]]) * REACH_MM
-    in_box = ((measured >= low) & (measured <= high)).all(axis=1)
+    in_box = _in_box(measured, part)
     to_part = part.surface.distance(_sample(measured[in_box]))
     near = int((to_part <= REACH_MM).sum())
     next_to_it = int((to_part <= 2 * REACH_MM).sum()) - near
@@ -220,9 +211,33 @@ def _near_part(measured: FloatArray, part: Part) -> tuple[BoolArray, FloatArray]
     return in_box, to_part
 
 
-def _larger(measured: FloatArray, to_part: FloatArray, part: Part) -> Larger | None:
-    """Whether the cloud is of a larger part, where it does not lie on this one."""
-    return larger_than(measured, part) if np.median(to_part) > ON_PART_MM else None
+def _in_box(points: FloatArray, part: Part) -> BoolArray:
+    low, high = part.bounds + np.array([[-2.0], [2.0]]) * REACH_MM
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+
+
+def _larger(points: FloatArray, part: Part) -> Larger | None:
+    """Whether corrected points (n, 3) are of a larger part, where they do not lie on this one.
+
+    Of a strip of a surface refraction alone looks like another size, by as much as 2 %.
+    """
+    to_part = part.surface.distance(_sample(points[_in_box(points, part)]))
+    return larger_than(points, part) if np.median(to_part) > ON_PART_MM else None
+
+
+def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> None:
+    """Warn of a cloud of another size, and of many points that cannot be of this one."""
+    if larger is not None:
+        warnings.warn(larger.sentence(part.growth), IriftraceWarning, stacklevel=3)
+    for code, sentence in _DOUBTFUL.items():
+        fraction = np.mean(status == code)
+        # Points far from a part of another size are no matter of the alignment.
+        explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
+        if fraction > MANY and not explained:
+            text = f"{fraction:.0%} of the points {sentence}"
+            warnings.warn(text, IriftraceWarning, stacklevel=3)
+    lost = int((status == CorrectionStatus.LOST).sum())
+    warn_of_lost_points(lost, len(status), "stay as they were measured")
 
 
 def _sample(points: FloatArray) -> FloatArray:

@@ -94,25 +94,31 @@ def feature_table(
         doubt = _other_surface(part, kind, region) or next(filter(None, doubts), None)
         if doubt:
             warnings.warn(doubt, IriftraceWarning, stacklevel=3)
-        row: dict[str, Any] = {
-            "kind": kind,
-            "region": region or None,
-            "points": len(chosen),
-            "left_out": count - len(chosen),
-            "size_mm": {name: fit.size_mm for name, fit in fits.items()},
-            "u_size_mm": {name: fit.u_size_mm for name, fit in fits.items()},
-            "form_mm": {name: fit.form_mm for name, fit in fits.items()},
-            "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
-            "direction": {
-                name: None if fit.direction is None else fit.direction.tolist()
-                for name, fit in fits.items()
-            },
-        }
+        row = _row(kind, region, count, fits)
         if members:
             sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in members]
             row["size_by_member_mm"] = None if None in sizes else sizes
         rows.append(row)
     return rows
+
+
+def _row(kind: str, region: str, count: int, fits: Mapping[str, Feature]) -> dict[str, Any]:
+    """Row of `feature_table` for fits by cloud to the inliers of `count` points."""
+    first = next(iter(fits.values()))
+    return {
+        "kind": kind,
+        "region": region or None,
+        "points": len(first.residuals),
+        "left_out": count - len(first.residuals),
+        "size_mm": {name: fit.size_mm for name, fit in fits.items()},
+        "u_size_mm": {name: fit.u_size_mm for name, fit in fits.items()},
+        "form_mm": {name: fit.form_mm for name, fit in fits.items()},
+        "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
+        "direction": {
+            name: None if fit.direction is None else fit.direction.tolist()
+            for name, fit in fits.items()
+        },
+    }
 
 
 def _other_surface(part: Part, kind: str, region: str) -> str | None:

@@ -19,6 +19,9 @@ HOTTEST_K = 1800.0
 LEAST = 5e-4
 """Relative difference in size that is worth a sentence: steel at 55 degC."""
 
+MOST = 0.05
+"""Beyond which it is another unit or another part: steel melts at 2 %."""
+
 BOX = 0.05
 """Of the part's diagonal: how far beside the part's box a point may lie that is one of it."""
 
@@ -65,7 +68,10 @@ class Larger:
             return f"{text}; check the part and the unit of the cloud (--length-unit)."
         hot = f'--expansion {1e6 * grown.expansion:g}e-6/K --hot-temperature "{_celsius(hot_k)}"'
         what = "it" if growth is not None else "steel"
-        return f"{text}, as {what} is at {_celsius(hot_k)}: make the scene with {hot}."
+        return (
+            f"{text}, as {what} is at {_celsius(hot_k)}: unless it was made that large, make the "
+            f"scene with {hot}."
+        )
 
 
 def _celsius(kelvin: float) -> str:
@@ -87,7 +93,7 @@ def larger_than(points: FloatArray, part: Part) -> Larger | None:
     scale, doubt, left = _aligned(near[rows], part, scaling=True)
     _, _, rigid = _aligned(near[rows], part, scaling=False)
     by = scale - 1.0
-    if abs(by) < LEAST or abs(by) < 5 * doubt or left > MOST_LEFT * rigid:
+    if not max(LEAST, 5 * doubt) <= abs(by) <= MOST or left > MOST_LEFT * rigid:
         return None
     return Larger(scale, left, rigid)
 

@@ -15,7 +15,8 @@ def region_table(part: Part, face: IntArray, along_normal: FloatArray) -> list[d
     """Rows for all regions of a part, in its order, of values (n,), mm, on its faces (n,).
 
     ``region``, number of ``points``, ``measured``: area of the faces with a point as a fraction of
-    the region's, and ``along_normal_mm``: `spread` of the values, None without a point.
+    the region's, ``along_normal_mm``: `spread` of the values, and ``size_p95_mm``: 95th
+    percentile of their sizes; both None without a point.
     """
     hit = np.zeros(len(part.faces))
     hit[face] = part.face_areas[face]
@@ -31,6 +32,7 @@ def region_table(part: Part, face: IntArray, along_normal: FloatArray) -> list[d
                 "points": len(values),
                 "measured": float(areas[number] / part.region_areas[number]),
                 "along_normal_mm": spread(values) if len(values) else None,
+                "size_p95_mm": float(np.percentile(np.abs(values), 95)) if len(values) else None,
             }
         )
     return rows

@@ -13,6 +13,7 @@ import pyvista as pv
 
 from iriftrace.cli import main
 from iriftrace.scenes import folder_of
+from validation.oracles.html_page import read_page
 
 
 @pytest.fixture(scope="module")
@@ -167,3 +168,75 @@ def test_a_scene_with_one_device_is_refused(
     xml = folder_of("slab") / "scene.xml"
     assert main(["measure", str(xml), "-o", str(tmp_path / "scan.vtp")]) == 2
     assert "no second device" in capsys.readouterr().err
+
+
+def test_reports_of_a_measurement_and_its_correction(
+    scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One page each, with the numbers of its JSON, the picture, and all assumptions."""
+    corrected = tmp_path / "c.csv"
+    words = ["correct", str(scan), str(scene), "-o", str(corrected), "-D", "scale=0.1"]
+    assert main([*words, "--field-uncertainty=5 %"]) == 0
+    for cloud, true in ((scan, "cold"), (corrected, "corrected")):
+        values = json.loads(cloud.with_suffix(".json").read_text())
+        assert main(["report", str(cloud), "-o", str(tmp_path / "r.html")]) == 0
+        page = read_page(tmp_path / "r.html")
+        (image,) = [one for one in page.references if one.startswith("data:image/png")]
+        assert len(image) > 10_000
+        (row,) = [row for table in page.tables for row in table if row[0] == "cylinder"]
+        size = values["features"][0]["size_mm"]
+        assert row[3:6] == [
+            f"{size['measured']:.4f}",
+            f"{size[true]:.4f}",
+            f"{1e3 * (size['measured'] - size[true]):.3g}",
+        ]
+        regions = next(table for table in page.tables if "area measured" in table[0])
+        assert [row[0] for row in regions[1:]] == ["lateral"]
+        assert all(key.replace("_", " ") in page.by_id["setting"] for key in values["assumptions"])
+    total = values["features"][0]["total_uncertainty_mm"]
+    assert row[-1] == f"{1e3 * total:.3g}"
+    corrected.with_suffix(".png").unlink()
+    assert main(["report", str(corrected), "-o", str(tmp_path / "r.html")]) == 0
+    assert "There is no picture" in capsys.readouterr().err
+    (tmp_path / "other.json").write_text('{"schema": "iriftrace.pose/1"}')
+    (tmp_path / "part.json").write_text('{"schema": "iriftrace.scan/1", "points": {}}')
+    for name, said in (("other", "holds no numbers of iriftrace measure"), ("part", "is damaged")):
+        assert main(["report", str(tmp_path / f"{name}.json"), "-o", str(tmp_path / "x.html")]) == 2
+        assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "x.html").exists()
+
+
+def test_the_hot_part_against_its_cold_drawing(
+    scan: Path, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """1.44 % larger is said to be steel at 1050 degC; sizes of an expanded part at 20 degC."""
+    points = np.asarray(pv.read(scan).points)
+    np.savetxt(tmp_path / "hot.xyz", 1.01442 * points, "%.6f")
+    words = [str(scene), "-o", str(tmp_path / "c.vtp"), "-D", "scale=0.1", "--no-figures"]
+    assert main(["correct", str(tmp_path / "hot.xyz"), *words]) == 0
+    said, doubts = (" ".join(text.split()) for text in capsys.readouterr())
+    assert re.search(r"The cloud is 1\.4\d % larger than the part .*--hot-temperature", doubts)
+    assert "align the cloud" not in doubts
+    assert "Sizes hold at the temperature that the part had" in said
+    # The drawing of this part is 1 % smaller.
+    file = tmp_path / "scene" / "part.ply"
+    shutil.copytree(scene.parent, file.parent)
+    state = b"comment thermal expansion 1e-05 /K from 293.15 K to 1293.15 K\nelement vertex"
+    file.write_bytes(file.read_bytes().replace(b"element vertex", state, 1))
+    words[0] = str(file.with_name("scene.xml"))
+    doubt = ["--expansion-uncertainty=2 %", "--temperature-uncertainty=10 K"]
+    assert main(["correct", str(scan), *words, *doubt]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    (row,) = json.loads((tmp_path / "c.json").read_text())["features"]
+    reference, hot = row["at_reference"], row["size_mm"]["corrected"]
+    assert reference["size_mm"] == pytest.approx(hot / 1.01, rel=1e-9)
+    # 2 x 27 mm x (1000 K x 2e-7/K and 10 K x 1e-5/K in quadrature) / 1.01^2
+    assert reference["expansion_uncertainty_mm"] == pytest.approx(
+        2 * hot * np.hypot(2e-4, 1e-4) / 1.01**2, rel=1e-6
+    )
+    assert f"at 1020 degC: diameter {row['size_mm']['measured']:.4f} mm" in said
+    assert f"At 20 degC it is {reference['size_mm']:.4f} mm, U = " in said
+    assert main(["correct", str(scan), *words, doubt[0]]) == 0
+    assert "give both --expansion-uncertainty" in " ".join(capsys.readouterr().out.split())
+    assert main(["correct", str(scan), *words, "--temperature-uncertainty=12 degC"]) == 2
+    assert "a temperature difference such as 10 K" in " ".join(capsys.readouterr().err.split())

@@ -174,7 +174,9 @@ def test_a_cloud_of_the_other_side_is_refused(scene: LoadedScene) -> None:
 def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: LoadedScene) -> None:
     """The part is 0.2 mm thicker than its model; a layer some millimetres thick changes by 10 %."""
     thicker = scan.points + 0.2 * scan.normal
-    found = correct(thicker, scene, *DEVICES, system=scan.system)
+    # Of a cylinder's side alone that may be heat as well.
+    with pytest.warns(IriftraceWarning, match="1.48 % larger than the part .* unless it was made"):
+        found = correct(thicker, scene, *DEVICES, system=scan.system)
     good = found.status == CorrectionStatus.CORRECTED
     assert good.mean() > 0.9
     size = np.linalg.norm(scan.error, axis=1)

@@ -29,7 +29,7 @@ def test_widths_and_squareness_of_a_box() -> None:
     hot = points.copy()
     hot[names == "plane +x"] += (0.01, 0.0, 0.0)
     turn = Rotation.from_euler("z", 0.1, degrees=True)
-    hot[names == "plane +y"] = np.add(turn.apply(hot[names == "plane +y"] - (0, 15, 0)), (0, 15, 0))
+    hot[names == "plane +y"] = turn.apply(hot[names == "plane +y"])
     place = Rotation.from_rotvec((0.3, -0.2, 0.5))
     clouds = {"cold": place.apply(points), "measured": place.apply(hot)}
     rows = relations(feature_table(clouds, face, part, ["plane"], gate=None))
@@ -56,6 +56,7 @@ def test_rows_by_region_count_points_area_and_values() -> None:
     assert sum(row["points"] for row in rows) == kept.sum()
     assert rows[top]["measured"] == pytest.approx(0.5)
     assert rows[top]["along_normal_mm"]["median"] == -2e-3
+    assert rows[top]["size_p95_mm"] == 2e-3
     assert rows[top - 1]["measured"] == pytest.approx(1.0)
     assert region_table(part, face[:0], values[:0])[top]["along_normal_mm"] is None
 

@@ -1,0 +1,42 @@
+"""HTML pages that need nothing else, neither Python nor a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from iriftrace.core.files import whole_file
+
+
+def write_page(path: Path, template: str, **values: Any) -> None:
+    """Write a page by one of the package's templates; its folder must exist."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("iriftrace.figures"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    text = environment.get_template(template).render(**values)
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def name_of(file: dict[str, Any]) -> str:
+    """Name of a part's or field's file by its provenance."""
+    return file.get("source") or (Path(file["path"]).name if file.get("path") else "the part")
+
+
+def file_text(named: dict[str, Any]) -> str:
+    """Name of a file and the beginning of its SHA-256, or that it is not stated."""
+    if not named.get("path"):
+        return "not stated"
+    sha256 = str(named.get("sha256") or "")
+    return name_of(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
+
+
+def value_text(value: Any) -> str:
+    """A JSON value as a cell of a table."""
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

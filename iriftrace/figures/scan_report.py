@@ -1,0 +1,206 @@
+"""The report of a simulated measurement or a correction: one HTML page."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+from attrs import frozen
+
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import sha256_of
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.field.origin import synthetic_mark
+from iriftrace.figures.page import file_text, name_of, value_text, write_page
+
+SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
+"""Results that have such a report, and what their features' clouds without air are called."""
+
+Rows = tuple[tuple[str, ...], ...]
+
+
+@frozen
+class ScanReport:
+    """Texts and tables of the page; rows are cells by their headings, or name and value."""
+
+    title: str
+    answer: tuple[str, ...]
+    doubtful: tuple[str, ...]
+    caption: str
+    feature_headings: tuple[str, ...]
+    features: Rows
+    feature_note: str
+    relation_headings: tuple[str, ...]
+    relations: Rows
+    regions: Rows
+    region_note: str
+    points: Rows
+    setting: Rows
+    assumptions: Rows
+
+
+def read_numbers(path: Path) -> tuple[Path, dict[str, Any]]:
+    """The JSON file of a scan or correction, which may be given by its cloud, and its values."""
+    file = path if path.suffix.lower() == ".json" else path.with_suffix(".json")
+    try:
+        values = json.loads(file.read_text(encoding="utf-8"))
+        known = values["schema"] in SCHEMAS
+    except (OSError, ValueError, LookupError, TypeError):
+        known = False
+    if not known:
+        raise InputError(
+            f"{file} holds no numbers of iriftrace measure or correct, of which a report could be "
+            "written; give a sweep (.nc), or a cloud that lies next to its .json."
+        )
+    return file, values
+
+
+def scan_report(values: dict[str, Any]) -> ScanReport:
+    """Collect what is said of a scan or correction by its JSON values."""
+    true = SCHEMAS[values["schema"]]
+    simulated = true == "cold"
+    assumed, counts = values["assumptions"], values["points"]
+    what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
+    growth = values.get("growth")
+    at = "" if growth is None else f"; sizes at {_celsius(growth['hot_k'])}"
+    return ScanReport(
+        title=f"{what}: {name_of(values['part'])}",
+        answer=tuple(_answer(values, simulated)),
+        doubtful=tuple(_doubtful(values, simulated)),
+        caption="Left: the camera's picture, coloured by the "
+        + ("error along the normal." if simulated else "refraction error that was taken out."),
+        feature_headings=(
+            *("feature", "region", "points", "measured (mm)", f"{true} (mm)", "air (µm)"),
+            *(() if simulated else ("U of the air (µm)", "U of the fit (µm)", "U (µm)")),
+            *(() if growth is None else (f"at {_celsius(growth['reference_k'])} (mm)",)),
+        ),
+        features=tuple(_feature(row, true, growth) for row in values["features"]),
+        feature_note=f"Diameters; of a plane the form deviation. U is expanded (k = 2){at}.",
+        relation_headings=("", "planes", "measured", true, "difference"),
+        relations=tuple(_relation(row, true) for row in values.get("relations", ())),
+        regions=tuple(_region(row) for row in values.get("regions", ()) if row["points"]),
+        region_note="Along the part's outward normal: "
+        + ("the error of the points." if simulated else "what was taken out of the points.")
+        + " Area measured: that of the triangles on which a point lies.",
+        points=tuple((key.replace("_", " "), f"{count:,}") for key, count in counts.items()),
+        setting=(
+            ("Part", file_text(values["part"])),
+            ("Field", file_text(values["field"] or {})),
+            ("Scene", file_text(values["scene"])),
+            ("Sensor", values["system"]),
+            ("Mitsuba variant", str(values["variant"])),
+        ),
+        assumptions=tuple(
+            (key.replace("_", " "), value_text(value)) for key, value in assumed.items()
+        ),
+    )
+
+
+def write_scan_report(path: Path, result: Path) -> tuple[str, ...]:
+    """Write the report of a scan or correction (its .json, or the cloud next to it).
+
+    Returns
+    -------
+    tuple of str
+        Why the picture is missing, a sentence, where it is.
+
+    Raises
+    ------
+    InputError
+        The result is none of the two, or the file cannot be written.
+    """
+    file, values = read_numbers(result)
+    picture = file.with_suffix(".png")
+    png = base64.b64encode(picture.read_bytes()).decode("ascii") if picture.is_file() else ""
+    try:
+        content = scan_report(values)
+    except (LookupError, TypeError, ValueError) as error:
+        raise InputError(f"{file} is damaged ({error!r}); compute the result again.") from error
+    write_page(
+        path,
+        "scan_report.html.jinja",
+        content=content,
+        png=png,
+        version=str(values.get("version", "")),
+        source=file.name,
+        sha256=sha256_of(file),
+    )
+    return () if png else (f"There is no picture {picture}: compute the result with figures.",)
+
+
+def _um(millimetres: float | None) -> str:
+    return "not known" if millimetres is None else f"{1e3 * millimetres:.3g}"
+
+
+def _celsius(kelvin: float) -> str:
+    return f"{kelvin - ZERO_CELSIUS_K:g} °C"
+
+
+def _answer(values: dict[str, Any], simulated: bool) -> list[str]:
+    counts = values["points"]
+    if simulated:
+        error, left = values["error_normal_mm"], values["best_fit"]["error_normal_mm"]
+        return [
+            f"{counts['measured']:,} points were measured. Error along the normal: median "
+            f"{_um(error['median'])} µm, rms {_um(error['rms'])} µm, after a rigid best fit rms "
+            f"{_um(left['rms'])} µm."
+        ]
+    error, u = values["error_mm"], values.get("u_normal_mm")
+    doubt = "" if u is None else f", with a standard uncertainty of {_um(u['median'])} µm (median)"
+    return [
+        f"{counts['corrected']:,} of {counts['measured']:,} points are corrected, by "
+        f"{_um(error['median'])} µm (median; 95th percentile {_um(error['p95'])} µm){doubt}."
+    ]
+
+
+def _doubtful(values: dict[str, Any], simulated: bool) -> list[str]:
+    """What decides how much the numbers are worth."""
+    assumed = values["assumptions"]
+    origin = str(assumed["field_origin"])
+    said = [f"{synthetic_mark(origin) or 'Field'}: {origin}."]
+    if "field_fit" in assumed:
+        said.append(str(assumed["field_fit"]))
+    if larger := values.get("larger"):
+        by = 100 * (larger["scale"] - 1.0)
+        said.append(
+            f"The cloud is {abs(by):.2f} % {'larger' if by > 0 else 'smaller'} than the part."
+        )
+    if not simulated and "u_normal_mm" not in values:
+        said.append(
+            "No uncertainty of the correction is stated, as that of the field is not known."
+        )
+    return said
+
+
+def _feature(row: dict[str, Any], true: str, growth: dict[str, Any] | None) -> tuple[str, ...]:
+    kind = "size_mm" if row["size_mm"]["measured"] is not None else "form_mm"
+    measured, size = row[kind]["measured"], row[kind][true]
+    air = _um(measured - size)
+    cells = [row["kind"], row["region"] or "all points", f"{row['points']:,}"]
+    cells += [f"{measured:.4f}", f"{size:.4f}", air]
+    if true == "corrected":
+        keys = ("size_uncertainty_mm", "fit_uncertainty_mm", "total_uncertainty_mm")
+        cells += [_um(row[key]) if kind == "size_mm" else "" for key in keys]
+    if growth is not None:
+        reference = row.get("at_reference")
+        cells.append("" if reference is None else f"{reference['size_mm']:.4f}")
+    return tuple(cells)
+
+
+def _relation(row: dict[str, Any], true: str) -> tuple[str, ...]:
+    planes = " and ".join(str(region or "all points") for region in row["regions"])
+    if row["kind"] == "angle":
+        angles = row["angle_deg"]
+        difference = f"{60 * (angles['measured'] - angles[true]):.2g}\N{PRIME}"
+        return "angle", planes, f"{angles['measured']:.4f}°", f"{angles[true]:.4f}°", difference
+    sizes = row["size_mm"]
+    difference = f"{_um(sizes['measured'] - sizes[true])} µm"
+    return "distance", planes, f"{sizes['measured']:.4f} mm", f"{sizes[true]:.4f} mm", difference
+
+
+def _region(row: dict[str, Any]) -> tuple[str, ...]:
+    values = row["along_normal_mm"]
+    numbers = map(_um, (values["median"], values["rms"], row["size_p95_mm"]))
+    return row["region"], f"{row['points']:,}", f"{row['measured']:.0%}", *numbers
