@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -40,19 +39,18 @@ class Hill:
     def coverage(self, matrix: np.ndarray) -> float:
         return 0.3
 
-    def render(self, matrix: Any, *, nearest: bool = False) -> Any:
+    def metrics(self, matrix: Any, *, nearest: bool = False) -> dict[str, Any]:
         pose = np.array(matrix)
         self.rendered.append(pose)
         if pose[2, 3] > self.forbidden_z:
             raise InputError("The camera stands inside the hot air.")
-        view = {
+        return {
             "rays": {"good": self.good},
             "displacement_mm": {"p95": self.displacement(pose)},
             "coverage": self.coverage(pose),
             "axial_resolution_mm": 0.1,
             "lateral_resolution_mm": 0.1,
         }
-        return SimpleNamespace(metrics=SimpleNamespace(as_dict=lambda: view))
 
 
 def hill_sweep() -> tuple[xr.Dataset, Plan]:

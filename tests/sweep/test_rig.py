@@ -1,0 +1,101 @@
+"""A scene with two devices is a rigid sensor: swept together, ranked by what both measure."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from attrs import evolve
+
+import iriftrace
+from iriftrace.cli import main
+from iriftrace.core.errors import InputError
+from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.rank import rank_poses
+from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scenes import folder_of
+from iriftrace.triangulation.scan import measure
+
+pytestmark = [
+    pytest.mark.usefixtures("variant"),
+    pytest.mark.filterwarnings("ignore:Hits of"),
+    pytest.mark.filterwarnings("ignore:.*differ in"),
+    pytest.mark.filterwarnings("ignore:The part's faces"),
+]
+
+SCENE = folder_of("fringe_cylinder") / "scene.xml"
+ORBIT = iriftrace.Orbit(centre=(0.0, 0.0, 0.0), semi_axes_mm=(490.0, 490.0, 490.0))
+POSES = iriftrace.orbit_poses(ORBIT, azimuth_deg=[20.0, 35.0], elevation_deg=[0.0, 30.0])
+
+
+@pytest.fixture(scope="module")
+def scene() -> LoadedScene:
+    return load_scene(SCENE, {"scale": 0.15})
+
+
+@pytest.fixture(scope="module")
+def swept(scene: LoadedScene, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    return iriftrace.run_sweep(scene, POSES, tmp_path_factory.mktemp("rig") / "sweep.nc")
+
+
+def test_errors_are_those_of_measure_with_both_devices_moved(
+    scene: LoadedScene, swept: xr.Dataset
+) -> None:
+    motion = scene.second.matrix @ np.linalg.inv(scene.camera.matrix)
+    for pose, matrix in enumerate(POSES.matrices):
+        camera = scene.camera.at(matrix)
+        moved = matrix @ np.linalg.inv(scene.camera.matrix)
+        scan = measure(scene, camera, scene.second.at(moved @ scene.second.matrix))
+        values = swept.isel(pose=pose).sel(region="part")
+        assert values["points_measured"] == len(scan.points)
+        size = np.abs(scan.error_normal)
+        assert values["error_normal_p95"] == pytest.approx(np.percentile(size, 95), rel=1e-6)
+        assert values["error_normal_bias"] == pytest.approx(np.median(scan.error_normal), rel=1e-6)
+        areas = scene.part.face_areas
+        both = areas[np.unique(scan.face)].sum() / areas.sum()
+        assert values["coverage_measured"] == pytest.approx(both)
+        (row,) = scan.features(scene.part, ["cylinder:lateral"], None)
+        diameter = row["size_mm"]["measured"] - row["size_mm"]["cold"]
+        lateral = swept.isel(pose=pose).sel(region="lateral")["size_error"]
+        assert lateral == pytest.approx(diameter, rel=1e-6)
+    assert not np.allclose(motion, np.eye(4))
+
+
+def test_poses_are_ranked_by_what_is_measured(swept: xr.Dataset) -> None:
+    alone = {"coverage": 0.0, "axial": 0.0, "lateral": 0.0}
+    whole = swept.sel(region="part")
+    for criterion, variable in (
+        (None, "error_normal_p95"),
+        ("features", "size_error"),
+        ("displacement", "displacement_p95"),
+    ):
+        plan = rank_poses(swept, Criteria(criterion=criterion, **alone))
+        assert plan.best == int(np.abs(whole[variable].values).argmin())
+        assert plan.criteria.criterion == (criterion or "normal")
+
+
+def test_plan_says_that_both_move(
+    swept: xr.Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "sweep.nc"
+    swept.to_netcdf(file, engine="h5netcdf")
+    assert main(["plan", str(file)]) == 0
+    assert "Both devices move together" in capsys.readouterr().out
+    assert main(["plan", str(file), "--criterion", "displacement"]) == 0
+    assert "is of the camera alone" in " ".join(capsys.readouterr().out.split())
+    refined = tmp_path / "refined.json"
+    assert main(["plan", str(file), "--refine", "--evaluations=11", "-o", str(refined)]) == 0
+    found = json.loads(refined.read_text())
+    assert found["score"] <= found["start"]["score"]
+    start = swept.isel(pose=found["start"]["pose"]).sel(region="part")
+    assert found["start"]["metrics"]["displacement"] == float(start["error_normal_p95"])
+
+
+def test_a_question_about_two_devices_does_not_fit_one_camera(scene: LoadedScene) -> None:
+    one = iriftrace.run_sweep(evolve(scene, second=None), POSES)
+    assert "error_normal_p95" not in one
+    with pytest.raises(InputError, match="about what two devices measure"):
+        rank_poses(one, Criteria(criterion="normal"))
