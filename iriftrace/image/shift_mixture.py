@@ -12,7 +12,7 @@ from iriftrace.image.camera_motion import OUTLIER
 NEAREST = 4
 """Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
 
-HIDDEN = 0.5
+HIDDEN = 0.25
 """Systematic part of the shifts, over their noise, that a residual as large as the noise hides."""
 
 MOST_OUTLIERS = 0.02
@@ -80,7 +80,7 @@ class ShiftMixture:
         """(k, k) covariance of the weights, by the noise of a component, px, and the residual.
 
         The residual counts as noise of the shifts, which scatters the weights. Its systematic part,
-        at least `HIDDEN` times the noise, counts as a step towards one of the nearest members, and
+        at least `HIDDEN` times the noise, counts as a step towards each of the nearest members, and
         as more or less of all shifts.
         """
         count = len(self.weights)
@@ -100,7 +100,7 @@ class ShiftMixture:
         near = near[size[near] > 1e-9 * size.max()][:NEAREST]
         systematic = np.sqrt(max(self.residual**2 - noise**2, 0.0) + (HIDDEN * noise) ** 2)
         scaled = steps[near] * (systematic / size[near])[:, None]
-        found += scaled.T @ scaled / len(near)
+        found += scaled.T @ scaled
         whole = max(float(np.sqrt(np.mean((self._columns @ self.weights) ** 2))), systematic)
         return np.asarray(found + (systematic / whole) ** 2 * np.outer(self.weights, self.weights))
 

@@ -445,6 +445,9 @@ def test_sweep_has_the_scatter_of_each_pose(ten: Path, tmp_path: Path) -> None:
         for key in ("mean", "median", "p95", "max", "rms"):
             assert float(part[f"scatter_{key}"]) == metrics["ensemble"]["scatter_mm"][key]
             assert float(part[f"displacement_{key}"]) == metrics["ensemble"]["bias_mm"][key]
+        assert float(part["worst_p95"]) == metrics["ensemble"]["worst_mm"]["p95"]
+        # The strongest air displaces most.
+        assert int(part["worst_member"]) == metrics["ensemble"]["worst_member"] == 10
         assert int(part["ensemble_members"]) == 10
         assert int(part["rays_in_all"]) == metrics["ensemble"]["rays_in_all"]
     plain = xr.open_dataset(path, engine="h5netcdf")
