@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import App, Group, Parameter
@@ -14,7 +13,7 @@ from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import out, pose_progress, say, working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, Rule
 from iriftrace.cli.options import (
     Numbers,
     Whole,
@@ -24,13 +23,13 @@ from iriftrace.cli.options import (
     check_output,
 )
 from iriftrace.core.errors import InputError
-from iriftrace.shells.levels import RULES
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.field.index_field import IndexField
-    from iriftrace.studies.modes import Mode
+    from iriftrace.scene.scene import Scene
+    from iriftrace.studies.mode import Mode
     from iriftrace.studies.study import Study
 
 
@@ -43,7 +42,7 @@ Output = Annotated[
 References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
 Layers = Annotated[Whole, Parameter(help="Number of shells.")]
 
-MODE = Group(f"Second mode, compared with ours (gradient, {RULES[0]}, refract, 0)", sort_key=0)
+MODE = Group("Second mode, compared with ours (gradient, rim, refract, 0)", sort_key=0)
 
 
 @Parameter(name="*", group=MODE)
@@ -67,7 +66,7 @@ class ModeOptions:
     """
 
     normals: Literal["gradient", "facet"] = "facet"
-    index_rule: str = "outer"
+    index_rule: Rule = "outer"
     inside_hit: Literal["refract", "drop"] = "drop"
     drop_inner: str = "0"
     explain: Annotated[bool, Parameter(negative=())] = False
@@ -76,7 +75,7 @@ class ModeOptions:
         """Ours, the second one, and those between them if they are asked for."""
         from attrs import evolve
 
-        from iriftrace.studies.modes import OURS, PAPERS, one_change_each
+        from iriftrace.studies.mode import OURS, PAPERS, one_change_each
 
         second = evolve(
             PAPERS,
@@ -139,25 +138,25 @@ def _run(
     output: Path,
     options: StudyOptions,
     scale: float,
-    describe: Callable[..., Study],
+    describe: Callable[[Scene, list[IndexField], list[Mode]], Study],
     *more: Mode,
 ) -> None:
     """Run a study behind a progress bar, print its tables and draw its figure.
 
-    `describe` gets the fields, and by name modes and view; all options were looked at.
+    `describe` gets the scene with the last field, all fields and the modes.
     """
     from iriftrace.figures.studies import study_figure
     from iriftrace.figures.style import write_figure
     from iriftrace.runtime import variant
+    from iriftrace.scene.hot_air import HotAir
+    from iriftrace.scene.scene import Scene
     from iriftrace.scene.viewpoint import refuse_camera_inside
-    from iriftrace.shells.contour import contour_shells
-    from iriftrace.studies.picture import View
     from iriftrace.studies.study import run_study
 
     modes = [*options.mode.modes(), *more]
     if options.field.isosurfaces:
         raise InputError(
-            "A study contours the field anew for each case, so it needs the volume field and "
+            "A study contours the field again for each case, so it needs the volume field and "
             "no ready-made iso-surfaces."
         )
     check_order(fields[0], part)
@@ -168,11 +167,12 @@ def _run(
     mesh = options.part.read(part)
     with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
         volumes = [options.field.read(path, options.air.air(), mesh) for path in fields]
-    stack = contour_shells(volumes[-1], 1)
+    air = HotAir(volumes[-1], layers=1, notes=options.field.notes())
+    stack = air.states[0].shells
     camera = options.camera.camera(mesh, volumes[-1], stack)
     refuse_camera_inside(camera.origin, mesh, stack, volumes[-1])
-    view = View(mesh, camera.scaled(scale), traced_by, options.field.notes())
-    described = describe(*volumes, view=view, modes=modes)
+    scene = Scene(mesh, air, camera.scaled(scale), variant=traced_by)
+    described = describe(scene, volumes, modes)
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
     (print_comparison if described.references else print_timing)(dataset)
@@ -297,14 +297,16 @@ def layers(
         Numbers of shells, such as "1:20,40,80".
     reference
         "continuous" (the continuous engine), "linear cells" (likewise, with one gradient in each
-        cell: the limit of facet normals), or a number of shells in the same mode; repeatable. By
-        default 20, as in the paper, and continuous.
+        cell: the limit of facet normals), or a number of shells of the finest field in the same
+        mode; repeatable. By default 20, as in the paper, and continuous.
     """
-    from iriftrace.studies.accuracy import layers_study
+    from iriftrace.studies.kinds import layers_study
 
     counts = whole_numbers(layers, "--layers")
-    made = partial(layers_study, layers=counts, references=reference)
-    _run([field], part, output, options, scale, made)
+    _run(
+        *([field], part, output, options, scale),
+        lambda scene, _, modes: layers_study(scene, counts, modes, reference),
+    )
 
 
 @study.command
@@ -338,13 +340,17 @@ def smoothing(
         "same mode" (shells of the fine field) or "continuous" (the continuous engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.accuracy import smoothing_study
-    from iriftrace.studies.modes import Mode
+    from iriftrace.studies.kinds import smoothing_study
+    from iriftrace.studies.mode import Mode
 
     counts = whole_numbers(iterations, "--iterations")
-    made = partial(smoothing_study, iterations=counts, references=reference, layers=layers)
-    facets = Mode("ours but facet normals", normals="facet")
-    _run([field, finest], part, output, options, scale, made, facets)
+    _run(
+        *([field, finest], part, output, options, scale),
+        lambda scene, fields, modes: smoothing_study(
+            scene, fields[0], counts, modes, reference, layers=layers
+        ),
+        Mode("ours but facet normals", normals="facet"),
+    )
 
 
 @study.command
@@ -378,7 +384,7 @@ def mesh(
         "same mode" (shells of the finest field) or "continuous" (the continuous engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.accuracy import mesh_study
+    from iriftrace.studies.kinds import mesh_study
 
     paths = [field, *finer]
     stems = [path.stem for path in paths]
@@ -390,12 +396,17 @@ def mesh(
         if path not in paths:
             raise InputError(f"--split {path} is none of the study's fields; name one of them.")
     cut = [names[paths.index(path)] for path in split or []]
-
-    def made(*fields: IndexField, **common: Any) -> Study:
-        named = dict(zip(names, fields, strict=True))
-        return mesh_study(named, references=reference, layers=layers, split=cut, **common)
-
-    _run(paths, part, output, options, scale, made)
+    _run(
+        *(paths, part, output, options, scale),
+        lambda scene, fields, modes: mesh_study(
+            scene,
+            dict(zip(names, fields, strict=True)),
+            modes,
+            reference,
+            layers=layers,
+            split=cut,
+        ),
+    )
 
 
 @study.command
@@ -418,10 +429,12 @@ def rays(
     scales
         Factors on the camera's resolution.
     """
-    from iriftrace.studies.cost import rays_study
+    from iriftrace.studies.kinds import rays_study
 
-    made = partial(rays_study, scales=scales, layers=layers)
-    _run([field], part, output, options, scale, made)
+    _run(
+        *([field], part, output, options, scale),
+        lambda scene, _, modes: rays_study(scene, scales, modes, layers=layers),
+    )
 
 
 @study.command
@@ -448,7 +461,11 @@ def polygons(
         Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
         9 GB of memory and 2 GB of disk.
     """
-    from iriftrace.studies.cost import polygons_study
+    from iriftrace.studies.kinds import polygons_study
 
-    made = partial(polygons_study, layers=layers, smallest=smallest, largest=largest)
-    _run([field], part, output, options, scale, made)
+    _run(
+        *([field], part, output, options, scale),
+        lambda scene, _, modes: polygons_study(
+            scene, modes, layers=layers, smallest=smallest, largest=largest
+        ),
+    )
