@@ -315,8 +315,8 @@ def _compared(
     for name in references:
         if name not in known and not (name.isdecimal() and int(name) > 0):
             raise InputError(
-                f'"{name}" is no reference; give "{'", "'.join(known)}" or a number of shells, '
-                f"such as {THE_PAPERS}."
+                f'"{name}" is no reference; give {", ".join(known)} or a number of shells, such as '
+                f"{THE_PAPERS}."
             )
     finest = _field(scene)
 
