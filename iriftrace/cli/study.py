@@ -456,10 +456,10 @@ def polygons(
     Parameters
     ----------
     smallest
-        Triangles of each shell to begin with; larger shells are thinned out first.
+        Mean number of triangles of a shell to begin with; more are thinned out first.
     largest
         Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
-        9 GB of memory and 2 GB of disk.
+        over 9 GB of memory.
     """
     from iriftrace.studies.kinds import polygons_study
 

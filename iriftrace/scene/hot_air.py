@@ -60,7 +60,7 @@ class AirState:
         return MemberAir(self.label, self.time, self.shells, self.field)
 
 
-@frozen(eq=False)
+@frozen(eq=False, init=False)
 class HotAir:
     """The hot air around a part, and how its shells bend rays.
 
@@ -136,7 +136,7 @@ class HotAir:
             AirState(one, name, None, layers, rule, shells)
             for one, name in zip(fields, names, strict=True)
         )
-        self.__attrs_init__(states, normals, inside_hit, notes or {}, wall_temperature_k)  # type: ignore[attr-defined]
+        self.__attrs_init__(states, normals, inside_hit, notes or {}, wall_temperature_k)
 
     def __repr__(self) -> str:
         return f"HotAir({', '.join(repr(s.field or s.shells) for s in self.states)})"

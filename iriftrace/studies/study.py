@@ -101,12 +101,12 @@ class Study:
 
     def __attrs_post_init__(self) -> None:
         """Refuse what would be compared with nothing."""
-        for what, some in (
-            ("modes", [mode.name for mode in self.modes]),
-            (self.axis, list(self.values)),
-            ("references", list(self.references) or [None]),
+        for what, some, fewest in (
+            ("modes", [mode.name for mode in self.modes], 1),
+            (self.axis, list(self.values), 1),
+            ("references", list(self.references), 0),
         ):
-            if not some or len(set(some)) != len(some):
+            if len(some) < fewest or len(set(some)) != len(some):
                 raise InputError(
                     f"The study's {what} are {', '.join(map(str, some)) or 'none'}; give at least "
                     "one, each once."
@@ -282,14 +282,17 @@ def _dataset(study: Study, entries: Sequence[dict[str, Any]]) -> xr.Dataset:
             {"long_name": study.long_name, **({} if texts else {"units": "1"})},
         ),
     }
-    attrs = {"study": study.name, "modes": json.dumps([asdict(mode) for mode in study.modes])}
+    attrs: dict[str, Any] = {
+        "study": study.name,
+        "modes": json.dumps([asdict(mode) for mode in study.modes]),
+    }
     if study.references:
         coords["reference"] = np.array(study.references, dtype=object)
         columns = variables(SIZES, cases, over) | variables(
             DIFFERENCES, pairs, (*over, "reference")
         )
     else:
-        attrs["repeats"] = REPEATS  # type: ignore[assignment]
+        attrs["repeats"] = REPEATS
         columns = variables(TIMES, cases, over)
     for key, value in study.source.items():
         attrs[key] = value if isinstance(value, str | int | float) else json.dumps(value)
