@@ -139,19 +139,6 @@ class PointStatus(IntEnum):
         return {one.key: int((status == one).sum()) for one in cls}
 
 
-def spread(values: FloatArray) -> dict[str, float]:
-    """Mean, median, p95, rms, min and max of some values."""
-    median, p95 = np.percentile(values, (50, 95))
-    return {
-        "mean": float(values.mean()),
-        "median": float(median),
-        "p95": float(p95),
-        "rms": float(np.sqrt(np.mean(values**2))),
-        "min": float(values.min()),
-        "max": float(values.max()),
-    }
-
-
 def scatter_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
     """Standard deviation (n,), mm, of (k, n, 3) errors over k members, along (n, 3) normals."""
     scatter: FloatArray = np.einsum("kij,ij->ki", errors, normal).std(axis=0, ddof=1)

@@ -23,13 +23,14 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import places_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.statistics import spread
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
-from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
+from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along
 from iriftrace.triangulation.features import GATE, feature_table
 from iriftrace.triangulation.field_state import FieldState, field_state
 from iriftrace.triangulation.scan import (

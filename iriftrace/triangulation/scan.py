@@ -22,6 +22,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.statistics import spread
 from iriftrace.geometry.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
@@ -32,7 +33,7 @@ from iriftrace.trace.engine import choose_for_devices
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.render import trace_rays
-from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along, spread
+from iriftrace.triangulation.cloud import PointStatus, by_axis, save_cloud, scatter_along
 from iriftrace.triangulation.features import GATE, feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.two_points import lines_of_sight
