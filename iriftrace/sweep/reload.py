@@ -19,7 +19,7 @@ from iriftrace.core.arrays import AnyIntArray
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.part.part import Part, read_part
 from iriftrace.scene.ensemble import INCLUDED, is_ensemble, member_folder
-from iriftrace.shells.files import read_ply
+from iriftrace.shells.files import read_shell
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
 
 if TYPE_CHECKING:
@@ -198,7 +198,7 @@ def _shell(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
     files = scene_of_pose(dataset, 0).get("files", {})
     if str(outermost.resolve()) in files:
         check_unchanged(outermost, files[str(outermost.resolve())])
-    vertices, faces, *_ = read_ply(outermost)
+    vertices, faces, *_ = read_shell(outermost)
     return vertices, faces
 
 
