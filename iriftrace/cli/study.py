@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -183,33 +184,28 @@ def _run(
 
 
 def print_comparison(dataset: xr.Dataset) -> None:
-    """A table for each reference: differences of the hits in micrometres."""
+    """Print a table for each reference: differences of the hits in micrometres."""
     from iriftrace.studies.study import reference_words
 
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     for reference in dataset["reference"].values:
-        table = _table(
+        rows = []
+        for place, mode in product(dataset[axis].values, dataset["mode"].values):
+            case = dataset.sel({"mode": mode, axis: place, "reference": reference})
+            if int(case["matched"]) < 0:
+                rows.append((place, mode, "no shell left"))
+                continue
+            names = ("median", "p95", "rmse_trimmed", "rmse")
+            median, *others = (f"{1e3 * float(case[name]):.3f}" for name in names)
+            fraction = f"{float(case['median']) / float(case['displacement_median']):.1%}"
+            unmatched = int(case["only_here"]) + int(case["only_reference"])
+            rows.append((place, mode, median, fraction, *others, unmatched, int(case["rays_lost"])))
+        _print_table(
             f"Difference from {reference_words(str(reference))} / um",
             (str(axis), "mode"),
             ("median", "share", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
+            rows,
         )
-        for place in dataset[axis].values:
-            for mode in dataset["mode"].values:
-                case = dataset.sel({"mode": mode, axis: place})
-                some = case.sel(reference=reference)
-                if int(some["matched"]) < 0:
-                    table.add_row(str(place), str(mode), "no shell left")
-                    continue
-                table.add_row(
-                    str(place),
-                    str(mode),
-                    f"{1e3 * float(some['median']):.3f}",
-                    f"{float(some['median']) / float(case['displacement_median']):.1%}",
-                    *(f"{1e3 * float(some[name]):.3f}" for name in ("p95", "rmse_trimmed", "rmse")),
-                    str(int(some["only_here"]) + int(some["only_reference"])),
-                    str(int(case["rays_lost"])),
-                )
-        _show(table)
     out.print(
         "share: median over the median displacement; trimmed: rmse without the 1 % of rays that "
         "differ most; unmatched: rays that are good in one of the two runs only; lost: rays of the "
@@ -218,26 +214,25 @@ def print_comparison(dataset: xr.Dataset) -> None:
 
 
 def print_timing(dataset: xr.Dataset) -> None:
-    """Times as ratios: of stages to the refracted trace, and of this to the first case's."""
+    """Print times as ratios: of stages to the refracted trace, and of this to the first case's."""
     (axis,) = set(dataset["time_search"].dims) - {"mode"}
     across = "rays" if dataset.attrs["study"] == "rays" else "triangles_per_shell"
     for mode in dataset["mode"].values:
-        some = dataset.sel(mode=mode)
-        title = f"{mode}: times over that of the refracted trace"
-        table = _table(title, (), (across.replace("_", " "), "growth", "search", *STAGES))
-        first = some.isel({axis: 0})
-        for place in range(some.sizes[axis]):
-            case = some.isel({axis: place})
+        cases = [dataset.sel(mode=mode).isel({axis: n}) for n in range(dataset.sizes[axis])]
+        rows = []
+        for case in cases:
             refracted = float(case["time_refracted"])
-            same_run = int(case["process"]) == int(first["process"])
-            growth = refracted / float(first["time_refracted"])
-            table.add_row(
-                f"{int(case[across]):,}",
-                f"{growth:.2f}" if same_run else "other run",
-                f"{float(case['search_share']):.2f}",
-                *(f"{float(case[f'time_{stage}']) / refracted:.2f}" for stage in STAGES),
+            growth = f"{refracted / float(cases[0]['time_refracted']):.2f}"
+            stages = (float(case[f"time_{stage}"]) / refracted for stage in STAGES)
+            rows.append(
+                (
+                    f"{int(case[across]):,}",
+                    growth if case["process"] == cases[0]["process"] else "other run",
+                    *(f"{ratio:.2f}" for ratio in (float(case["search_share"]), *stages)),
+                )
             )
-        _show(table)
+        headings = (across.replace("_", " "), "growth", "search", *STAGES)
+        _print_table(f"{mode}: times over that of the refracted trace", (), headings, rows)
     out.print(
         "growth: refracted trace over that of the first case, if one run measured both; search: "
         "the intersection search of the refracted trace, the rest of it is refraction."
@@ -249,18 +244,18 @@ def print_timing(dataset: xr.Dataset) -> None:
         )
 
 
-def _table(title: str, texts: Sequence[str], numbers: Sequence[str]) -> Table:
-    """Columns of texts and of numbers, without rules between them, which cost width."""
+def _print_table(
+    title: str, texts: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[object]]
+) -> None:
+    """Print a table in the terminal's width, or wider where words and numbers would be cut."""
+    # Rules between the columns would cost width.
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
     for heading in texts:
         table.add_column(heading, overflow="fold")
     for heading in numbers:
         table.add_column(heading, justify="right")
-    return table
-
-
-def _show(table: Table) -> None:
-    """Print a table in the terminal's width, or wider where words and numbers would be cut."""
+    for row in rows:
+        table.add_row(*map(str, row))
     # A measurement ends at the console's width, unless the options know of more.
     least = out.measure(table, options=out.options.update(width=1000)).minimum
     if least > out.width:
