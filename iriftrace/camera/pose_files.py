@@ -7,10 +7,9 @@ the camera's axes differently; the world, z up, is the same in all of them:
 name       x        y        z         used by
 =========  =======  =======  ========  ==============================================
 opencv     right    down     forward   iriftrace, OpenCV, COLMAP, ROS optical frames
-mitsuba    left     up       forward   Mitsuba 3
+mitsuba    left     up       forward   Mitsuba 3, Kern et al. (2025)
 opengl     right    up       backward  OpenGL, Blender, NeRF data sets
 ros        forward  left     up        ROS bodies (REP 103)
-paper      left     up       forward   Kern et al. (2025): z forward, y up
 =========  =======  =======  ========  ==============================================
 """
 
@@ -41,7 +40,6 @@ CONVENTIONS: dict[str, FloatArray] = {
     "mitsuba": np.diag((-1.0, -1.0, 1.0)),
     "opengl": np.diag((1.0, -1.0, -1.0)),
     "ros": np.array(((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))),
-    "paper": np.diag((-1.0, -1.0, 1.0)),
 }
 """Axes of each convention in iriftrace's own camera frame, (3, 3) arrays."""
 

@@ -268,7 +268,7 @@ class OrbitOptions:
     angles: Literal["parameter", "geocentric"] | None = None
     fibonacci: Whole | None = None
     poses: Path | None = None
-    convention: Literal["opencv", "mitsuba", "opengl", "ros", "paper"] | None = None
+    convention: Literal["opencv", "mitsuba", "opengl", "ros"] | None = None
     length_unit: str | None = None
 
     def look_at(self, scene: LoadedScene) -> FloatArray | tuple[float, float, float]:

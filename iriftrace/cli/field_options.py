@@ -221,6 +221,9 @@ class FieldOptions:
         return {key: value for key, value in stated.items() if value is not None}
 
 
+Rule = Literal["rim", "midpoint", "graded", "outer"]
+
+
 @Parameter(name="*", group=Group("Shells", sort_key=3))
 @frozen
 class ShellOptions:
@@ -255,9 +258,7 @@ class ShellOptions:
     layers: Whole = 13
     index_range: str | None = None
     levels: Numbers | None = None
-    rule: Annotated[
-        Literal["rim", "midpoint", "graded", "outer"], Parameter(name=["--rule", "--index-rule"])
-    ] = "rim"
+    rule: Annotated[Rule, Parameter(name=["--rule", "--index-rule"])] = "rim"
     min_size: Length = 1.0
     smooth: Whole = 0
     subdivide: Whole = 0

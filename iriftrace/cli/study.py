@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import App, Group, Parameter
@@ -14,7 +14,7 @@ from rich.table import Table
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import out, pose_progress, say, working
-from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, Rule
 from iriftrace.cli.options import (
     Numbers,
     Whole,
@@ -24,13 +24,13 @@ from iriftrace.cli.options import (
     check_output,
 )
 from iriftrace.core.errors import InputError
-from iriftrace.shells.levels import RULES
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.field.index_field import IndexField
-    from iriftrace.studies.modes import Mode
+    from iriftrace.scene.scene import Scene
+    from iriftrace.studies.mode import Mode
     from iriftrace.studies.study import Study
 
 
@@ -43,7 +43,7 @@ Output = Annotated[
 References = Annotated[list[str] | None, Parameter(name="--reference", negative=())]
 Layers = Annotated[Whole, Parameter(help="Number of shells.")]
 
-MODE = Group(f"Second mode, compared with ours (gradient, {RULES[0]}, refract, 0)", sort_key=0)
+MODE = Group("Second mode, compared with ours (gradient, rim, refract, 0)", sort_key=0)
 
 
 @Parameter(name="*", group=MODE)
@@ -67,7 +67,7 @@ class ModeOptions:
     """
 
     normals: Literal["gradient", "facet"] = "facet"
-    index_rule: str = "outer"
+    index_rule: Rule = "outer"
     inside_hit: Literal["refract", "drop"] = "drop"
     drop_inner: str = "0"
     explain: Annotated[bool, Parameter(negative=())] = False
@@ -76,7 +76,7 @@ class ModeOptions:
         """Ours, the second one, and those between them if they are asked for."""
         from attrs import evolve
 
-        from iriftrace.studies.modes import OURS, PAPERS, one_change_each
+        from iriftrace.studies.mode import OURS, PAPERS, one_change_each
 
         second = evolve(
             PAPERS,
@@ -139,25 +139,25 @@ def _run(
     output: Path,
     options: StudyOptions,
     scale: float,
-    describe: Callable[..., Study],
+    describe: Callable[[Scene, list[IndexField], list[Mode]], Study],
     *more: Mode,
 ) -> None:
     """Run a study behind a progress bar, print its tables and draw its figure.
 
-    `describe` gets the fields, and by name modes and view; all options were looked at.
+    `describe` gets the scene with the last field, all fields and the modes.
     """
     from iriftrace.figures.studies import study_figure
     from iriftrace.figures.style import write_figure
     from iriftrace.runtime import variant
+    from iriftrace.scene.hot_air import HotAir
+    from iriftrace.scene.scene import Scene
     from iriftrace.scene.viewpoint import refuse_camera_inside
-    from iriftrace.shells.contour import contour_shells
-    from iriftrace.studies.picture import View
     from iriftrace.studies.study import run_study
 
     modes = [*options.mode.modes(), *more]
     if options.field.isosurfaces:
         raise InputError(
-            "A study contours the field anew for each case, so it needs the volume field and "
+            "A study contours the field again for each case, so it needs the volume field and "
             "no ready-made iso-surfaces."
         )
     check_order(fields[0], part)
@@ -168,11 +168,12 @@ def _run(
     mesh = options.part.read(part)
     with working("Reading the field" if len(fields) == 1 else "Reading the fields"):
         volumes = [options.field.read(path, options.air.air(), mesh) for path in fields]
-    stack = contour_shells(volumes[-1], 1)
+    air = HotAir(volumes[-1], layers=1, notes=options.field.notes())
+    stack = air.states[0].shells
     camera = options.camera.camera(mesh, volumes[-1], stack)
     refuse_camera_inside(camera.origin, (mesh,), stack, volumes[-1])
-    view = View(mesh, camera.scaled(scale), traced_by, options.field.notes())
-    described = describe(*volumes, view=view, modes=modes)
+    scene = Scene(mesh, air, camera.scaled(scale), variant=traced_by)
+    described = describe(scene, volumes, modes)
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
     (print_comparison if described.references else print_timing)(dataset)
@@ -183,33 +184,28 @@ def _run(
 
 
 def print_comparison(dataset: xr.Dataset) -> None:
-    """A table for each reference: differences of the hits in micrometres."""
+    """Print a table for each reference: differences of the hits in micrometres."""
     from iriftrace.studies.study import reference_words
 
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     for reference in dataset["reference"].values:
-        table = _table(
+        rows = []
+        for place, mode in product(dataset[axis].values, dataset["mode"].values):
+            case = dataset.sel({"mode": mode, axis: place, "reference": reference})
+            if int(case["matched"]) < 0:
+                rows.append((place, mode, "no shell left"))
+                continue
+            names = ("median", "p95", "rmse_trimmed", "rmse")
+            median, *others = (f"{1e3 * float(case[name]):.3f}" for name in names)
+            fraction = f"{float(case['median']) / float(case['displacement_median']):.1%}"
+            unmatched = int(case["only_here"]) + int(case["only_reference"])
+            rows.append((place, mode, median, fraction, *others, unmatched, int(case["rays_lost"])))
+        _print_table(
             f"Difference from {reference_words(str(reference))} / um",
             (str(axis), "mode"),
             ("median", "share", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
+            rows,
         )
-        for place in dataset[axis].values:
-            for mode in dataset["mode"].values:
-                case = dataset.sel({"mode": mode, axis: place})
-                some = case.sel(reference=reference)
-                if int(some["matched"]) < 0:
-                    table.add_row(str(place), str(mode), "no shell left")
-                    continue
-                table.add_row(
-                    str(place),
-                    str(mode),
-                    f"{1e3 * float(some['median']):.3f}",
-                    f"{float(some['median']) / float(case['displacement_median']):.1%}",
-                    *(f"{1e3 * float(some[name]):.3f}" for name in ("p95", "rmse_trimmed", "rmse")),
-                    str(int(some["only_here"]) + int(some["only_reference"])),
-                    str(int(case["rays_lost"])),
-                )
-        _show(table)
     out.print(
         "share: median over the median displacement; trimmed: rmse without the 1 % of rays that "
         "differ most; unmatched: rays that are good in one of the two runs only; lost: rays of the "
@@ -218,26 +214,25 @@ def print_comparison(dataset: xr.Dataset) -> None:
 
 
 def print_timing(dataset: xr.Dataset) -> None:
-    """Times as ratios: of stages to the refracted trace, and of this to the first case's."""
+    """Print times as ratios: of stages to the refracted trace, and of this to the first case's."""
     (axis,) = set(dataset["time_search"].dims) - {"mode"}
     across = "rays" if dataset.attrs["study"] == "rays" else "triangles_per_shell"
     for mode in dataset["mode"].values:
-        some = dataset.sel(mode=mode)
-        title = f"{mode}: times over that of the refracted trace"
-        table = _table(title, (), (across.replace("_", " "), "growth", "search", *STAGES))
-        first = some.isel({axis: 0})
-        for place in range(some.sizes[axis]):
-            case = some.isel({axis: place})
+        cases = [dataset.sel(mode=mode).isel({axis: n}) for n in range(dataset.sizes[axis])]
+        rows = []
+        for case in cases:
             refracted = float(case["time_refracted"])
-            same_run = int(case["process"]) == int(first["process"])
-            growth = refracted / float(first["time_refracted"])
-            table.add_row(
-                f"{int(case[across]):,}",
-                f"{growth:.2f}" if same_run else "other run",
-                f"{float(case['search_share']):.2f}",
-                *(f"{float(case[f'time_{stage}']) / refracted:.2f}" for stage in STAGES),
+            growth = f"{refracted / float(cases[0]['time_refracted']):.2f}"
+            stages = (float(case[f"time_{stage}"]) / refracted for stage in STAGES)
+            rows.append(
+                (
+                    f"{int(case[across]):,}",
+                    growth if case["process"] == cases[0]["process"] else "other run",
+                    *(f"{ratio:.2f}" for ratio in (float(case["search_share"]), *stages)),
+                )
             )
-        _show(table)
+        headings = (across.replace("_", " "), "growth", "search", *STAGES)
+        _print_table(f"{mode}: times over that of the refracted trace", (), headings, rows)
     out.print(
         "growth: refracted trace over that of the first case, if one run measured both; search: "
         "the intersection search of the refracted trace, the rest of it is refraction."
@@ -249,18 +244,18 @@ def print_timing(dataset: xr.Dataset) -> None:
         )
 
 
-def _table(title: str, texts: Sequence[str], numbers: Sequence[str]) -> Table:
-    """Columns of texts and of numbers, without rules between them, which cost width."""
+def _print_table(
+    title: str, texts: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[object]]
+) -> None:
+    """Print a table in the terminal's width, or wider where words and numbers would be cut."""
+    # Rules between the columns would cost width.
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=0, show_edge=False)
     for heading in texts:
         table.add_column(heading, overflow="fold")
     for heading in numbers:
         table.add_column(heading, justify="right")
-    return table
-
-
-def _show(table: Table) -> None:
-    """Print a table in the terminal's width, or wider where words and numbers would be cut."""
+    for row in rows:
+        table.add_row(*map(str, row))
     # A measurement ends at the console's width, unless the options know of more.
     least = out.measure(table, options=out.options.update(width=1000)).minimum
     if least > out.width:
@@ -297,14 +292,16 @@ def layers(
         Numbers of shells, such as "1:20,40,80".
     reference
         "continuous" (the continuous engine), "linear cells" (likewise, with one gradient in each
-        cell: the limit of facet normals), or a number of shells in the same mode; repeatable. By
-        default 20, as in the paper, and continuous.
+        cell: the limit of facet normals), or a number of shells of the finest field in the same
+        mode; repeatable. By default 20, as in the paper, and continuous.
     """
-    from iriftrace.studies.accuracy import layers_study
+    from iriftrace.studies.kinds import layers_study
 
     counts = whole_numbers(layers, "--layers")
-    made = partial(layers_study, layers=counts, references=reference)
-    _run([field], part, output, options, scale, made)
+    _run(
+        *([field], part, output, options, scale),
+        lambda scene, _, modes: layers_study(scene, counts, modes, reference),
+    )
 
 
 @study.command
@@ -338,13 +335,17 @@ def smoothing(
         "same mode" (shells of the fine field) or "continuous" (the continuous engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.accuracy import smoothing_study
-    from iriftrace.studies.modes import Mode
+    from iriftrace.studies.kinds import smoothing_study
+    from iriftrace.studies.mode import Mode
 
     counts = whole_numbers(iterations, "--iterations")
-    made = partial(smoothing_study, iterations=counts, references=reference, layers=layers)
-    facets = Mode("ours but facet normals", normals="facet")
-    _run([field, finest], part, output, options, scale, made, facets)
+    _run(
+        *([field, finest], part, output, options, scale),
+        lambda scene, fields, modes: smoothing_study(
+            scene, fields[0], counts, modes, reference, layers=layers
+        ),
+        Mode("ours but facet normals", normals="facet"),
+    )
 
 
 @study.command
@@ -378,7 +379,7 @@ def mesh(
         "same mode" (shells of the finest field) or "continuous" (the continuous engine on it);
         repeatable, by default both.
     """
-    from iriftrace.studies.accuracy import mesh_study
+    from iriftrace.studies.kinds import mesh_study
 
     paths = [field, *finer]
     stems = [path.stem for path in paths]
@@ -390,12 +391,17 @@ def mesh(
         if path not in paths:
             raise InputError(f"--split {path} is none of the study's fields; name one of them.")
     cut = [names[paths.index(path)] for path in split or []]
-
-    def made(*fields: IndexField, **common: Any) -> Study:
-        named = dict(zip(names, fields, strict=True))
-        return mesh_study(named, references=reference, layers=layers, split=cut, **common)
-
-    _run(paths, part, output, options, scale, made)
+    _run(
+        *(paths, part, output, options, scale),
+        lambda scene, fields, modes: mesh_study(
+            scene,
+            dict(zip(names, fields, strict=True)),
+            modes,
+            reference,
+            layers=layers,
+            split=cut,
+        ),
+    )
 
 
 @study.command
@@ -418,10 +424,12 @@ def rays(
     scales
         Factors on the camera's resolution.
     """
-    from iriftrace.studies.cost import rays_study
+    from iriftrace.studies.kinds import rays_study
 
-    made = partial(rays_study, scales=scales, layers=layers)
-    _run([field], part, output, options, scale, made)
+    _run(
+        *([field], part, output, options, scale),
+        lambda scene, _, modes: rays_study(scene, scales, modes, layers=layers),
+    )
 
 
 @study.command
@@ -443,12 +451,16 @@ def polygons(
     Parameters
     ----------
     smallest
-        Triangles of each shell to begin with; larger shells are thinned out first.
+        Mean number of triangles of a shell to begin with; more are thinned out first.
     largest
         Midpoint subdivision ends before shells have more triangles; the paper's 4.8 million need
-        9 GB of memory and 2 GB of disk.
+        over 9 GB of memory.
     """
-    from iriftrace.studies.cost import polygons_study
+    from iriftrace.studies.kinds import polygons_study
 
-    made = partial(polygons_study, layers=layers, smallest=smallest, largest=largest)
-    _run([field], part, output, options, scale, made)
+    _run(
+        *([field], part, output, options, scale),
+        lambda scene, _, modes: polygons_study(
+            scene, modes, layers=layers, smallest=smallest, largest=largest
+        ),
+    )

@@ -68,7 +68,7 @@ def sweep(
     workers
         Number of local workers; by default one for every two cores, at least two.
     """
-    from iriftrace.sweep.export import check_table, write_surface, write_table
+    from iriftrace.sweep.export import check_table, write_face_maps, write_table
     from iriftrace.sweep.sweep import SweepOptions, run_sweep
     from iriftrace.sweep.workers import check_scheduler, pose_workers
 
@@ -111,7 +111,7 @@ def sweep(
         write_table(export, dataset)
         say(f"Table in {export}")
     if surface is not None:
-        write_surface(surface, dataset, loaded[0].part)
+        write_face_maps(surface, dataset, loaded[0].part)
         say(f"Part with the maps of all poses in {surface}")
     say(f"Sweep in {output}; now run:  iriftrace plan {output}")
 

@@ -11,6 +11,7 @@ from attrs import field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, as_float64
+from iriftrace.core.sampling import r2_sequence
 from iriftrace.geometry.triangles import area_vectors, polydata, unit_vectors, used_vertices
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class Surface:
         number = np.arange(count)
         area = np.cumsum(self.areas)
         face = np.searchsorted(area, (number + 0.5) / count * area[-1])
-        u, v = np.modf((number[:, None] + 0.5) * (0.7548776662466927, 0.5698402909980532))[0].T
+        u, v = r2_sequence(count, 0.5).T
         over = u + v > 1.0
         weights = np.stack((np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)), axis=1)
         corners = self.vertices[self.faces[face]]

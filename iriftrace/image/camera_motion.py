@@ -15,6 +15,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import jacobian
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.statistics import rms
 
 FEWEST_POINTS = 4
 """Three points determine the six numbers, but nothing is left then to tell how well."""
@@ -114,8 +115,8 @@ def fit_camera_motion(camera: Camera, points: FloatArray, shifts: FloatArray) ->
         covariance=np.outer(units, units) * normal * float((rest**2).sum()) / freedom,
         shifts=matrix @ motion,
         used=used,
-        rms_before_px=_rms(shifts[used]),
-        rms_after_px=_rms(rest),
+        rms_before_px=rms(shifts[used]),
+        rms_after_px=rms(rest),
     )
 
 
@@ -129,7 +130,3 @@ def _solved(matrix: FloatArray, shifts: FloatArray) -> FloatArray:
             "or the projection is parallel); measure more of the picture."
         )
     return np.asarray(solution, dtype=np.float64)
-
-
-def _rms(vectors: FloatArray) -> float:
-    return float(np.sqrt((vectors**2).sum(axis=1).mean()))

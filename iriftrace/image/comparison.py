@@ -20,6 +20,7 @@ from attrs import frozen
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.statistics import spread
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
 from iriftrace.image.displacement import shift_map
@@ -258,13 +259,7 @@ def _interpolated(
 
 
 def _lengths(vectors: FloatArray) -> dict[str, float]:
-    lengths = np.linalg.norm(vectors, axis=1)
-    return {
-        "rms": float(np.sqrt((lengths**2).mean())),
-        "median": float(np.median(lengths)),
-        "p95": float(np.percentile(lengths, 95)),
-        "max": float(lengths.max()),
-    }
+    return spread(np.linalg.norm(vectors, axis=1), ("rms", "median", "p95", "max"))
 
 
 def correlation(one: FloatArray, other: FloatArray) -> float | None:

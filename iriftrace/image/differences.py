@@ -7,6 +7,7 @@ from attrs import asdict, frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.statistics import rms, spread
 from iriftrace.image.aov_image import AovImage, Status
 
 TRIMMED = 0.01
@@ -81,10 +82,9 @@ def compare(here: Hits, reference: Hits) -> Differences:
         )
     distance = np.linalg.norm(here.displacement[both] - reference.displacement[both], axis=1)
     return Differences(
-        rmse=_rms(distance),
-        rmse_trimmed=_rms(np.sort(distance)[: max(1, int((1 - TRIMMED) * len(distance)))]),
-        median=float(np.median(distance)),
-        p95=float(np.percentile(distance, 95)),
+        rmse=rms(distance),
+        rmse_trimmed=rms(np.sort(distance)[: max(1, int((1 - TRIMMED) * len(distance)))]),
+        **spread(distance, ("median", "p95")),
         matched=int(both.sum()),
         only_here=int((here.good & ~both).sum()),
         only_reference=int((reference.good & ~both).sum()),
@@ -96,16 +96,11 @@ def own_size(hits: Hits) -> dict[str, float | int]:
     norm = np.linalg.norm(hits.displacement[hits.good], axis=1)
     if len(norm) == 0:
         raise InputError("No ray of the picture is good, so there is nothing to compare.")
+    sizes = spread(norm, ("median", "p95", "rms"))
     return {
-        "displacement_median": float(np.median(norm)),
-        "displacement_p95": float(np.percentile(norm, 95)),
-        "displacement_rms": _rms(norm),
+        **{f"displacement_{name}": size for name, size in sizes.items()},
         "rays_good": int(hits.good.sum()),
         "rays_lost": int((hits.hit & ~hits.good).sum()),
         "shells": hits.shells,
         "triangles": hits.triangles,
     }
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values * values)))

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import asdict, frozen, has
+from attrs import asdict, fields, frozen, has
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
+from iriftrace.core.statistics import spread
 from iriftrace.image.aov_image import (
     MEMBERS_CHANNEL,
     WORST_CHANNEL,
@@ -63,17 +64,7 @@ class Statistics:
         """Statistics of an (n,) array."""
         if len(values) < FEWEST_RAYS:
             return cls()
-        exact = values.astype(np.float64)
-        p25, median, p75, p95 = np.percentile(exact, (25, 50, 75, 95)).tolist()
-        return cls(
-            mean=float(exact.mean()),
-            median=median,
-            p95=p95,
-            max=float(exact.max()),
-            rms=float(np.sqrt(np.mean(exact**2))),
-            p25=p25,
-            p75=p75,
-        )
+        return cls(**spread(values.astype(np.float64), [one.name for one in fields(cls)]))
 
 
 @frozen

@@ -74,7 +74,7 @@ class AirState:
         )
 
 
-@frozen(eq=False)
+@frozen(eq=False, init=False)
 class HotAir:
     """The hot air around a part, and how its shells bend rays.
 
@@ -161,7 +161,7 @@ class HotAir:
             AirState(one, name, None, share, row, layers, rule, shells)
             for one, name, (share, row) in zip(fields, names, weights.rows, strict=True)
         )
-        self.__attrs_init__(states, normals, inside_hit, notes or {}, wall_temperature_k)  # type: ignore[attr-defined]
+        self.__attrs_init__(states, normals, inside_hit, notes or {}, wall_temperature_k)
 
     def __repr__(self) -> str:
         return f"HotAir({', '.join(repr(s.field or s.shells) for s in self.states)})"

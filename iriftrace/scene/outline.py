@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from iriftrace.core.arrays import AnyIntArray
 from iriftrace.core.errors import InputError
 from iriftrace.scene.ensemble import INCLUDED, is_ensemble, member_folder
-from iriftrace.shells.files import read_ply
+from iriftrace.shells.files import read_shell
 
 
 def outermost_surface(scene: Path) -> Path:
@@ -38,5 +38,5 @@ def outermost_surface(scene: Path) -> Path:
 
 def read_surface(file: Path) -> tuple[NDArray[np.float32], AnyIntArray]:
     """Vertices (n, 3), mm, and faces (m, 3) of such a file."""
-    vertices, faces, *_ = read_ply(file)
+    vertices, faces, *_ = read_shell(file)
     return vertices, faces

@@ -82,18 +82,20 @@ def _thinned(shell: Shell, share: float) -> Shell:
     if shell.normals is not None:
         mesh.point_data["Normals"] = shell.normals
         mesh.point_data.active_normals_name = "Normals"
-    thin = mesh.decimate(
-        1.0 - wanted / len(shell.faces),
-        enable_all_attribute_error=smooth,
-        normals=smooth,
-        scalars=False,
-        vectors=False,
-        tcoords=False,
-        tensors=False,
-        normals_weight=NORMALS_WEIGHT,
-        boundary_constraints=True,
-        boundary_weight=BORDER_WEIGHT,
-    )
+    # On flat pieces VTK logs every quadric that has no unique minimum, and takes an edge's middle.
+    with pv.vtk_verbosity("off"):
+        thin = mesh.decimate(
+            1.0 - wanted / len(shell.faces),
+            enable_all_attribute_error=smooth,
+            normals=smooth,
+            scalars=False,
+            vectors=False,
+            tcoords=False,
+            tensors=False,
+            normals_weight=NORMALS_WEIGHT,
+            boundary_constraints=True,
+            boundary_weight=BORDER_WEIGHT,
+        )
     vertices = np.asarray(thin.points, dtype=np.float32)
     faces = drop_degenerate(vertices, weld(vertices)[np.asarray(thin.regular_faces, np.int64)])
     faces = _without_single_triangles(_without_non_manifold(faces))

@@ -93,7 +93,7 @@ def save_shells(
         raise InputError(f"cannot make the folder {folder}: {error.strerror}.") from error
     written = [folder / f"{_stem(shell)}.ply" for shell in stack.shells]
     for path, shell in zip(written, stack.shells, strict=True):
-        write_ply(path, shell.vertices, shell.faces, shell.normals, shell.derivatives)
+        write_shell(path, shell.vertices, shell.faces, shell.normals, shell.derivatives)
     if paraview:
         written.append(_write_paraview(folder, stack))
     remove_stale(folder, stack, paraview)
@@ -150,7 +150,7 @@ def load_shells(folder: str | Path) -> ShellStack:
                 _number(row, "refractivity"),
                 _number(row, "ext"),
                 _number(row, "int"),
-                *read_ply(path.parent / row["file"]),
+                *read_shell(path.parent / row["file"]),
             )
             for row in table["shells"]
         ]
@@ -187,7 +187,7 @@ def vertex_columns(
     return found
 
 
-def write_ply(
+def write_shell(
     path: str | Path,
     vertices: Float32Array,
     faces: AnyIntArray,
@@ -203,10 +203,10 @@ def write_ply(
     ply.write_ply(path, vertices, faces, comments=["iriftrace shell, mm"], vertex_columns=further)
 
 
-def read_ply(
+def read_shell(
     path: str | Path,
 ) -> tuple[Float32Array, AnyIntArray, Float32Array | None, Float32Array | None]:
-    """Vertices, faces, normals and derivatives (or None) of a PLY that :func:`write_ply` wrote."""
+    """Vertices, faces, normals and derivatives (or None) of a PLY of :func:`write_shell`."""
     path = Path(path)
     try:
         mesh = ply.read_ply(path)

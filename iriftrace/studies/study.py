@@ -1,4 +1,4 @@
-"""A study: one thing varied over modes, traced, and compared with references or timed."""
+"""A study: one attribute of a scene varied in several modes, traced, and compared or timed."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import asdict, frozen
+from attrs import asdict, field, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, whole_file
 from iriftrace.core.netcdf import check_netcdf
 from iriftrace.field.index_field import IndexField
-from iriftrace.image.differences import Hits, compare, own_size
+from iriftrace.image.differences import Hits, compare, hits_of, own_size
 from iriftrace.image.metrics import FEWEST_RAYS
-from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.modes import CONTINUOUS, LINEAR_CELLS, Mode
-from iriftrace.studies.picture import View, loaded_shells, picture_of_field, picture_of_shells
-from iriftrace.studies.timing import COUNTS, REPEATS, STAGES, times
+from iriftrace.scene.scene import Scene
+from iriftrace.studies.mode import Mode
+from iriftrace.studies.times import COUNTS, REPEATS, STAGES, rendered, times
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.pose import fingerprint
 from iriftrace.trace.query_replay import free_memory
@@ -30,6 +29,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SCHEMA = "iriftrace.study/1"
+
+SAME_MODE = "same mode"
+CONTINUOUS = "continuous"
+CELLS = {CONTINUOUS: "gradient", "linear cells": "facet"}
+"""References: shells of the finest field in a case's own mode, the continuous engine, and the same
+with one gradient in each cell, to which facet normals converge."""
 
 Variables = Mapping[str, tuple[str, type, str]]
 """Unit, type and description by name; counts that do not exist are -1, other numbers NaN."""
@@ -60,97 +65,82 @@ TIMES: Variables = {
 
 
 @frozen(eq=False)
-class Axis:
-    """Quantity that a study varies: dimension in the file, numbers or names, name in figures."""
-
-    name: str
-    values: tuple[Any, ...]
-    long_name: str
-
-
-@frozen(eq=False)
-class References:
-    """Runs that every case of a study is compared with.
-
-    ``"continuous"`` is the continuous engine on the field, ``"linear cells"`` likewise on the field
-    that is linear in each cell, to which facet normals converge. Of any other name `stack` gives
-    the shells for a case's mode, or None where none is left.
-    """
-
-    names: tuple[str, ...]
-    field: IndexField
-    stack: Callable[[Mode, str], ShellStack | None]
-
-
-@frozen(eq=False)
 class Study:
     """Cases along an axis, in each mode.
 
     Attributes
     ----------
     name : str
-    axis : Axis
+    axis, values, long_name : str, tuple, str
+        What is varied: dimension in the file, numbers or names, and its name in figures.
     modes : tuple of Mode
-    view : callable
-        From a position on the axis to the part, the camera and the variant.
-    stack : callable
-        From a mode and a position to the shells, or None where none is left.
-    source : mapping
-        Provenance, plain JSON values: files with their SHA-256, camera, air; see `source_of`.
-    references : References or None
+    template : Scene
+        Its part, camera, variant and notes are in the file.
+    scene : callable
+        From a mode and a position on the axis to the scene, or None where no shell is left.
+    fields : tuple of IndexField
+    more : mapping
+        Options of the study for the file.
+    references : tuple of str
         Hits are compared with these; without them times are measured.
+    reference : callable
+        From a mode and the name of a reference to its scene, or None where no shell is left.
     """
 
     name: str
-    axis: Axis
+    axis: str
+    values: tuple[Any, ...]
+    long_name: str
     modes: tuple[Mode, ...]
-    view: Callable[[int], View]
-    stack: Callable[[Mode, int], ShellStack | None]
-    source: Mapping[str, Any]
-    references: References | None = None
+    template: Scene
+    scene: Callable[[Mode, int], Scene | None]
+    fields: tuple[IndexField, ...]
+    more: Mapping[str, Any] = field(factory=dict)
+    references: tuple[str, ...] = ()
+    reference: Callable[[Mode, str], Scene | None] = lambda mode, name: None
 
     def __attrs_post_init__(self) -> None:
         """Refuse what would be compared with nothing."""
-        for what, some in (
-            ("modes", [mode.name for mode in self.modes]),
-            (self.axis.name, list(self.axis.values)),
-            *((("references", list(self.references.names)),) if self.references else ()),
+        for what, some, fewest in (
+            ("modes", [mode.name for mode in self.modes], 1),
+            (self.axis, list(self.values), 1),
+            ("references", list(self.references), 0),
         ):
-            if not some or len(set(some)) != len(some):
+            if len(some) < fewest or len(set(some)) != len(some):
                 raise InputError(
                     f"The study's {what} are {', '.join(map(str, some)) or 'none'}; give at least "
                     "one, each once."
                 )
 
-
-def source_of(view: View, fields: Sequence[IndexField], **more: Any) -> dict[str, Any]:
-    """Where a study comes from, as plain JSON values."""
-    return {
-        "version": version("iriftrace"),
-        "fields": [asdict(field.source) for field in fields],
-        "part": {"path": str(view.part.path), "sha256": view.part.sha256},
-        "air": asdict(fields[0].air),
-        "wavelength_nm": fields[0].air.wavelength_nm,
-        "camera": view.camera.as_dict(),
-        "notes": dict(view.notes),
-        "variant": view.variant,
-        "length_unit": "mm",
-        **more,
-    }
+    @property
+    def source(self) -> dict[str, Any]:
+        """Where the study comes from, as plain JSON values."""
+        air = self.fields[0].air
+        return {
+            "version": version("iriftrace"),
+            "fields": [asdict(one.source) for one in self.fields],
+            "part": {"path": str(self.template.part.path), "sha256": self.template.part.sha256},
+            "air": asdict(air),
+            "wavelength_nm": air.wavelength_nm,
+            "camera": self.template.camera.as_dict(),
+            "notes": dict(self.template.air.notes),
+            "variant": self.template.variant,
+            "length_unit": "mm",
+            **self.more,
+        }
 
 
 def run_study(study: Study, path: str | Path, progress: Progress | None = None) -> xr.Dataset:
     """Trace every case, compare or time it, and write the result.
 
-    Finished cases go into a journal: the same call goes on where an earlier one was interrupted or
-    killed. References are traced when the first case needs them, so a study that goes on traces
-    those again that are left.
+    Finished cases go into a journal: the same call continues where an earlier one was interrupted.
+    References are traced when the first case needs them.
 
     Parameters
     ----------
     study : Study
     path : path
-        The netCDF file. If it is there and holds the same study, it is read and nothing is done.
+        The netCDF file. If it exists and holds the same study, it is read and nothing is done.
     progress : callable, optional
         Called with the number of finished cases and of all cases.
 
@@ -159,22 +149,21 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
     xarray.Dataset
         With references ``SIZES`` over mode and axis, and ``DIFFERENCES`` over reference too: NaN
         (-1 for counts) where no shell is left. Else ``TIMES`` over mode and axis:
-        ``search_share`` is the search's part of the refracted trace, the median of pairs that were
-        measured one right after the other (more than 1 is noise); times of cases with another
+        ``search_share`` is the search's fraction of the refracted trace, the median of pairs that
+        were measured one right after the other (more than 1 is noise); times of cases with another
         ``process`` come from another run of the program.
 
     Raises
     ------
     InputError
-        If fewer than 100 rays of a compared case are good, the file cannot be written, or it
-        belongs to another study.
+        If fewer than 100 rays of a compared case are good, a case to be timed has no shell, the
+        file cannot be written, or it belongs to another study.
     """
-    names = study.references.names if study.references else ()
     identity = {
         "study": study.name,
-        "axis": [study.axis.name, list(study.axis.values)],
-        "modes": [mode.as_dict() for mode in study.modes],
-        "references": list(names),
+        "axis": [study.axis, list(study.values)],
+        "modes": [asdict(mode) for mode in study.modes],
+        "references": list(study.references),
         **study.source,
     }
     work = Work(
@@ -182,9 +171,9 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
         parts="files or options",
         output=Path(path),
         request=fingerprint(version("iriftrace"), identity),
-        total=len(study.axis.values) * len(study.modes),
+        total=len(study.values) * len(study.modes),
     )
-    measure = _compared(study, study.references) if study.references else _timed(study)
+    measure = _compared(study) if study.references else _timed(study)
 
     def left(journal: Journal) -> Iterator[Piece]:
         for number in range(work.total):
@@ -194,7 +183,7 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
                 yield Piece(number, measure(study.modes[mode], position))
 
     def write(journal: Journal) -> None:
-        dataset = _dataset(study, names, [journal.entry(number) for number in range(work.total)])
+        dataset = _dataset(study, [journal.entry(number) for number in range(work.total)])
         dataset.attrs |= {"schema": SCHEMA, "request": work.request}
         with whole_file(path) as temporary:
             dataset.to_netcdf(temporary, engine="h5netcdf")
@@ -202,108 +191,112 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
     return work.run(left, write, read_study, progress)
 
 
-def _compared(study: Study, references: References) -> Callable[[Mode, int], dict[str, Any]]:
-    @cache
-    def of_field(normals: str) -> Hits:
-        return picture_of_field(study.view(0), references.field, normals=normals)
+def picture(scene: Scene) -> Hits:
+    """Trace the picture of a scene of one field."""
+    stack = scene.air.states[0].shells
+    return hits_of(rendered(scene).image, len(stack.shells), stack.triangles)
 
+
+Measure = Callable[[Mode, int], dict[str, Any]]
+
+
+def _compared(study: Study) -> Measure:
     @cache
     def reference(mode: Mode, name: str) -> Hits | None:
-        if name in (CONTINUOUS, LINEAR_CELLS):
-            return of_field("gradient" if name == CONTINUOUS else "facet")
-        stack = references.stack(mode, name)
-        return None if stack is None else picture_of_shells(study.view(0), stack, mode)
+        scene = study.reference(mode, name)
+        return None if scene is None else picture(scene)
 
     def measure(mode: Mode, position: int) -> dict[str, Any]:
-        stack = study.stack(mode, position)
-        if stack is None:
-            return {"values": None, "differences": [None for _ in references.names]}
-        here = picture_of_shells(study.view(position), stack, mode)
-        good, rays = int(here.good.sum()), len(here.good)
+        scene = study.scene(mode, position)
+        if scene is None:
+            return {"values": None, "differences": [None for _ in study.references]}
+        hits = picture(scene)
+        del scene
+        good, rays = int(hits.good.sum()), len(hits.good)
         if good < FEWEST_RAYS:
             raise InputError(
                 f"Only {good} of the {rays:,} rays of the study's picture are good, but its "
                 f"numbers rest on at least {FEWEST_RAYS}; give more pixels (--scale), or let the "
                 "camera look at the part."
             )
-        others = [reference(mode, name) for name in references.names]
-        differences = [None if one is None else compare(here, one).as_dict() for one in others]
-        return {"values": own_size(here), "differences": differences}
+        # The engine of cells knows no mode.
+        others = [
+            reference(study.modes[0] if name in CELLS else mode, name) for name in study.references
+        ]
+        differences = [
+            None if other is None else compare(hits, other).as_dict() for other in others
+        ]
+        return {"values": own_size(hits), "differences": differences}
 
     return measure
 
 
-def _timed(study: Study) -> Callable[[Mode, int], dict[str, Any]]:
+def _timed(study: Study) -> Measure:
     def measure(mode: Mode, position: int) -> dict[str, Any]:
         free_memory()
-        stack = study.stack(mode, position)
-        if stack is None:
+        scene = study.scene(mode, position)
+        if scene is None:
             raise InputError(
                 f"The mode '{mode.name}' leaves no shell that the field reaches; give more layers, "
                 "or leave fewer inner ones out."
             )
-        shells, triangles = len(stack.shells), stack.triangles
-        context = loaded_shells(study.view(position), stack, mode)
-        # Millions of triangles need not be in memory twice.
-        del stack
-        with context as scene:
-            counts = {"triangles": triangles, "triangles_per_shell": triangles // shells}
-            return {"values": {**times(scene), **counts}, "differences": []}
+        return {"values": times(scene), "differences": []}
 
     return measure
 
 
-def _dataset(study: Study, references: Sequence[str], entries: Sequence[dict[str, Any]]) -> Any:
+def _dataset(study: Study, entries: Sequence[dict[str, Any]]) -> xr.Dataset:
     import xarray as xr
 
-    axis, over = study.axis, (study.axis.name, "mode")
-    shape = (len(axis.values), len(study.modes))
+    shape = (len(study.values), len(study.modes))
+    texts = any(isinstance(value, str) for value in study.values)
+
+    def variables(
+        known: Variables, rows: Sequence[Mapping[str, Any] | None], over: Sequence[str]
+    ) -> dict[str, Any]:
+        columns = {
+            name: [(-1 if kind is int else np.nan) if row is None else row[name] for row in rows]
+            for name, (_, kind, _) in known.items()
+        }
+        sizes = (*shape, len(study.references))[: len(over)]
+        return {
+            name: (
+                over,
+                np.array(columns[name], dtype=kind).reshape(sizes),
+                {"units": unit, "long_name": text},
+            )
+            for name, (unit, kind, text) in known.items()
+        }
+
+    over = (study.axis, "mode")
     cases = [entry["values"] for entry in entries]
-    pairs = [one for entry in entries for one in entry["differences"]]
-    sizes, differences = (SIZES, DIFFERENCES) if references else (TIMES, {})
-    names = any(isinstance(value, str) for value in axis.values)
+    pairs = [pair for entry in entries for pair in entry["differences"]]
+    values = np.array(study.values, dtype=object if texts else None)
     described = np.array([mode.describe() for mode in study.modes], dtype=object)
-    dataset = xr.Dataset(
-        {
-            **_variables(sizes, cases, over, shape),
-            **_variables(differences, pairs, (*over, "reference"), (*shape, len(references))),
-        },
-        coords={
-            "mode": np.array([mode.name for mode in study.modes], dtype=object),
-            "mode_description": ("mode", described),
-            axis.name: (
-                axis.name,
-                np.array(axis.values, dtype=object if names else None),
-                {"long_name": axis.long_name, **({} if names else {"units": "1"})},
-            ),
-            **({"reference": np.array(references, dtype=object)} if references else {}),
-        },
-        attrs={
-            "study": study.name,
-            "modes": json.dumps([mode.as_dict() for mode in study.modes]),
-            **({} if references else {"repeats": REPEATS}),
-            **{
-                key: value if isinstance(value, str | int | float) else json.dumps(value)
-                for key, value in study.source.items()
-            },
-        },
-    )
-    return dataset.transpose("mode", axis.name, ...)
-
-
-def _variables(
-    variables: Variables,
-    rows: Sequence[Mapping[str, Any] | None],
-    over: tuple[str, ...],
-    shape: tuple[int, ...],
-) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, (unit, kind, text) in variables.items():
-        missing = -1 if kind is int else np.nan
-        values = [missing if row is None else row[name] for row in rows]
-        shaped: Any = np.array(values, dtype=kind).reshape(shape)
-        found[name] = (over, shaped, {"units": unit, "long_name": text})
-    return found
+    coords: dict[str, Any] = {
+        "mode": np.array([mode.name for mode in study.modes], dtype=object),
+        "mode_description": ("mode", described),
+        study.axis: (
+            study.axis,
+            values,
+            {"long_name": study.long_name, **({} if texts else {"units": "1"})},
+        ),
+    }
+    attrs: dict[str, Any] = {
+        "study": study.name,
+        "modes": json.dumps([asdict(mode) for mode in study.modes]),
+    }
+    if study.references:
+        coords["reference"] = np.array(study.references, dtype=object)
+        columns = variables(SIZES, cases, over) | variables(
+            DIFFERENCES, pairs, (*over, "reference")
+        )
+    else:
+        attrs["repeats"] = REPEATS
+        columns = variables(TIMES, cases, over)
+    for key, value in study.source.items():
+        attrs[key] = value if isinstance(value, str | int | float) else json.dumps(value)
+    return xr.Dataset(columns, coords, attrs).transpose("mode", study.axis, ...)
 
 
 def read_study(path: str | Path) -> xr.Dataset:
@@ -350,7 +343,7 @@ def reference_words(reference: str) -> str:
     if reference.isdecimal():
         return f"{reference} shells of the same mode"
     return {
-        "same mode": "the finest field, same mode",
+        SAME_MODE: "the finest field, same mode",
         CONTINUOUS: "the continuous engine",
-        LINEAR_CELLS: "the continuous engine, linear cells",
+        "linear cells": "the continuous engine, linear cells",
     }[reference]

@@ -64,7 +64,7 @@ def write_table(path: Path, dataset: xr.Dataset) -> None:
             table.to_parquet(temporary, engine="pyarrow")
 
 
-def write_surface(path: Path, dataset: xr.Dataset, part: Part) -> None:
+def write_face_maps(path: Path, dataset: xr.Dataset, part: Part) -> None:
     """Write the part's faces in the order of its file, with cell data.
 
     The arrays are ``displacement (um)``, the mean over all good rays of all poses, ``times seen``,

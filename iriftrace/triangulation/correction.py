@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.statistics import spread
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.transform import apply
 from iriftrace.part.growth import Growth
@@ -26,7 +27,7 @@ from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
 from iriftrace.triangulation.relations import relations
-from iriftrace.triangulation.statistics import PointStatus, each_along, spread
+from iriftrace.triangulation.statistics import PointStatus, each_along
 
 SCHEMA = "iriftrace.correction/1"
 

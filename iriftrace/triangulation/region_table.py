@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.statistics import spread
 from iriftrace.part.part import Part
-from iriftrace.triangulation.statistics import spread
 
 
 def region_table(part: Part, face: IntArray, along_normal: FloatArray) -> list[dict[str, Any]]:

@@ -22,6 +22,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.statistics import spread
 from iriftrace.geometry.triangles import cross_rows, row_lengths, unit_vectors
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
@@ -39,7 +40,7 @@ from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
 from iriftrace.triangulation.relations import relations
-from iriftrace.triangulation.statistics import PointStatus, each_along, spread
+from iriftrace.triangulation.statistics import PointStatus, each_along
 from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.scan/1"

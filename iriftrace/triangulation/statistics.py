@@ -1,4 +1,4 @@
-"""Outcomes of points, and what is said of many values in a few numbers."""
+"""Outcomes of points, and errors of members along normals."""
 
 from __future__ import annotations
 
@@ -22,19 +22,6 @@ class PointStatus(IntEnum):
     def counts(cls, status: NDArray[np.int64]) -> dict[str, int]:
         """How many points have each status, by key."""
         return {one.key: int((status == one).sum()) for one in cls}
-
-
-def spread(values: FloatArray) -> dict[str, float]:
-    """Mean, median, p95, rms, min and max of some values."""
-    median, p95 = np.percentile(values, (50, 95))
-    return {
-        "mean": float(values.mean()),
-        "median": float(median),
-        "p95": float(p95),
-        "rms": float(np.sqrt(np.mean(values**2))),
-        "min": float(values.min()),
-        "max": float(values.max()),
-    }
 
 
 def each_along(errors: FloatArray, normal: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from iriftrace.core.sampling import r2_sequence
 from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
 from iriftrace.plugins.kernels.tables import (
     PART,
@@ -332,8 +333,8 @@ def _wall_samples(
     # As many as the area asks for, and at least three, so that one odd one does not decide.
     counts = np.where(length[:, 0] > 0, 3 + length[:, 0] / spacing**2, 0).astype(np.int64)
     face = np.repeat(np.arange(len(faces)), counts)
-    # A plane lattice of even spread (Roberts 2018, R2), folded into the triangle.
-    u, v = (np.arange(len(face)) * step % 1 for step in (0.7548776662466927, 0.5698402909980532))
+    # Folded into the triangle.
+    u, v = r2_sequence(len(face)).T
     folded = u + v > 1
     u, v = np.where(folded, 1 - u, u)[:, None], np.where(folded, 1 - v, v)[:, None]
     a, b, c = (corners[face, k] for k in range(3))

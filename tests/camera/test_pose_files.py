@@ -62,7 +62,6 @@ LEVEL = look_at((10.0, 20.0, 30.0), (11.0, 20.0, 30.0))
         ("mitsuba", -RIGHT, UP, FORWARD),
         ("opengl", RIGHT, UP, -FORWARD),
         ("ros", FORWARD, -RIGHT, UP),
-        ("paper", -RIGHT, UP, FORWARD),
     ],
 )
 def test_axes_by_hand(name, x, y, z):
@@ -97,7 +96,7 @@ def test_conventions_there_and_back_change_no_bit(quaternion, position, name):
 
 
 def test_an_unknown_convention(tmp_path):
-    message = "Unknown camera convention 'unity'; use one of opencv, mitsuba, opengl, ros, paper"
+    message = "Unknown camera convention 'unity'; use one of opencv, mitsuba, opengl, ros"
     for action in (
         lambda: to_convention(LEVEL, "unity"),
         lambda: from_convention(LEVEL, "unity"),

@@ -102,16 +102,6 @@ def marked_edges(image: AovImage) -> set[tuple[float, ...]]:
     }
 
 
-def test_displacement_picture_has_its_size(tmp_path: Path) -> None:
-    """1600 pixels wide whatever was rendered; the height follows the part's shape."""
-    path = tmp_path / "displacement.png"
-    write_figure(displacement_figure(synthetic_image()), path)
-    width, height = png_size(path)
-    assert width == 1600
-    assert 720 <= height <= 1800
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]
-
-
 def test_plotted_array_is_the_displacement_in_micrometres() -> None:
     """Millimetres times 1000 where a ray is good, masked everywhere else."""
     image = synthetic_image()
@@ -242,20 +232,6 @@ def test_titles_of_few_rays_give_no_statistics() -> None:
     assert "median" in displacement_figure(image).get_suptitle()
 
 
-def test_second_line_of_the_continuous_engine_names_its_gradient() -> None:
-    """It has no normals, so the line must not say so."""
-    image = synthetic_image()
-    image.header.update(normals="none, recovered gradient", engine="continuous")
-    second = displacement_figure(image).axes[0].get_title()
-    assert second == "plume.vtu  ·  633 nm  ·  recovered gradient  ·  engine: continuous"
-
-
-def test_second_line_names_the_view() -> None:
-    """A view of a sweep says which pose it is, on a line of its own."""
-    figure = displacement_figure(synthetic_image(), view="Pose 7")
-    assert figure.axes[0].get_title().startswith("Pose 7\nplume.vtu  ·  ")
-
-
 def test_legend_counts_the_pixels_without_displacement() -> None:
     """40 of the 24 x 40 pixels on the part are out of focus and one has a mismatch; no other."""
     legend = displacement_figure(synthetic_image()).legends[0]
@@ -277,16 +253,6 @@ def test_greys_lie_on_their_pixels_and_differ() -> None:
     assert len(set(STATUS_COLOURS.values())) == len(Status) - 2
 
 
-def test_missing_refracted_rays_do_not_look_like_outlines() -> None:
-    """They lie at the part's black outline: dark greys are for other reasons, so these have hue."""
-    image = synthetic_image()
-    image.channels["status.code"][24:28, 49] = Status.REFRACTED_MISSED
-    shown = displacement_figure(image).axes[0].images[0]
-    red, green, blue, _ = shown.to_rgba(shown.get_array())[25, 49]
-    assert red - blue > 0.5
-    assert red - green > 0.3
-
-
 def test_silhouettes_are_the_outline_and_the_step_in_depth() -> None:
     """The outline of 24 x 40 pixels is 128 edges long; the step adds 24 and nothing else."""
     drawn = marked_edges(synthetic_image())
@@ -303,19 +269,6 @@ def test_faces_without_a_step_in_depth_leave_no_line() -> None:
     for axis, name in enumerate("XYZ"):
         image.channels[f"straight.{name}"][:] = flat[..., axis]
     assert len(marked_edges(image)) == 2 * (24 + 40)
-
-
-def test_axes_show_the_part_with_equal_scales() -> None:
-    """All that was seen is inside, the margins are below a tenth, and rows count downwards."""
-    axes = displacement_figure(synthetic_image()).axes[0]
-    left, right = axes.get_xlim()
-    bottom, top = axes.get_ylim()
-    assert 5 < left < 10
-    assert 50 < right < 55
-    assert 3 < top < 8
-    assert 32 < bottom < 37
-    assert axes.get_aspect() == 1.0
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("Column (px)", "Row (px)")
 
 
 def test_a_result_and_its_file_give_the_same_figure(tmp_path: Path) -> None:
@@ -430,20 +383,17 @@ def test_the_second_device_is_drawn_with_its_name(cube: Part) -> None:
     assert any("camera and projector" in text.get_text() for text in figure.texts)
 
 
+def test_of_many_shells_twenty_are_drawn_the_outermost_and_innermost_among_them() -> None:
+    drawn = drawn_shells(spheres(50).shells)
+    assert len(drawn) == len(set(drawn)) == 20
+    assert (drawn[0], drawn[-1]) == (0, 49)
+
+
 def test_far_focus_behind_the_scene_is_left_out(cube: Part) -> None:
     """An unlimited focus has no outline, and a very far one would make the part tiny."""
     for far in (5000.0, np.inf):
         figure = scene_figure(cube, spheres(2), a_camera(focus_mm=(0, far)))
         assert not any("focus" in text.get_text() for text in figure.axes[0].texts)
-
-
-def test_many_shells_are_drawn_in_part_and_the_figure_says_so(cube: Part) -> None:
-    """The eye tells no more than 20 shells apart; outermost and innermost are among them."""
-    drawn = drawn_shells(spheres(50).shells)
-    assert len(drawn) == len(set(drawn)) == 20
-    assert (drawn[0], drawn[-1]) == (0, 49)
-    figure = scene_figure(cube, spheres(50), a_camera())
-    assert any("20 of 50 shells" in text.get_text() for text in figure.texts)
 
 
 def test_orthographic_and_vertical_views_can_be_drawn(cube: Part, tmp_path: Path) -> None:
@@ -534,28 +484,3 @@ def test_a_window_that_cannot_open_is_noticed_before_vtk_crashes() -> None:
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() in ("True", "False")
-
-
-def test_importing_the_package_imports_no_plotting() -> None:
-    """`iriftrace --help` must not wait for VTK or Matplotlib."""
-    script = (
-        "import sys, iriftrace\n"
-        "print([m for m in ('vtkmodules', 'pyvista', 'matplotlib') if m in sys.modules])\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
-
-
-def test_drawing_leaves_pyplot_alone() -> None:
-    """No global state: a program's own open figures and settings stay as they are."""
-    script = (
-        "import sys\n"
-        "from iriftrace.figures import pose, scene\n"
-        "print('matplotlib.pyplot' in sys.modules)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "False"

@@ -16,7 +16,7 @@ from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
-from iriftrace.shells.files import read_ply, write_ply
+from iriftrace.shells.files import read_shell, write_shell
 from iriftrace.shells.stack import Shell, ShellStack
 from iriftrace.trace.rays import trace_rays
 from validation.inputs.scene_rays import ANY_CAMERA
@@ -115,9 +115,9 @@ def test_shell_must_be_a_mesh(tmp_path: Path) -> None:
 
 def without_normals(xml: Path, name: str = "shell_02.ply") -> None:
     path = xml.parent / "shells" / name
-    vertices, faces, normals, _ = read_ply(path)
+    vertices, faces, normals, _ = read_shell(path)
     assert normals is not None
-    write_ply(path, vertices, faces)
+    write_shell(path, vertices, faces)
 
 
 def test_ply_without_normals_is_refused_for_gradient_normals(xml: Path, edit: Edit) -> None:
@@ -305,7 +305,7 @@ def test_part_that_is_read_in_two_ways_is_refused(xml: Path) -> None:
     """iriftrace turns an inward mesh outward and Mitsuba does not: face numbers would agree, but
     not the sides. The part must be written anew."""
     mesh = sphere(5.0, 1)
-    write_ply(xml.parent / "part.ply", mesh.vertices, mesh.faces[:, ::-1])
+    write_shell(xml.parent / "part.ply", mesh.vertices, mesh.faces[:, ::-1])
     with (
         pytest.warns(IriftraceWarning),
         pytest.raises(InputError, match=r"other triangles than iriftrace does.*iriftrace scene"),

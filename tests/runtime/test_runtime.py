@@ -122,23 +122,6 @@ print(json.dumps(dragged))
     assert answer_of(code) == {}
 
 
-def test_help_imports_neither_vtk_nor_mitsuba() -> None:
-    code = """
-import sys
-sys.argv = ["iriftrace", "--help"]
-from iriftrace.cli import main
-try:
-    code = main()
-except SystemExit as leaving:
-    code = leaving.code
-heavy = [name for name in ("mitsuba", "drjit", "vtkmodules", "pyvista") if name in sys.modules]
-sys.exit(f"exit code {code}, imported {heavy}" if code or heavy else 0)
-"""
-    done = run_python(code)
-    assert done.returncode == 0, done.stderr
-    assert "doctor" in done.stdout
-
-
 # ---- which variant
 
 

@@ -135,3 +135,14 @@ def test_few_enough_triangles_are_left_alone() -> None:
 def test_too_few_triangles_are_refused() -> None:
     with pytest.raises(InputError, match=f"give at least {FEWEST}"):
         decimate(ball(), FEWEST - 1)
+
+
+def test_flat_shells_are_thinned_without_complaints_of_vtk(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    box = pv.Box(level=15).triangulate().clean()
+    normals = np.asarray(box.compute_normals(cell_normals=False, split_vertices=False)["Normals"])
+    points = np.asarray(box.points, dtype=np.float64)
+    shell = Shell(1, 2e-4, 2.7e-4, 1e-4, points, box.regular_faces, normals, None)
+    assert decimate(ShellStack([shell], Air(), "custom"), 600).triangles < 700
+    assert capfd.readouterr().err == ""

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from iriftrace.core.errors import InputError
 from iriftrace.shells.contour import contour_shells
-from iriftrace.shells.files import load_shells, read_ply, save_shells, write_ply
+from iriftrace.shells.files import load_shells, read_shell, save_shells, write_shell
 from iriftrace.shells.report import report_shells
 from iriftrace.shells.stack import ShellStack
 from validation.inputs.shell_fields import sphere_field
@@ -150,9 +150,9 @@ def test_corners_have_as_many_bits_as_the_last_vertex_needs(vertices, corner, tm
     path = tmp_path / "shell.ply"
     places = np.random.default_rng(1).random((vertices, 3), dtype=np.float32)
     faces = np.array([[0, 1, vertices - 1], [vertices - 1, 2, 3]])
-    write_ply(path, places, faces)
+    write_shell(path, places, faces)
     assert b"property list uchar %s vertex_indices" % corner in path.read_bytes()
-    read = read_ply(path)
+    read = read_shell(path)
     assert_array_equal(read[0], places)
     for found in (read[1], trimesh.load(path, process=False).faces, pv.read(path).regular_faces):
         assert_array_equal(found, faces)
@@ -197,7 +197,7 @@ def test_damaged_mesh_is_refused(stack, tmp_path):
     for content in (whole[:-1], b"", whole.replace(b"binary", b"ascii!", 1), renamed):
         path.write_bytes(content)
         with pytest.raises(InputError, match="cut short"):
-            read_ply(path)
+            read_shell(path)
     path.unlink()
     with pytest.raises(InputError, match="cannot read the shell"):
         load_shells(tmp_path)

@@ -13,24 +13,24 @@ from attrs import evolve
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
 from iriftrace.figures.studies import comparison_figure
+from iriftrace.scene.scene import Scene
 from iriftrace.shells.contour import contour_shells
-from iriftrace.studies.accuracy import layers_study, mesh_study, smoothed, smoothing_study
-from iriftrace.studies.modes import OURS, PAPERS, Mode
-from iriftrace.studies.picture import View, picture_of_field, picture_of_shells
-from iriftrace.studies.study import DIFFERENCES, SIZES, run_study
-from validation.inputs.study_inputs import field_and_view
+from iriftrace.studies.kinds import layers_study, mesh_study, smoothed, smoothing_study
+from iriftrace.studies.mode import OURS, PAPERS, Mode, through_cells, through_shells
+from iriftrace.studies.study import DIFFERENCES, SIZES, picture, run_study
+from validation.inputs.study_inputs import field_and_scene
 
 FACETS = Mode("facets", normals="facet")
 
 
 @pytest.fixture(scope="module")
-def block(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[IndexField, View]:
-    return field_and_view(tmp_path_factory.mktemp("block"), variant)
+def block(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[IndexField, Scene]:
+    return field_and_scene(tmp_path_factory.mktemp("block"), variant)
 
 
 @pytest.fixture(scope="module")
-def layers(block: tuple[IndexField, View], tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    study = layers_study(*block, [1, 3, 6], [OURS, PAPERS], ["6", "continuous"])
+def layers(block: tuple[IndexField, Scene], tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    study = layers_study(block[1], [1, 3, 6], [OURS, PAPERS], ["6", "continuous"])
     return run_study(study, tmp_path_factory.mktemp("layers") / "layers.nc")
 
 
@@ -69,10 +69,11 @@ def test_ours_is_nearer_to_the_continuous_engine_than_the_papers(layers: xr.Data
     assert ours[2] < 0.5 * papers[2]
 
 
-def test_rmse_is_that_of_the_rays(block: tuple[IndexField, View], layers: xr.Dataset) -> None:
-    field, view = block
+def test_rmse_is_that_of_the_rays(block: tuple[IndexField, Scene], layers: xr.Dataset) -> None:
+    field, scene = block
     stack = contour_shells(field, 3)
-    here, reference = picture_of_shells(view, stack, OURS), picture_of_field(view, field)
+    here = picture(through_shells(scene, stack, OURS))
+    reference = picture(through_cells(scene, field))
     both = here.good & reference.good
     squares = ((here.displacement - reference.displacement)[both] ** 2).sum(axis=1)
     found = layers["rmse"].sel(mode="ours", layers=3, reference="continuous")
@@ -89,16 +90,16 @@ def test_figures_have_a_column_for_each_reference(layers: xr.Dataset) -> None:
 
 
 @pytest.mark.parametrize("name", ["0", "fine", "-3"])
-def test_unknown_references_are_refused(block: tuple[IndexField, View], name: str) -> None:
+def test_unknown_references_are_refused(block: tuple[IndexField, Scene], name: str) -> None:
     with pytest.raises(InputError, match="no reference"):
-        layers_study(*block, [2], [OURS], [name])
+        layers_study(block[1], [2], [OURS], [name])
 
 
 def test_no_smoothing_of_the_finest_field_changes_nothing(
-    block: tuple[IndexField, View], tmp_path: Path
+    block: tuple[IndexField, Scene], tmp_path: Path
 ) -> None:
-    field, view = block
-    study = smoothing_study(field, field, view, [0, 5], [OURS, FACETS], ["same mode"], layers=3)
+    field, scene = block
+    study = smoothing_study(scene, field, [0, 5], [OURS, FACETS], ["same mode"], layers=3)
     found = run_study(study, tmp_path / "smoothing.nc").sel(reference="same mode")
     np.testing.assert_array_equal(found["rmse"].sel(iterations=0), 0)
     assert (found["rmse"].sel(iterations=5) > 0).all()
@@ -108,7 +109,7 @@ def test_no_smoothing_of_the_finest_field_changes_nothing(
     comparison_figure(run_study(study, tmp_path / "smoothing.nc"))
 
 
-def test_smoothing_keeps_the_gradient_at_each_vertex(block: tuple[IndexField, View]) -> None:
+def test_smoothing_keeps_the_gradient_at_each_vertex(block: tuple[IndexField, Scene]) -> None:
     stack = contour_shells(block[0], 2)
     for before, after in zip(stack.shells, smoothed(stack, 3).shells, strict=True):
         assert before.normals is not None
@@ -123,11 +124,11 @@ def test_smoothing_keeps_the_gradient_at_each_vertex(block: tuple[IndexField, Vi
 def test_meshes_are_compared_with_the_last_and_splitting_adds_coplanar_triangles_only(
     variant: str, tmp_path: Path
 ) -> None:
-    coarse, view = field_and_view(tmp_path, variant, cells=9)
-    fine, _ = field_and_view(tmp_path, variant, cells=18)
+    coarse, _ = field_and_scene(tmp_path, variant, cells=9)
+    fine, scene = field_and_scene(tmp_path, variant, cells=18)
     study = mesh_study(
+        scene,
         {"coarse": coarse, "fine": fine},
-        view,
         [OURS, FACETS],
         ["same mode"],
         layers=3,
@@ -147,19 +148,19 @@ def test_meshes_are_compared_with_the_last_and_splitting_adds_coplanar_triangles
 
 
 def test_a_study_of_meshes_needs_two_fields_and_known_names(
-    block: tuple[IndexField, View],
+    block: tuple[IndexField, Scene],
 ) -> None:
-    field, view = block
+    field, scene = block
     with pytest.raises(InputError, match="at least two fields"):
-        mesh_study({"a": field}, view, [OURS], ["same mode"])
+        mesh_study(scene, {"a": field}, [OURS], ["same mode"])
     with pytest.raises(InputError, match="no field c to split"):
-        mesh_study({"a": field, "b": field}, view, [OURS], ["same mode"], split=["c"])
+        mesh_study(scene, {"a": field, "b": field}, [OURS], ["same mode"], split=["c"])
     with pytest.raises(InputError, match="no reference"):
-        mesh_study({"a": field, "b": field}, view, [OURS], ["20"])
+        mesh_study(scene, {"a": field, "b": field}, [OURS], ["best"])
     with pytest.raises(InputError, match="leaves none"):
         mesh_study(
+            scene,
             {"a": field, "b": field},
-            view,
             [evolve(OURS, drop_inner=[0, 3])],
             ["same mode"],
             layers=3,

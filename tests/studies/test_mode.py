@@ -9,7 +9,7 @@ import pytest
 from attrs import asdict, evolve
 
 from iriftrace.core.errors import InputError
-from iriftrace.studies.modes import OURS, PAPERS, Mode, one_change_each, shells_of, some_shells_of
+from iriftrace.studies.mode import OURS, PAPERS, Mode, check_modes, one_change_each, shells_of
 from validation.inputs.shell_fields import AMBIENT, HOTTEST, sphere_field
 
 
@@ -55,10 +55,10 @@ def test_dropping_inner_shells_leaves_the_others_as_they_are(mode: Mode) -> None
 
 def test_each_field_can_drop_another_number() -> None:
     mode = Mode("m", drop_inner=[3, 0])
-    assert (mode.dropped(0), mode.dropped(1)) == (3, 0)
-    assert Mode("m", drop_inner=[2]).dropped(5) == 2
+    assert (mode.left(5, 0), mode.left(5, 1)) == (2, 5)
+    assert Mode("m", drop_inner=[2]).left(5, 7) == 3
     with pytest.raises(InputError, match="2 numbers of inner shells"):
-        mode.check_fields(3)
+        check_modes([mode], 3)
 
 
 def test_no_shell_left_is_said_or_none() -> None:
@@ -66,9 +66,7 @@ def test_no_shell_left_is_said_or_none() -> None:
     assert shells_of(field, 1, PAPERS) is None
     assert shells_of(field, 3, evolve(OURS, drop_inner=[3])) is None
     with pytest.raises(InputError, match="leaves none"):
-        some_shells_of(field, 3, evolve(OURS, drop_inner=[3]))
-    with pytest.raises(InputError, match="leaves none"):
-        PAPERS.check_layers(1, 1)
+        check_modes([PAPERS], 1, 1)
     with pytest.raises(InputError, match="0 layers"):
         shells_of(field, 0, OURS)
 
@@ -88,18 +86,3 @@ def test_explaining_modes_change_one_choice_each_to_ours() -> None:
         changed.append(key)
     assert changed == ["normals", "index_rule", "inside_hit", "drop_inner"]
     assert len(one_change_each(PAPERS)) == 3
-
-
-@pytest.mark.parametrize(
-    ("choices", "words"),
-    [
-        ({"normals": "smooth"}, "smooth"),
-        ({"index_rule": "custom"}, "custom"),
-        ({"inside_hit": "keep"}, "keep"),
-        ({"drop_inner": [-1]}, "-1"),
-        ({"drop_inner": []}, "give 0 or more"),
-    ],
-)
-def test_unknown_choices_are_refused(choices: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        Mode("m", **choices)  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.sightings import sightings_of
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.sweep.export import write_surface, write_table
+from iriftrace.sweep.export import write_face_maps, write_table
 from iriftrace.sweep.journal import Work, open_journal
 from iriftrace.sweep.measures import MEASURES
 from iriftrace.sweep.series import Series
@@ -363,7 +363,7 @@ def test_surface_carries_the_maps(
     """What ParaView shows of a face is what the file says of it, in the order of the part."""
     dataset = swept[1]
     for name in ("part.vtp", "part.vtu"):
-        write_surface(tmp_path / name, dataset, scene.part)
+        write_face_maps(tmp_path / name, dataset, scene.part)
         surface = pv.read(tmp_path / name)
         centres = scene.part.vertices[scene.part.faces].mean(axis=1)
         assert np.allclose(surface.cell_centers().points, centres, atol=1e-4)

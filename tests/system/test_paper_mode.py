@@ -14,10 +14,12 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import Status, read_exr
 from iriftrace.part.part import read_part
+from iriftrace.scene.hot_air import HotAir
+from iriftrace.scene.scene import Scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.edit import without_inner
-from iriftrace.studies.modes import Mode, some_shells_of
-from iriftrace.studies.picture import View, picture_of_shells
+from iriftrace.studies.mode import Mode, shells_of, through_shells
+from iriftrace.studies.study import picture
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 
@@ -37,9 +39,11 @@ def test_scene_in_the_papers_mode_gives_the_studies_hits(
     image = read_exr(xml.with_suffix(".exr"))
 
     mode = Mode("paper's", "facet", "outer", "drop", (2,))
-    stack = some_shells_of(read_field(hot.field), 6, mode)
-    view = View(read_part(hot.part), image.camera, variant)
-    hits = picture_of_shells(view, stack, mode)
+    field = read_field(hot.field)
+    stack = shells_of(field, 6, mode)
+    assert stack is not None
+    scene = Scene(read_part(hot.part), HotAir(field), image.camera, variant=variant)
+    hits = picture(through_shells(scene, stack, mode))
     np.testing.assert_array_equal(image.status.ravel() == Status.GOOD, hits.good)
     np.testing.assert_array_equal(
         image.vector("displacement").reshape(-1, 3)[hits.good], hits.displacement[hits.good]

@@ -253,7 +253,7 @@ LINES = {
     "split of another field": ("mesh {field} {part} finer.vtu --split gone.vtu", "gone.vtu"),
     "scales of words": ("rays {field} {part} --scales big", "big"),
     "the same scale twice": ("rays {field} {part} --scales 1,1", "each different"),
-    "too few triangles": ("polygons {field} {part} --smallest 5", "at least 100"),
+    "too few triangles": ("polygons {field} {part} --smallest 5", "at least 400"),
     "iso-surfaces": ("layers {field} {part} --isosurfaces", "volume field"),
     "another variant": ("layers {field} {part} --variant scalar_rgb", "scalar_rgb"),
 }

@@ -101,16 +101,16 @@ PART_OPTIONS = {
 }
 
 
-@pytest.mark.parametrize("command", ["shells", "scene"])
 @pytest.mark.parametrize(("options", "words"), PART_OPTIONS.values(), ids=PART_OPTIONS.keys())
-def test_part_options(
-    fails: Failing, hot: HotBlock, command: str, options: str, words: str
-) -> None:
+def test_part_options(fails: Failing, hot: HotBlock, options: str, words: str) -> None:
     """A field that does not reach the part is refused, and the mistaken unit is named."""
-    output = {"shells": "out", "scene": "out/scene.xml"}[command]
-    part = ["--part", hot.part] if command == "shells" else [hot.part]
-    message = fails(command, hot.field, *part, "-o", output, "--layers=2", *shlex.split(options))
-    assert re.search(words, message)
+    part = ("--part", hot.part, "-o", "out", "--layers=2")
+    assert re.search(words, fails("shells", hot.field, *part, *shlex.split(options)))
+
+
+def test_a_scene_refuses_a_part_elsewhere(fails: Failing, hot: HotBlock) -> None:
+    words = ("scene", hot.field, hot.part, "-o", "out/scene.xml", "--layers=2")
+    assert "translate -500" in fails(*words, "--part-transform=translate 500 0 0")
 
 
 CAMERA_OPTIONS = {
@@ -160,12 +160,7 @@ COMMANDS = {
     "folder as field": ("shells . -o out", "folder"),
     "folder as scene": ("render .", "folder"),
     "folder as image": ("metrics .", "folder"),
-    "define without value": ("demo -D scale", "name=value"),
-    "define without name": ("demo -D =0.5", "name=value"),
     "define unknown": ("demo -D sclae=0.5", "sclae.*scale"),
-    "define nonsense": ("demo -D scale=big", "big"),
-    "define negative": ("demo -D scale=-1", "scale"),
-    "define normals": ("demo -D normals=smooth", "smooth"),
     "unknown variant": ("demo --variant=fast", "fast"),
     "scalar variant": ("demo --variant=scalar_rgb", "scalar"),
 }
@@ -336,22 +331,13 @@ PARTS = {
 }
 
 
-@pytest.mark.parametrize("command", ["shells", "scene"])
 @pytest.mark.parametrize(("name", "content", "words"), PARTS.values(), ids=PARTS.keys())
 def test_parts(
-    fails: Failing,
-    hot: HotBlock,
-    tmp_path: Path,
-    command: str,
-    name: str,
-    content: bytes | None,
-    words: str,
+    fails: Failing, hot: HotBlock, tmp_path: Path, name: str, content: bytes | None, words: str
 ) -> None:
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    part = ("--part", name) if command == "shells" else (name,)
-    output = {"shells": "out", "scene": "out/scene.xml"}[command]
-    assert re.search(words, fails(command, hot.field, *part, "-o", output, "--layers=1"))
+    assert re.search(words, fails("scene", hot.field, name, "-o", "out/scene.xml", "--layers=1"))
 
 
 def test_a_folder_as_part(fails: Failing, hot: HotBlock) -> None:

@@ -15,7 +15,7 @@ import trimesh
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.image.aov_image import CHANNELS
-from iriftrace.shells.files import write_ply
+from iriftrace.shells.files import write_shell
 
 AMBIENT, HOT = 1.000272, 1.000172
 
@@ -29,7 +29,7 @@ def ply(
     path: Path, mesh: trimesh.Trimesh, normals: np.ndarray | None = None, **more: Any
 ) -> dict[str, Any]:
     """Write a mesh; returns the dictionary of the shape that reads it."""
-    write_ply(
+    write_shell(
         path,
         np.asarray(mesh.vertices, dtype=np.float32),
         np.asarray(mesh.faces, dtype=np.int32),

@@ -9,11 +9,12 @@ from iriftrace.camera.pose import look_at
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.part.part import read_part
-from iriftrace.studies.picture import View
+from iriftrace.scene.hot_air import HotAir
+from iriftrace.scene.scene import Scene
 from validation.inputs import hot_block
 
 
-def field_and_view(folder: Path, variant: str, cells: int = 18) -> tuple[IndexField, View]:
+def field_and_scene(folder: Path, variant: str, cells: int = 18) -> tuple[IndexField, Scene]:
     """The block of ``hot_block``, its air with ``cells`` cells along each edge, 60 x 50 pixels."""
     _, part = hot_block.save(folder)
     air = folder / f"air_{cells}.vtu"
@@ -25,4 +26,5 @@ def field_and_view(folder: Path, variant: str, cells: int = 18) -> tuple[IndexFi
         focus_mm=(50.0, 250.0),
         matrix=look_at((60.0, -45.0, 70.0), (0.0, 0.0, 0.0)),
     )
-    return read_field(air), View(read_part(part), camera, variant)
+    field = read_field(air)
+    return field, Scene(read_part(part), HotAir(field), camera, variant=variant)

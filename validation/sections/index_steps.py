@@ -11,12 +11,14 @@ from iriftrace.field.read import read_field
 from iriftrace.image.differences import Hits
 from iriftrace.part.part import read_part
 from iriftrace.runtime.variant import ensure
+from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.load import load_scene
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.levels import RULES
-from iriftrace.studies.modes import OURS
-from iriftrace.studies.picture import View, picture_of_shells
+from iriftrace.studies.mode import OURS, through_shells
+from iriftrace.studies.study import picture
 from validation.line import Line, Section
 from validation.oracles.closed_forms import CYLINDER_UM
 from validation.sections.exact_shells import cylinder_hits, displacements_um
@@ -54,12 +56,15 @@ def in_real_air() -> list[Line]:
     folder = folder_of("cylinder")
     field = read_field(folder / "field.vtu")
     camera = load_scene(folder / "scene.xml", {"scale": 0.25}).camera
-    view = View(read_part(folder / "part.ply"), camera, ensure())
+    part = read_part(folder / "part.ply")
+    scene = Scene(part, HotAir(field), camera, variant=ensure())
     lines = []
     for rule in REAL_RULES:
         mode = evolve(OURS, name=rule, index_rule=rule)
         sizes = [
-            _statistics(picture_of_shells(view, contour_shells(field, count, rule=rule), mode))
+            _statistics(
+                picture(through_shells(scene, contour_shells(field, count, rule=rule), mode))
+            )
             for count in (USUAL, FINEST)
         ]
         for name in sizes[0]:

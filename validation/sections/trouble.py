@@ -21,12 +21,14 @@ from iriftrace.image.differences import Differences, Hits, compare, hits_of, own
 from iriftrace.image.metrics import RayCounts
 from iriftrace.part.part import read_part
 from iriftrace.runtime.variant import ensure
+from iriftrace.scene.hot_air import HotAir
+from iriftrace.scene.scene import Scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.modes import Mode
-from iriftrace.studies.picture import View, loaded_field, loaded_shells, rendered
+from iriftrace.studies.mode import Mode, through_cells, through_shells
+from iriftrace.studies.times import rendered
 from validation.line import Line, Section
 
 LAYERS = (40, 80)
@@ -57,7 +59,8 @@ class Trouble:
     ----------
     name : str
     field : IndexField
-    view : View
+    scene : Scene
+        Its air is replaced by the field's shells or cells.
     shift_mm : float
         How far the part was moved down in the field.
     whole : IndexField or None
@@ -66,7 +69,7 @@ class Trouble:
 
     name: str
     field: IndexField
-    view: View
+    scene: Scene
     shift_mm: float = 0.0
     whole: IndexField | None = None
 
@@ -97,14 +100,14 @@ def troubles() -> list[Trouble]:
     shift = np.eye(4)
     shift[2, 3] = -SHIFT_MM
 
-    def view(origin: tuple[float, float, float], part: Any = part) -> View:
+    def view(origin: tuple[float, float, float], part: Any = part) -> Scene:
         camera = Camera(
             focal_length_mm=10.0,
             sensor_mm=(6.7, 5.6),
             resolution=RESOLUTION,
             matrix=look_at(origin, (0.0, 0.0, 0.0)),
         )
-        return View(part, camera, ensure())
+        return Scene(part, HotAir(field), camera, variant=ensure())
 
     return [
         Trouble("coarse field", field, view(OBLIQUE)),
@@ -133,24 +136,22 @@ def cropped(field: IndexField, kept: Callable[[FloatArray], NDArray[np.bool_]]) 
     return evolve(field, grid=cells, refractivity=values)
 
 
-def outcome(loaded: Any) -> Outcome:
-    """Render a loaded scene."""
-    rendering = rendered(loaded)
+def outcome(scene: Scene) -> Outcome:
+    """Render a scene."""
+    rendering = rendered(scene)
     image = rendering.image
     mismatched = image.status.ravel() == Status.INDEX_MISMATCH
     return Outcome(hits_of(image), rendering.metrics.rays, mismatched)
 
 
-def through_field(trouble: Trouble, normals: str) -> Outcome:
+def of_cells(trouble: Trouble, normals: str) -> Outcome:
     """The continuous engine's picture, with the gradient to which such normals converge."""
-    with loaded_field(trouble.view, trouble.field, normals=normals) as scene:
-        return outcome(scene)
+    return outcome(through_cells(trouble.scene, trouble.field, normals))
 
 
-def through_shells(trouble: Trouble, stack: ShellStack, normals: str) -> Outcome:
+def of_shells(trouble: Trouble, stack: ShellStack, normals: str) -> Outcome:
     """The same through shells."""
-    with loaded_shells(trouble.view, stack, Mode(normals, normals=normals)) as scene:
-        return outcome(scene)
+    return outcome(through_shells(trouble.scene, stack, Mode(normals, normals=normals)))
 
 
 def cutting_pairs(stack: ShellStack) -> int:
@@ -239,7 +240,7 @@ def lines_of(
     trouble: Trouble, layers: Sequence[int] = LAYERS, normals: Sequence[str] = NORMALS
 ) -> list[Line]:
     """All figures of one case."""
-    references = {name: through_field(trouble, name) for name in normals}
+    references = {name: of_cells(trouble, name) for name in normals}
     lines = ledger(f"{trouble.name}, continuous engine", references[normals[0]])
     if trouble.whole is not None:
         lines += before_the_cut(trouble, trouble.whole, layers[-1], references[normals[0]])
@@ -251,7 +252,7 @@ def lines_of(
                 Line(f"{case}: shells that cut the part", "", str(cut_by(stack, trouble.shift_mm)))
             )
         for name in normals:
-            found = through_shells(trouble, stack, name)
+            found = of_shells(trouble, stack, name)
             if name == normals[0]:
                 lines += [*ledger(case, found), *refused(case, found, references[name])]
             lines += agreement(f"{case}, {name} normals", found, references[name], name)
@@ -261,9 +262,9 @@ def lines_of(
 def before_the_cut(trouble: Trouble, whole: IndexField, layers: int, cut: Outcome) -> list[Line]:
     """Effect of missing air, and distance of shells where none is missing."""
     before = evolve(trouble, name="the same view of the whole data", field=whole, whole=None)
-    reference = through_field(before, "gradient")
+    reference = of_cells(before, "gradient")
     _, median, p95 = shares(cut, reference)
-    found = through_shells(before, contour_shells(whole, layers), "gradient")
+    found = of_shells(before, contour_shells(whole, layers), "gradient")
     return [
         Line(f"{trouble.name}, continuous engine, to the whole data: {name}", "", f"{value:.1f} %")
         for name, value in (("median", median), ("p95", p95))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from iriftrace.air import thermophysics as gas
 from iriftrace.cfd.openfoam.case import Case
 from iriftrace.cfd.openfoam.domain import BODY_LEVEL, WALL_LEVEL
-from iriftrace.cfd.openfoam.part_surface import write_surface
+from iriftrace.cfd.openfoam.part_surface import write_stl
 
 # s; the wall's heat starts on still air. The step grows by a fifth each time until the flow limits
 # it, so that a run that goes on loses little time either.
@@ -75,9 +75,9 @@ def write_case(case: Case, folder: Path) -> None:
     for name in ("0", "constant/triSurface", "system"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     surfaces = folder / "constant/triSurface"
-    write_surface(case.part, surfaces / "part.stl")
+    write_stl(case.part, surfaces / "part.stl")
     for name, body in zip(_body_patches(case), case.bodies, strict=True):
-        write_surface(body.surface, surfaces / f"{name}.stl")
+        write_stl(body.surface, surfaces / f"{name}.stl")
     entries = mesh_entries(case) | air_entries(case)
     for name in (*MESH_FILES, *AIR_FILES):
         write_file(folder, name, entries)

@@ -19,7 +19,7 @@ _TOLERANCE = 5e-3
 _SAMPLES = 2000
 
 
-def write_surface(part: Part, path: Path) -> None:
+def write_stl(part: Part, path: Path) -> None:
     """Write the part as binary STL in metres."""
     faces: Any = part.faces
     with whole_file(path) as temporary:

@@ -1,0 +1,37 @@
+"""Statistics of an array by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from iriftrace.core.arrays import FloatArray
+
+SPREAD = ("mean", "median", "p95", "rms", "min", "max")
+
+
+def rms(values: FloatArray) -> float:
+    """Root of the mean square of an (n,) array, or of the lengths of (n, k) vectors."""
+    squares = values**2
+    return float(np.sqrt((squares if values.ndim == 1 else squares.sum(axis=1)).mean()))
+
+
+def spread(values: FloatArray, names: Sequence[str] = SPREAD) -> dict[str, float]:
+    """Statistics of an (n,) array, n > 0, by name; ``p95`` is the 95th percentile."""
+    percent = {
+        name: 50.0 if name == "median" else float(name[1:]) for name in names if _sorts(name)
+    }
+    ranked = np.percentile(values, list(percent.values())).tolist()
+    found = dict(zip(percent, ranked, strict=True))
+    plain: dict[str, Callable[[FloatArray], float]] = {
+        "mean": np.mean,
+        "rms": rms,
+        "min": np.min,
+        "max": np.max,
+    }
+    return {name: found[name] if name in found else float(plain[name](values)) for name in names}
+
+
+def _sorts(name: str) -> bool:
+    return name == "median" or name[1:].isdecimal()

@@ -1,0 +1,340 @@
+"""The studies: what each varies, in which scene, and what it is compared with.
+
+The `scene` of each has the part, the camera, the variant and notes, and for its air the only field
+or the finest one.
+
+Against a stack of 20 shells with facet normals, the difference has a local maximum at six shells,
+which is no property of six. By the outer rule shell k of N lies at the fraction k / N of the index
+range, so all shells of 4, 5 or 10 are shells of the 20 too, with the same facets and the same
+errors of these, which cancel. Six is the first number after a dip; against 24 shells the dips are
+at 6, 8 and 12, and against the continuous engine, or with gradient normals, there are none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import TypedDict
+
+import numpy as np
+from attrs import evolve
+
+from iriftrace.core.errors import InputError
+from iriftrace.field.index_field import IndexField
+from iriftrace.scene.scene import Scene
+from iriftrace.shells.decimate import FEWEST, decimate
+from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint
+from iriftrace.shells.stack import ShellStack
+from iriftrace.studies.mode import Mode, check_modes, shells_of, through_cells, through_shells
+from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
+from iriftrace.studies.study import CELLS, CONTINUOUS, SAME_MODE, Study
+
+
+class _Compared(TypedDict):
+    """Arguments of a `Study` that compares hits."""
+
+    references: tuple[str, ...]
+    reference: Callable[[Mode, str], Scene | None]
+
+
+THE_PAPERS = "20"
+"""Shells of the reference of Kern et al. (2025)."""
+
+TETRAHEDRA = " as tetrahedra"
+SPLIT = "+"
+
+
+def layers_study(
+    scene: Scene,
+    layers: Sequence[int],
+    modes: Sequence[Mode],
+    references: Sequence[str] | None = None,
+) -> Study:
+    """Compare numbers of shells with references.
+
+    By default 20 shells in the case's own mode, as in the paper, and the continuous engine.
+
+    Raises
+    ------
+    InputError
+        If a number of shells is below 1, or a reference is unknown.
+    """
+    if any(count < 1 for count in layers):
+        raise InputError(f"{min(layers)} shells bend no ray; give numbers of at least 1.")
+    check_modes(modes, 1)
+    field = _field(scene)
+    return Study(
+        "layers",
+        *("layers", tuple(layers), "number of shells"),
+        tuple(modes),
+        scene,
+        lambda mode, n: _through(scene, shells_of(field, layers[n], mode), mode),
+        fields=(field,),
+        **_compared(scene, 1, references or (THE_PAPERS, CONTINUOUS)),
+    )
+
+
+def smoothing_study(
+    scene: Scene,
+    coarse: IndexField,
+    iterations: Sequence[int],
+    modes: Sequence[Mode],
+    references: Sequence[str] | None = None,
+    *,
+    layers: int = 13,
+) -> Study:
+    """Compare shells of a coarse field, smoothed by Taubin's method, with the scene's field.
+
+    Gradient normals and their derivatives stay with their vertices, because they belong to the
+    field and not to the facets. Fields 0 and 1 of `Mode.drop_inner` are the coarse and the scene's.
+
+    By default the references are the finest field in the case's own mode, as in the paper, and the
+    continuous engine.
+    """
+    finest = _field(scene)
+    check_modes(modes, 2, layers)
+
+    @lru_cache(maxsize=len(modes))
+    def unsmoothed(mode: Mode) -> ShellStack | None:
+        return shells_of(coarse, layers, mode, number=0, index_range=_range(finest))
+
+    def smooth(mode: Mode, position: int) -> Scene | None:
+        before = unsmoothed(mode)
+        stack = None if before is None else smoothed(before, iterations[position])
+        return _through(scene, stack, mode)
+
+    return Study(
+        "smoothing",
+        *("iterations", tuple(iterations), "Taubin smoothing iterations"),
+        tuple(modes),
+        scene,
+        smooth,
+        fields=(coarse, finest),
+        more={"layers": layers},
+        **_compared(scene, 2, references or (SAME_MODE, CONTINUOUS), layers),
+    )
+
+
+def mesh_study(
+    scene: Scene,
+    fields: Mapping[str, IndexField],
+    modes: Sequence[Mode],
+    references: Sequence[str] | None = None,
+    *,
+    layers: int = 13,
+    split: Sequence[str] = (),
+) -> Study:
+    """Compare fields of several resolutions with the last of them, cut at the same levels.
+
+    Parameters
+    ----------
+    scene : Scene
+    fields : mapping
+        Fields by name, the finest last: that of the scene.
+    modes : sequence of Mode
+    references : sequence of str, optional
+        See `smoothing_study`.
+    layers : int
+        Number of shells.
+    split : sequence of str
+        Names of fields that are also contoured after their cells were divided into tetrahedra
+        (`TETRAHEDRA` is put after the name), and after these were split into eight (`SPLIT`).
+        Between the last two only coplanar triangles are added.
+
+    Raises
+    ------
+    InputError
+        If there is one field only, or a name to split is none of theirs.
+    """
+    names, given = list(fields), list(fields.values())
+    if len(names) < 2:
+        raise InputError(
+            "A study of resolutions needs at least two fields, coarse to fine; give another one."
+        )
+    for name in split:
+        if name not in fields:
+            listed = ", ".join(names)
+            raise InputError(f"There is no field {name} to split; the study has {listed}.")
+    check_modes(modes, len(names), layers)
+    # Name, number of the field and what is done to it.
+    cases = [
+        (name + suffix, number, suffix)
+        for number, name in enumerate(names)
+        for suffix in (("", TETRAHEDRA, SPLIT) if name in split else ("",))
+    ]
+
+    # A split field can need gigabytes.
+    @lru_cache(maxsize=1)
+    def cut(position: int) -> IndexField:
+        _, number, suffix = cases[position]
+        if not suffix:
+            return given[number]
+        tetrahedra = as_tetrahedra(given[number])
+        return tetrahedra if suffix == TETRAHEDRA else split_tetrahedra(tetrahedra)
+
+    def through(mode: Mode, position: int) -> Scene | None:
+        number, levels = cases[position][1], _range(given[-1])
+        stack = shells_of(cut(position), layers, mode, number=number, index_range=levels)
+        return _through(scene, stack, mode)
+
+    return Study(
+        "mesh",
+        *("field", tuple(case for case, _, _ in cases), "field, coarse to fine"),
+        tuple(modes),
+        scene,
+        through,
+        fields=tuple(given),
+        more={"layers": layers},
+        **_compared(scene, len(given), references or (SAME_MODE, CONTINUOUS), layers),
+    )
+
+
+def rays_study(
+    scene: Scene, scales: Sequence[float], modes: Sequence[Mode], *, layers: int = 13
+) -> Study:
+    """Time the stages of one picture at several factors on the camera's resolution.
+
+    Raises
+    ------
+    InputError
+        If two scales give the same number of rays.
+    """
+    field = _field(scene)
+    cameras = [scene.camera.scaled(scale) for scale in scales]
+    rays = [camera.resolution[0] * camera.resolution[1] for camera in cameras]
+    if not rays or len(set(rays)) < len(rays):
+        raise InputError(
+            f"The scales {', '.join(f'{scale:g}' for scale in scales) or 'none'} give "
+            f"{', '.join(map(str, rays)) or 'no'} rays; give at least one, each different."
+        )
+    check_modes(modes, 1, layers)
+
+    def scaled(mode: Mode, position: int) -> Scene | None:
+        seen = evolve(scene, camera=cameras[position])
+        return _through(seen, shells_of(field, layers, mode), mode)
+
+    return Study(
+        "rays",
+        *("launched", tuple(rays), "rays launched"),
+        tuple(modes),
+        scene,
+        scaled,
+        fields=(field,),
+        more={"layers": layers},
+    )
+
+
+def polygons_study(
+    scene: Scene,
+    modes: Sequence[Mode],
+    *,
+    layers: int = 13,
+    smallest: int = 4_700,
+    largest: int = 320_000,
+) -> Study:
+    """Time the stages of one picture at several numbers of triangles.
+
+    Midpoint subdivision leaves the surfaces where they are, so all but the first step trace the
+    same rays through the same air.
+
+    Parameters
+    ----------
+    scene : Scene
+    modes : sequence of Mode
+    layers : int
+        Number of shells.
+    smallest : int
+        Mean number of triangles of a shell to begin with, by default as Kern et al. (2025); shells
+        with more are thinned out.
+    largest : int
+        No more subdivisions than give this mean number of triangles for each shell (4.8 million in
+        Kern et al.).
+
+    Raises
+    ------
+    InputError
+        If the limits are not in order.
+    """
+    if not FEWEST <= smallest <= largest:
+        raise InputError(
+            f"Triangles of a shell from {smallest} to {largest} are no range; give at least "
+            f"{FEWEST} and then more."
+        )
+    check_modes(modes, 1, layers)
+    field = _field(scene)
+
+    @lru_cache(maxsize=len(modes))
+    def start(mode: Mode) -> ShellStack | None:
+        stack = shells_of(field, layers, mode)
+        return None if stack is None else decimate(stack, smallest * len(stack.shells))
+
+    first, steps = start(modes[0]), 0.0
+    if first is not None:
+        steps = np.log(largest * len(first.shells) / first.triangles) / np.log(4) + 1e-9
+
+    def divided(mode: Mode, position: int) -> Scene | None:
+        stack = start(mode)
+        finer = None if stack is None else subdivide_midpoint(stack, position)
+        return _through(scene, finer, mode)
+
+    return Study(
+        "polygons",
+        *("subdivisions", tuple(range(max(0, int(steps)) + 1)), "midpoint subdivisions"),
+        tuple(modes),
+        scene,
+        divided,
+        fields=(field,),
+        more={"layers": layers, "smallest": smallest},
+    )
+
+
+def _through(scene: Scene, stack: ShellStack | None, mode: Mode) -> Scene | None:
+    return None if stack is None else through_shells(scene, stack, mode)
+
+
+def _field(scene: Scene) -> IndexField:
+    field = scene.air.states[0].field
+    if field is None:
+        raise InputError("A study cuts shells from a field, and the scene has none; give one.")
+    return field
+
+
+def _range(finest: IndexField) -> tuple[float, float]:
+    """n - 1 of the ambient and the hottest air, which give all fields the same levels."""
+    return finest.ambient_refractivity, finest.hottest_refractivity
+
+
+def _compared(
+    scene: Scene, fields: int, references: Sequence[str], layers: int | None = None
+) -> _Compared:
+    """References of a study of so many fields, of which the scene has the last.
+
+    Numbers are shells of that field in the case's own mode; ``"same mode"`` is the number `layers`.
+    """
+    known = [*CELLS, *([] if layers is None else [SAME_MODE])]
+    for name in references:
+        if name not in known and not (name.isdecimal() and int(name) > 0):
+            raise InputError(
+                f'"{name}" is no reference; give {", ".join(known)} or a number of shells, such as '
+                f"{THE_PAPERS}."
+            )
+    finest = _field(scene)
+
+    def reference(mode: Mode, name: str) -> Scene | None:
+        if name in CELLS:
+            return through_cells(scene, finest, CELLS[name])
+        count = layers if name == SAME_MODE and layers is not None else int(name)
+        stack = shells_of(finest, count, mode, number=fields - 1, index_range=_range(finest))
+        return _through(scene, stack, mode)
+
+    return {"references": tuple(references), "reference": reference}
+
+
+def smoothed(stack: ShellStack, iterations: int) -> ShellStack:
+    """Smooth the surfaces; each vertex keeps the gradient that it had."""
+    changed = smooth_taubin(stack, iterations)
+    shells = [
+        evolve(after, normals=before.normals, derivatives=before.derivatives)
+        for before, after in zip(stack.shells, changed.shells, strict=True)
+    ]
+    return evolve(changed, shells=shells)
