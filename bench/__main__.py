@@ -9,7 +9,7 @@ from rich.table import Table
 
 from bench.measure import correction, measure_over_trace
 from bench.pose import (
-    continuous_over_shells,
+    cells_over_shells,
     kernels_of_second_pose,
     pose_in_sweep_over_traces,
     pose_over_trace,
@@ -69,10 +69,10 @@ def main() -> None:
     seconds, over_trace = correction(fine, scan, REPEATS)
     table.add_row("correction of a point / refracted trace of a ray", f"{over_trace:.2f}", "")
     table.add_row("seconds to correct a million points", f"{seconds:.1f}", "10")
-    continuous = load_scene(xml, engine="continuous")
-    traces, poses = continuous_over_shells(continuous, scene, REPEATS)
-    table.add_row("refracted trace by the continuous engine / by 13 shells", f"{traces:.2f}", "")
-    table.add_row("pose by the continuous engine / by 13 shells", f"{poses:.2f}", "")
+    cells = load_scene(xml, engine="cells")
+    traces, poses = cells_over_shells(cells, scene, REPEATS)
+    table.add_row("refracted trace by the cells engine / by 13 shells", f"{traces:.2f}", "")
+    table.add_row("pose by the cells engine / by 13 shells", f"{poses:.2f}", "")
     table.add_row(
         "`iriftrace render` as a process, compiled kernels on disk / warm refracted trace",
         f"{process_over_trace(scene, REPEATS):.1f}",

@@ -66,7 +66,7 @@ def main(scales: Sequence[float]) -> None:
         *("other statuses", "nm apart"),
     ):
         table.add_column(heading, justify="right")
-    for engine in ("shells", "continuous"):
+    for engine in ("shells", "cells"):
         for scale in scales:
             (cuda, pose), (llvm, known) = (timed(engine, scale, one) for one in VARIANTS)
             differ, apart = difference(pose.image, known.image)

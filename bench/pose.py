@@ -40,17 +40,15 @@ def pose_in_sweep_over_traces(scene: LoadedScene, repeats: int) -> float:
     return median(ratios[1:])
 
 
-def continuous_over_shells(
-    continuous: LoadedScene, shells: LoadedScene, repeats: int
-) -> tuple[float, float]:
-    """Time by the continuous engine over that by shells: of refracted traces, and of poses.
+def cells_over_shells(cells: LoadedScene, shells: LoadedScene, repeats: int) -> tuple[float, float]:
+    """Time by the cells engine over that by shells: of refracted traces, and of poses.
 
     Medians of pairs.
     """
     ratios = []
     for _ in range(repeats + 1):
         seconds = []
-        for scene in (continuous, shells):
+        for scene in (cells, shells):
             started = time.perf_counter()
             traced = render_scene(scene).metrics.time_s["refracted"]
             seconds.append((traced, time.perf_counter() - started))

@@ -62,7 +62,7 @@ def measured(folder: Path) -> list[Cost]:
         built = build_scene(field, part, camera, folder / f"{cell_mm:g}" / "scene.xml")
         triangles = sum(len(shell.faces) for shell in built.shells.shells)
         for scale in SCALES if cell_mm == CELLS_MM[1] else (0.25,):
-            for engine in ("shells", "continuous"):
+            for engine in ("shells", "cells"):
                 scene = load_scene(built.path, {"scale": scale}, engine=engine)
                 poses = [render_scene(scene) for _ in range(REPEATS + 1)]
                 seconds = median(pose.metrics.time_s["refracted"] for pose in poses[1:])
@@ -75,7 +75,7 @@ def figure(costs: list[Cost]) -> Figure:
     """Microseconds a ray over rays and over cells."""
     drawn = Figure(figsize=(7.2, 2.8), layout="constrained")
     over_rays, over_cells = drawn.subplots(1, 2, sharey=True)
-    for engine, colour in zip(("shells", "continuous"), COLOURS, strict=False):
+    for engine, colour in zip(("shells", "cells"), COLOURS, strict=False):
         own = [cost for cost in costs if cost.engine == engine]
         for axes, rows, name in (
             (over_rays, [c for c in own if c.cell_mm == CELLS_MM[1]], "rays"),
@@ -120,7 +120,7 @@ def main() -> None:
         )
     console = Console(width=100)
     console.print(table)
-    for engine in ("shells", "continuous"):
+    for engine in ("shells", "cells"):
         own = [cost for cost in costs if cost.engine == engine]
         rows = [cost for cost in own if cost.cell_mm == CELLS_MM[1]]
         meshes = quarter(own)

@@ -72,7 +72,7 @@ def plugin_class(variant: str) -> type:
             mi.load_dict({"type": "gradient_path", "field": "field.npz"})
         """
 
-        engine = "continuous"
+        engine = "cells"
 
         def __init__(self, props: mi.Properties) -> None:
             super().__init__(props)

@@ -40,7 +40,7 @@ SCENES = ("concentric_cylinders", "fringe_cylinder", "gear_tooth", "slab")
 """Bundled scenes without a field; the others are cut from these."""
 
 FIELDS = ("cylinder", "cylinder_C", "hybrid_cylinder", "bevel_gear", "wishbone", FLOW_MESH)
-ENGINES = ("shells", "continuous")
+ENGINES = ("shells", "cells")
 LAYERS = 13
 PIECE = 250_000
 """Rays that are traced at a time."""

@@ -2,7 +2,7 @@
 Shells, or the field itself
 ===========================
 
-The continuous engine solves the ray equation from cell to cell of the solver's mesh and needs no
+The cells engine solves the ray equation from cell to cell of the solver's mesh and needs no
 shells. Both take gradients from the same cells, so their agreement says that there are shells
 enough, not that the field is right.
 """
@@ -16,12 +16,12 @@ from iriftrace.scenes import folder_of
 xml = folder_of("cylinder") / "scene.xml"
 images = {
     engine: iriftrace.render_scene(iriftrace.load_scene(xml, {"scale": 0.1}, engine=engine)).image
-    for engine in ("shells", "continuous")
+    for engine in ("shells", "cells")
 }
 good = np.logical_and.reduce([image.channels["status.code"] == 0 for image in images.values()])
 hits = [image.vector("refracted", good) for image in images.values()]
 apart = 1e3 * np.linalg.norm(hits[0] - hits[1], axis=1)
-moved = 1e3 * images["continuous"].channels["displacement.norm"][good]
+moved = 1e3 * images["cells"].channels["displacement.norm"][good]
 
 picture = np.full(good.shape, np.nan)
 picture[good] = apart

@@ -207,7 +207,7 @@ def _add_shell_error(
     elif not values["suffice"]:
         # From 30 on still more shells hardly bring a picture closer to the field.
         more = "cut more shells (--layers 40), or " if values["shells"] < 30 else ""
-        table.add_row("", f"closer: {more}trace with --engine continuous")
+        table.add_row("", f"closer: {more}trace with --engine cells")
         table.add_row("", "if they were thinned out, leave --triangles out first")
 
 

@@ -232,7 +232,7 @@ def _plan_pairs(
     )
     if exact:
         what = "the diameter" if feature else error
-        through = "the field itself" if found.exact_engine == "continuous" else "the shells"
+        through = "the field itself" if found.exact_engine == "cells" else "the shells"
         say(f"Measured is {what} by the exact solver, through {through}.")
     names = [f"{what}, pose {pose}" for what, pose in zip(_DEVICES, found.pairs[0], strict=True)]
     chosen = dataset.isel(pose=found.pairs[0])

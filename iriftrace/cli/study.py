@@ -291,9 +291,9 @@ def layers(
     layers
         Numbers of shells, such as "1:20,40,80".
     reference
-        "continuous" (the continuous engine), "linear cells" (likewise, with one gradient in each
+        "cells" (the cells engine), "linear cells" (likewise, with one gradient in each
         cell: the limit of facet normals), or a number of shells of the finest field in the same
-        mode; repeatable. By default 20, as in the paper, and continuous.
+        mode; repeatable. By default 20, as in the paper, and cells.
     """
     from iriftrace.studies.kinds import layers_study
 
@@ -332,7 +332,7 @@ def smoothing(
     iterations
         Smoothing iterations, such as "0,10,20:25".
     reference
-        "same mode" (shells of the fine field) or "continuous" (the continuous engine on it);
+        "same mode" (shells of the fine field) or "cells" (the cells engine on it);
         repeatable, by default both.
     """
     from iriftrace.studies.kinds import smoothing_study
@@ -376,7 +376,7 @@ def mesh(
         after each of these was split into eight, which on linear cells only adds coplanar
         triangles; recovered gradients change, the field does not. Needs gigabytes; repeatable.
     reference
-        "same mode" (shells of the finest field) or "continuous" (the continuous engine on it);
+        "same mode" (shells of the finest field) or "cells" (the cells engine on it);
         repeatable, by default both.
     """
     from iriftrace.studies.kinds import mesh_study

@@ -40,7 +40,7 @@ class TraceOptions:
     define: Annotated[list[str] | None, Parameter(name=["-D", "--define"], negative=())] = None
     wavelength: Wavelength | None = None
     variant: str | None = None
-    engine: Literal["shells", "continuous"] | None = None
+    engine: Literal["auto", "shells", "cells"] = "auto"
 
     def variables(self) -> dict[str, str]:
         """Scene parameters by name, the wavelength (nm) among them if it is given."""

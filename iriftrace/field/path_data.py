@@ -1,4 +1,4 @@
-"""Field file of a scene: the cells and indices that the continuous engine traces through."""
+"""Field file of a scene: the cells and indices that the cells engine traces through."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def load_field_file(path: str | Path) -> FieldCells:
     """
     if not Path(path).is_file():
         raise InputError(
-            f"There is no field file {path}, without which the continuous engine knows nothing of "
+            f"There is no field file {path}, without which the cells engine knows nothing of "
             "the air; `iriftrace scene FIELD PART -o SCENE.xml` writes it beside the scene."
         )
     check_readable(Path(path))

@@ -18,6 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.engines import Bending
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
@@ -324,16 +325,19 @@ def _provenance(header: dict[str, Any]) -> str:
         if field and field.get("path")
         else None,
         f"{wavelength:g} nm" if wavelength is not None else None,
-        _normals(header.get("normals")),
-        "bent at the shells" if str(header.get("bending")).startswith("at the shells") else None,
+        _normals(header.get("normals"), header.get("engine")),
+        "bent at the shells" if _bent_at_shells(header.get("bending")) else None,
         f"engine: {header['engine']}" if header.get("engine") else None,
     ]
     return "  ·  ".join(part for part in parts if part)
 
 
-def _normals(stated: str | None) -> str | None:
-    """Normals of shells, or the gradient of the continuous engine, which has none."""
+def _normals(stated: str | None, engine: str | None) -> str | None:
+    """Normals of shells, or the gradient of cells, which have none."""
     if not stated:
         return None
-    _, none, gradient = stated.partition("none, ")
-    return gradient if none else f"{stated} normals"
+    return stated if engine == "cells" else f"{stated} normals"
+
+
+def _bent_at_shells(stated: str | None) -> bool:
+    return stated is not None and Bending(stated).at_shells_alone

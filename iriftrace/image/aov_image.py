@@ -39,7 +39,7 @@ CHANNELS: tuple[str, ...] = (
 """Millimetres and radians in the world's frame; ``shift.px`` in pixels."""
 
 ERROR_CHANNEL = "path.error"
-"""Estimated error of the refracted hit, mm; only the continuous engine delivers it."""
+"""Estimated error of the refracted hit, mm; only the cells engine delivers it."""
 
 MEMBERS_CHANNEL = "ensemble.members"
 """Number of members of an ensemble in which the pixel's ray counts."""

@@ -21,7 +21,7 @@ class Hits:
     displacement: FloatArray  # (n, 3), mm, world: refracted minus straight hit; 0 without both
     good: BoolArray  # (n,) rays with status 0
     hit: BoolArray  # (n,) rays whose straight twin hits the part in focus
-    # Of the stack that bent the rays; 0 for the continuous engine.
+    # Of the stack that bent the rays; 0 for the cells engine.
     shells: int = 0
     triangles: int = 0
 

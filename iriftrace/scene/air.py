@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from iriftrace.core.engines import Bending
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.part.part import Part
@@ -111,16 +112,13 @@ def stated_normals(wanted: str, tables: Any) -> str:
     return f"gradient, but facet for {without} of the shells" if without else wanted
 
 
-IN_LAYERS = "all along the layers"
-
-
-def stated_bending(integrator: Any, tables: Any) -> str:
-    """Places where rays are bent, with the reason if not all along the layers as was wanted."""
+def stated_bending(integrator: Any, tables: Any) -> Bending:
+    """Places where rays are bent by shells."""
     if integrator.bends_in_layers(tables):
-        return IN_LAYERS
+        return Bending.LAYERS
     if integrator.bending == "layers" and integrator.normals == "gradient":
-        return "at the shells alone, whose files lack the index's derivatives"
-    return "at the shells alone"
+        return Bending.SHELLS_WITHOUT_DERIVATIVES
+    return Bending.SHELLS
 
 
 def stated_index_rule(name: str, table: dict[str, Any], tables: Any, others: Sequence[str]) -> str:

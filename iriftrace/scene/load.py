@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
+from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import check_readable
 from iriftrace.core.units import parse_quantity
@@ -47,8 +48,6 @@ from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells, tabl
 
 KEPT_TRIANGLES = 10_000_000
 """Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
-
-ENGINES = ("shells", "continuous")
 
 
 @frozen(eq=False)
@@ -84,19 +83,19 @@ class LoadedScene:
     variables : dict of str
         Values that were given for the file's ``<default>`` parameters.
     engine : str
-        ``"shells"`` or ``"continuous"``.
-    wanted_engine : str or None
-        What was asked for, whatever the XML says; None where nothing was.
+        ``"shells"`` or ``"cells"``.
+    wanted_engine : str
+        What was asked for, whatever the XML says; ``"auto"`` where nothing was.
     normals : str
-        ``"gradient"`` or ``"facet"``, and for how many shells if not for all; for the continuous
-        engine where its gradient comes from.
-    bending : str
-        Where rays are bent: all along the layers, at the shells alone (and why), or continuously.
+        ``"gradient"`` or ``"facet"``, and for how many shells if not for all; of cells where their
+        gradient comes from.
+    bending : Bending
+        Where rays are bent.
     index_rule : str
         How surfaces and layers were chosen, and whether the scene still has all of them.
     shells_table : dict
         The shells' JSON table (air, source, index rule); empty when the scene has none. For the
-        continuous engine air and source of its field, and the notes of the shells' table.
+        cells engine air and source of its field, and the notes of the shells' table.
     load_s, build_s : float
         Seconds for files and Mitsuba's acceleration structure, and for the tables.
     second : Camera or None
@@ -115,9 +114,9 @@ class LoadedScene:
     full_resolution: tuple[int, ...]
     variables: dict[str, str]
     engine: str
-    wanted_engine: str | None
+    wanted_engine: str
     normals: str
-    bending: str
+    bending: Bending
     index_rule: str
     shells_table: dict[str, Any]
     load_s: float
@@ -153,10 +152,7 @@ class LoadedScene:
         None where an engine or bending at the shells was asked for, and where the field that the
         shells were cut from does not lie beside the scene.
         """
-        in_layers = self.engine == "shells" and self.integrator.bends_in_layers(
-            self.integrator.prepare(self.mitsuba_scene).tables
-        )
-        if self.wanted_engine is not None or not in_layers:
+        if self.wanted_engine != AUTO or self.bending is not Bending.LAYERS:
             return None
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IriftraceWarning)
@@ -180,17 +176,17 @@ class LoadedScene:
         with runtime.using(self.variant):
             if self.path is not None:
                 field_file = _field_file(self.path, self.variables)
-                integrator = _integrator(self.integrator, "continuous", self.name, field_file)
+                integrator = _integrator(self.integrator, "cells", self.name, field_file)
                 _set_wavelength(integrator, self.variables)
             else:
                 assert self._cells is not None
-                integrator = _integrator(self.integrator, "continuous", self.name, Path(FIELD_FILE))
+                integrator = _integrator(self.integrator, "cells", self.name, Path(FIELD_FILE))
                 integrator.use(self._cells())
             integrator.prepare_as(self.integrator)
             stated = _stated_of_field(integrator, self.shells_table, self.name)
         return evolve(
             self,
-            wanted_engine="continuous",
+            wanted_engine="cells",
             integrator=integrator,
             build_s=self.build_s + time.perf_counter() - started,
             lease=_Lease(integrator),
@@ -276,7 +272,7 @@ def load_scene(
     variables: Mapping[str, Any] | None = None,
     *,
     variant: str | None = None,
-    engine: str | None = None,
+    engine: str = AUTO,
 ) -> LoadedScene:
     """Load a scene's XML file into Mitsuba and build what every pose needs.
 
@@ -289,8 +285,9 @@ def load_scene(
         ``wavelength`` ("450 nm"), if it shall be another than the one the scene was made for.
     variant : str, optional
         Mitsuba variant; see :func:`iriftrace.runtime.variant.ensure`.
-    engine : str, optional
-        ``"shells"`` or ``"continuous"``, whatever the XML's own integrator is.
+    engine : str
+        ``"shells"`` or ``"cells"``, whatever the XML's own integrator is; ``"auto"`` for that one,
+        and cells where its shells are too few (:func:`iriftrace.trace.engine.choose`).
 
     Raises
     ------
@@ -318,9 +315,7 @@ def load_scene(
     return evolve(first, variables=values, ensemble=ensemble)
 
 
-def _load_one(
-    path: Path, values: dict[str, str], variant: str | None, engine: str | None
-) -> LoadedScene:
+def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: str) -> LoadedScene:
     """A scene with one field, or with one member of several."""
     chosen = runtime.ensure(variant)
     runtime.refuse_foreign_plugins(path.parent)
@@ -346,7 +341,7 @@ def _load_one(
     if not sensors:
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
     table = shells_table_of(file)
-    if integrator.engine == "continuous":
+    if integrator.engine == "cells":
         _set_wavelength(integrator, values)
     elif WAVELENGTH in values:
         wavelength = parse_quantity(values[WAVELENGTH], "nm")
@@ -357,7 +352,7 @@ def _load_one(
     warn_of_another_part(file, part, table)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
-    if integrator.engine == "continuous":
+    if integrator.engine == "cells":
         stated = _stated_of_field(integrator, table, str(path))
     else:
         others = other_shells(file, table)
@@ -395,24 +390,24 @@ def stated_of_shells(
 
 
 def _stated_of_field(integrator: Any, shells_table: dict[str, Any], name: str) -> dict[str, Any]:
-    """What a `LoadedScene` states of the continuous engine's air."""
+    """What a `LoadedScene` states of the cells engine's air."""
     return {
-        "engine": "continuous",
-        "normals": f"none, {integrator.gradient} gradient",
-        "bending": "continuously",
+        "engine": "cells",
+        "normals": f"{integrator.gradient} gradient",
+        "bending": Bending.CELLS,
         "index_rule": "none, linear in each tetrahedron",
         "shells_table": field_table(integrator.air.cells, shells_table, name),
     }
 
 
 def _field_file(path: Path, values: Mapping[str, str]) -> Path:
-    """The continuous engine's field beside a scene, or of its member."""
+    """The cells engine's field beside a scene, or of its member."""
     folder = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
     return folder / FIELD_FILE
 
 
 def _set_wavelength(integrator: Any, values: Mapping[str, str]) -> None:
-    """Let the continuous engine take other light than its field's, if that was asked for."""
+    """Let the cells engine take other light than its field's, if that was asked for."""
     if WAVELENGTH in values:
         integrator.wavelength_nm = parse_quantity(values[WAVELENGTH], "nm")
 
@@ -440,7 +435,7 @@ def _camera(sensor: Any) -> Camera:
     return camera.cropped(int(left), int(top), int(width), int(height))
 
 
-def _integrator(own: Any, engine: str | None, name: str, field_file: Path) -> Any:
+def _integrator(own: Any, engine: str, name: str, field_file: Path) -> Any:
     """The scene's own integrator, or one for the engine that is asked for."""
     import mitsuba as mi
 
@@ -450,10 +445,10 @@ def _integrator(own: Any, engine: str | None, name: str, field_file: Path) -> An
             f"{name} has the integrator {own.class_name()}, which computes light and not hits; use "
             '<integrator type="first_hit"/>.'
         )
-    if engine is None or engine == own.engine:
+    if engine in (AUTO, own.engine):
         return own
     # The two kinds of normals have their counterparts: each kind converges to its gradient.
-    smooth = own.normals == "gradient" if engine == "continuous" else own.gradient == "recovered"
+    smooth = own.normals == "gradient" if engine == "cells" else own.gradient == "recovered"
     if engine == "shells":
         chosen = {"type": "first_hit", "normals": "gradient" if smooth else "facet"}
     else:
@@ -465,15 +460,16 @@ def _integrator(own: Any, engine: str | None, name: str, field_file: Path) -> An
     return mi.load_dict({**chosen, "trace_all": own.trace_all})
 
 
-def may_use_cells(engine: str | None) -> bool:
+def may_use_cells(engine: str) -> bool:
     """Whether a scene that is traced with this engine may need the field beside it."""
     return engine != "shells"
 
 
-def check_engine(engine: str | None) -> None:
-    """Refuse an engine that does not exist; None is for what the scene says."""
-    if engine is not None and engine not in ENGINES:
-        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(ENGINES)}.")
+def check_engine(engine: str) -> None:
+    """Refuse an engine that does not exist."""
+    known = (AUTO, *ENGINES)
+    if engine not in known:
+        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(known)}.")
 
 
 def _text(value: Any) -> str:

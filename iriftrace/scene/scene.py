@@ -14,6 +14,7 @@ from attrs import Attribute, asdict, evolve, field, frozen
 
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
+from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
@@ -56,9 +57,9 @@ class Scene:
         What it is: ``"projector"``, ``"camera_2"`` or ``"laser"``.
     wavelength_nm : float or None, nm
         Of the light in vacuum; by default that of the air.
-    engine : str or None
-        ``"shells"`` or ``"continuous"``; None for shells, and the continuous engine in views for
-        which they are too few (:func:`iriftrace.trace.engine.choose`).
+    engine : str
+        ``"shells"``, ``"cells"``, or ``"auto"`` for shells, and cells in views for which they are
+        too few (:func:`iriftrace.trace.engine.choose`).
     variant : str or None
         Mitsuba variant; see :func:`iriftrace.runtime.variant.ensure`.
     blockers : tuple of Part
@@ -72,12 +73,12 @@ class Scene:
     second: Camera | None = None
     second_id: str = "projector"
     wavelength_nm: float | None = None
-    engine: str | None = field(default=None)
+    engine: str = field(default=AUTO)
     variant: str | None = None
     blockers: tuple[Part, ...] = field(default=(), converter=tuple)
 
     @engine.validator
-    def _check_engine(self, _: Attribute[str | None], engine: str | None) -> None:
+    def _check_engine(self, _: Attribute[str], engine: str) -> None:
         check_engine(engine)
 
     @cached_property
@@ -245,7 +246,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
         cells=cells,
         **stated_of_shells(integrator, table, prepared.tables, "the scene"),
     )
-    return shells.with_cells() if scene.engine == "continuous" else shells
+    return shells.with_cells() if scene.engine == "cells" else shells
 
 
 AnyScene = Scene | LoadedScene | str | PathLike[str]

@@ -57,7 +57,7 @@ def write_scene(
     second_id: str = "projector",
     blockers: Sequence[Part] = (),
 ) -> Path:
-    """Write a complete scene folder: XML, part, shells and what the continuous engine needs.
+    """Write a complete scene folder: XML, part, shells and what the cells engine needs.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def write_scene(
     paraview : bool
         Whether to write ``shells.vtm`` too.
     field : IndexField, optional
-        Written too, as `field.npz`, for the continuous engine.
+        Written too, as `field.npz`, for the cells engine.
     second : Camera, optional
         The device with which points are triangulated, at its full resolution.
     second_id : str
@@ -187,7 +187,7 @@ def save_air(
     notes: Mapping[str, str] | None,
     paraview: bool,
 ) -> list[str]:
-    """Write the shells, and the field for the continuous engine, of one state of the air.
+    """Write the shells, and the field for the cells engine, of one state of the air.
 
     `shown` is the shells' folder, seen from the scene's file; what is given back are the lines of
     its shells.

@@ -52,7 +52,7 @@ class MemberAir:
     shells : ShellStack
         With the field's source.
     field : IndexField or None
-        For the continuous engine.
+        For the cells engine.
     report : sequence of ShellReport or None
         Added to the shells' table; `iriftrace.build_ensemble` makes it.
     notes : mapping of str

@@ -7,7 +7,7 @@ Against a stack of 20 shells with facet normals, the difference has a local maxi
 which is no property of six. By the outer rule shell k of N lies at the fraction k / N of the index
 range, so all shells of 4, 5 or 10 are shells of the 20 too, with the same facets and the same
 errors of these, which cancel. Six is the first number after a dip; against 24 shells the dips are
-at 6, 8 and 12, and against the continuous engine, or with gradient normals, there are none.
+at 6, 8 and 12, and against the cells engine, or with gradient normals, there are none.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint
 from iriftrace.shells.stack import ShellStack
 from iriftrace.studies.mode import Mode, check_modes, shells_of, through_cells, through_shells
 from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
-from iriftrace.studies.study import CELLS, CONTINUOUS, SAME_MODE, Study
+from iriftrace.studies.study import BY_CELLS, CELLS, SAME_MODE, Study
 
 
 class _Compared(TypedDict):
@@ -52,7 +52,7 @@ def layers_study(
 ) -> Study:
     """Compare numbers of shells with references.
 
-    By default 20 shells in the case's own mode, as in the paper, and the continuous engine.
+    By default 20 shells in the case's own mode, as in the paper, and the cells engine.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def layers_study(
         scene,
         lambda mode, n: _through(scene, shells_of(field, layers[n], mode), mode),
         fields=(field,),
-        **_compared(scene, 1, references or (THE_PAPERS, CONTINUOUS)),
+        **_compared(scene, 1, references or (THE_PAPERS, BY_CELLS)),
     )
 
 
@@ -89,7 +89,7 @@ def smoothing_study(
     field and not to the facets. Fields 0 and 1 of `Mode.drop_inner` are the coarse and the scene's.
 
     By default the references are the finest field in the case's own mode, as in the paper, and the
-    continuous engine.
+    cells engine.
     """
     finest = _field(scene)
     check_modes(modes, 2, layers)
@@ -111,7 +111,7 @@ def smoothing_study(
         smooth,
         fields=(coarse, finest),
         more={"layers": layers},
-        **_compared(scene, 2, references or (SAME_MODE, CONTINUOUS), layers),
+        **_compared(scene, 2, references or (SAME_MODE, BY_CELLS), layers),
     )
 
 
@@ -185,7 +185,7 @@ def mesh_study(
         through,
         fields=tuple(given),
         more={"layers": layers},
-        **_compared(scene, len(given), references or (SAME_MODE, CONTINUOUS), layers),
+        **_compared(scene, len(given), references or (SAME_MODE, BY_CELLS), layers),
     )
 
 

@@ -127,4 +127,4 @@ def through_cells(scene: Scene, field: IndexField, normals: str = "gradient") ->
     field that is linear in each tetrahedron, to which ``"facet"`` normals do.
     """
     # A scene of the program has shells, which this engine does not look at.
-    return evolve(scene, air=HotAir(field, layers=1, normals=normals), engine="continuous")
+    return evolve(scene, air=HotAir(field, layers=1, normals=normals), engine="cells")

@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 SCHEMA = "iriftrace.study/1"
 
 SAME_MODE = "same mode"
-CONTINUOUS = "continuous"
-CELLS = {CONTINUOUS: "gradient", "linear cells": "facet"}
-"""References: shells of the finest field in a case's own mode, the continuous engine, and the same
+BY_CELLS = "cells"
+CELLS = {BY_CELLS: "gradient", "linear cells": "facet"}
+"""References: shells of the finest field in a case's own mode, the cells engine, and the same
 with one gradient in each cell, to which facet normals converge."""
 
 Variables = Mapping[str, tuple[str, type, str]]
@@ -344,6 +344,6 @@ def reference_words(reference: str) -> str:
         return f"{reference} shells of the same mode"
     return {
         SAME_MODE: "the finest field, same mode",
-        CONTINUOUS: "the continuous engine",
-        "linear cells": "the continuous engine, linear cells",
+        BY_CELLS: "the cells engine",
+        "linear cells": "the cells engine, linear cells",
     }[reference]

@@ -13,6 +13,7 @@ from typing import Any
 from attrs import frozen
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE
@@ -35,7 +36,7 @@ class SceneSource:
 
     The path is absolute; the fingerprint is the SHA-256 of the file, of those that it names, and of
     variables (of its ``<default>`` parameters), variant and engine. Files have a SHA-256 each, by
-    absolute path. The engine bends the rays, whatever the file says; None is for what it says.
+    absolute path. The engine is the one that was asked for.
     """
 
     path: str
@@ -44,7 +45,7 @@ class SceneSource:
     fingerprint: str
     version: str
     files: dict[str, str]
-    engine: str | None = None
+    engine: str = AUTO
 
 
 @frozen(eq=False)
@@ -66,7 +67,7 @@ class PoseTask:
 
 
 def source_of(
-    path: Path, variables: dict[str, str], variant: str, engine: str | None = None
+    path: Path, variables: dict[str, str], variant: str, engine: str = AUTO
 ) -> SceneSource:
     """The scene as it lies on the disk now; InputError if it cannot be read."""
     with runtime.using(variant), warnings.catch_warnings():

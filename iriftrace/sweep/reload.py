@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyIntArray
+from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.part.part import Part, read_part
 from iriftrace.scene.outline import outermost_surface, read_surface
@@ -109,7 +110,7 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
             named["path"],
             named.get("variables"),
             variant=variant,
-            engine=named.get("wanted_engine"),
+            engine=named.get("wanted_engine", AUTO),
         )
     include = json.loads(dataset.attrs.get("include", "[0]"))
     return SweptScene(scene, swept_camera(dataset, pose), tuple(include))

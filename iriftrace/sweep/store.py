@@ -211,7 +211,7 @@ def scene_of_pose(dataset: xr.Dataset, pose: int) -> dict[str, Any]:
 def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
     """Mask (n,) of the poses whose rays were bent by the field's cells."""
     count = dataset.sizes["pose"]
-    asked = [scene_of_pose(dataset, pose).get("engine") == "continuous" for pose in range(count)]
+    asked = [scene_of_pose(dataset, pose).get("engine") == "cells" for pose in range(count)]
     chosen = dataset["through_cells"].values == 1 if "through_cells" in dataset else False
     found: BoolArray = np.array(asked) | chosen
     return found

@@ -269,7 +269,7 @@ def _warn_of_coarse_shells(found: EngineTest, through_cells: bool) -> None:
         f'{change}; the field itself was traced instead (load_scene with engine="shells", or '
         "--engine shells, insists on shells)."
         if through_cells
-        else f'{change}; load the scene with engine="continuous" (--engine continuous), or '
+        else f'{change}; load the scene with engine="cells" (--engine cells), or '
         "make it with layers=20 (--layers 20).",
         IriftraceWarning,
         stacklevel=4,
@@ -291,7 +291,7 @@ def warn_of_coarse_poses(
         ),
         (
             coarse & (through_cells != 1),
-            "sweep with --engine continuous, or make the scene with --layers 20",
+            "sweep with --engine cells, or make the scene with --layers 20",
         ),
     ):
         if these.any():

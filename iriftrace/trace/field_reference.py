@@ -21,10 +21,10 @@ MEDIAN_LIMIT, P95_LIMIT = 0.02, 0.04
 
 @frozen
 class ShellError:
-    """Differences between the shells' refracted hits and the continuous engine's.
+    """Differences between the shells' refracted hits and the cells engine's.
 
     Median and 95th percentile of the distances are also stated as shares of the displacement's, by
-    the continuous engine.
+    the cells engine.
     """
 
     shells: int  # in the scene
@@ -61,13 +61,13 @@ def shell_error(scene: LoadedScene, sample: int = SAMPLE) -> ShellError:
             f"{scene.name} is an ensemble of {len(scene.ensemble)} fields, and the shells of one "
             'are checked at a time; choose one, "-D member=1" for example.'
         )
-    continuous = scene.with_cells()
-    if not scene.same_field(continuous):
+    cells = scene.with_cells()
+    if not scene.same_field(cells):
         raise InputError(
             f"The shells of {scene.name} were cut from another field than its field file, so their "
             "difference is no error of theirs; write the scene again."
         )
-    here, reference = (_sampled(each, sample) for each in (scene, continuous))
+    here, reference = (_sampled(each, sample) for each in (scene, cells))
     differences = compare(here, reference)
     if differences.matched < FEWEST:
         raise InputError(

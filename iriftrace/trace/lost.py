@@ -11,7 +11,7 @@ LIMIT = 0.005
 """Fraction of a view's hits from which on it is warned of."""
 
 REMEDY = (
-    "use the other engine (--engine shells or continuous), and write the scene again from the "
+    "use the other engine (--engine shells or cells), and write the scene again from the "
     "solver's own mesh, without --triangles"
 )
 

@@ -8,14 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
 from iriftrace.field.origin import is_steady
 from iriftrace.scene.load import LoadedEnsemble, LoadedScene
-
-ENGINES = {
-    "shells": "nested shells of equal refractive index",
-    "continuous": "ray equation through the field's own cells, order 4",
-}
 
 _MOST_LISTED = 2
 
@@ -28,7 +24,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
     sources = [source] if ensemble is None else [m.source for m in ensemble.members]
     known = [one for one in sources if one]
     steady = all(is_steady((one or {}).get("origin")) for one in sources)
-    rules = {"index_rule": scene.index_rule, "normals": scene.normals, "bending": scene.bending}
+    rules = {"index_rule": scene.index_rule, "normals": scene.normals}
     return {
         "version": version("iriftrace"),
         "scene": {
@@ -38,6 +34,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
         },
         "engine": scene.engine,
         **rules,
+        "bending": scene.bending.value,
         "wavelength_nm": wavelength,
         "field": source,
         **({} if ensemble is None else {"ensemble": _members(ensemble)}),
@@ -56,6 +53,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
         "assumptions": {
             "engine": ENGINES[scene.engine],
             **rules,
+            "bending": scene.bending.text,
             **_for_studies(scene, notes),
             "field_source": _listed(f"{one['quantity']} from {one['path']}" for one in known),
             "field_origin": _listed(one["origin"] for one in known if one.get("origin")),

@@ -10,6 +10,7 @@ from attrs import frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import Status
@@ -113,7 +114,7 @@ def trace_rays(
             f"{loaded.name} is an ensemble of {len(loaded.ensemble)} fields, and a bundle of rays "
             'is traced through one of them; load it with {"member": 1}, for example.'
         )
-    free = loaded.wanted_engine is None
+    free = loaded.wanted_engine == AUTO
     chosen = choose(loaded, (start, heading)).scene if free else loaded
     return traced_as_chosen(
         chosen, start, heading, focus_mm=focus_mm, coherent=coherent, trace_all=trace_all

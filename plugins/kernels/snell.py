@@ -14,7 +14,7 @@ GRAZING = 1e-9
 GRADUAL = 0.1
 """Cosine between ray and interpolated normal below which a crossing leaves Snell's law with it.
 
-Differences from the continuous engine with 40 shells, 95th percentile, for 0, 0.1 and 0.3, in per
+Differences from the cells engine with 40 shells, 95th percentile, for 0, 0.1 and 0.3, in per
 cent of that of the displacement: wishbone 42, 14, 15; gear 14, 10, 10; cylinder 2.6, 2.8, 3.9 (when
 the engine still took the recovered gradient's length, which was the most of the cylinder's).
 """

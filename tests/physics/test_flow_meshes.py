@@ -115,7 +115,7 @@ def bundle(loaded: LoadedScene) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("engine", ["continuous", "shells"])
+@pytest.mark.parametrize("engine", ["cells", "shells"])
 def test_no_ray_is_lost(scene: Path, written: str, engine: str) -> None:
     """Of over 20,000 hits: one would be five times what is allowed."""
     loaded = load_scene(scene, engine=engine)

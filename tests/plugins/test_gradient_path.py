@@ -71,7 +71,7 @@ def without_field(xml: Path, folder: Path, integrator: str = "") -> Path:
 
 def test_engines_agree_on_the_ball(xml: Path) -> None:
     shells = render_scene(load_scene(xml)).image
-    continuous = render_scene(load_scene(xml, engine="continuous")).image
+    continuous = render_scene(load_scene(xml, engine="cells")).image
     np.testing.assert_array_equal(shells.status, continuous.status)
     good = (shells.status == 0) & (shells.channels["incidence.angle"] < np.radians(70))
     assert good.sum() > 600
@@ -108,7 +108,7 @@ def test_faceted_shells_of_the_engines_own_cells_converge_to_the_constant_gradie
         scene = load_scene(xml, {"normals": "facet"}, engine=engine)
         return trace_rays(scene, origins, directions).refracted
 
-    limit = hits(10, "continuous")
+    limit = hits(10, "cells")
     few, many = (np.median(np.linalg.norm(hits(n, "shells") - limit, axis=1)) for n in (10, 80))
     assert many < 0.75 * few
 
@@ -123,9 +123,9 @@ def test_xml_names_the_integrator_and_a_field_beside_it(xml: Path, tmp_path: Pat
     (tmp_path / "air").mkdir()
     (tmp_path / "air" / "my.npz").write_bytes((xml.parent / FIELD_FILE).read_bytes())
     own, asked = (
-        render_scene(load_scene(p, engine=e)).image for p, e in ((copy, None), (xml, "continuous"))
+        render_scene(load_scene(p, engine=e)).image for p, e in ((copy, "auto"), (xml, "cells"))
     )
-    assert own.header["engine"] == asked.header["engine"] == "continuous"
+    assert own.header["engine"] == asked.header["engine"] == "cells"
     for name, plane in own.channels.items():
         np.testing.assert_array_equal(plane, asked.channels[name])
     # And back to shells by option.
@@ -136,13 +136,13 @@ def test_xml_names_the_integrator_and_a_field_beside_it(xml: Path, tmp_path: Pat
     ("normals", "gradient"), [("gradient", "recovered"), ("facet", "constant")]
 )
 def test_each_kind_of_normals_has_its_gradient(xml: Path, normals: str, gradient: str) -> None:
-    loaded = load_scene(xml, {"normals": normals}, engine="continuous")
+    loaded = load_scene(xml, {"normals": normals}, engine="cells")
     assert loaded.integrator.gradient == gradient
-    assert loaded.normals == f"none, {gradient} gradient"
+    assert loaded.normals == f"{gradient} gradient"
 
 
 def test_error_channel_survives_the_file(xml: Path, tmp_path: Path) -> None:
-    rendering = render_scene(load_scene(xml, engine="continuous"))
+    rendering = render_scene(load_scene(xml, engine="cells"))
     exr, _ = rendering.save(tmp_path / "out.exr")
     back = read_exr(exr)
     assert tuple(back.channels) == (*CHANNELS, ERROR_CHANNEL)
@@ -154,7 +154,7 @@ def test_error_channel_survives_the_file(xml: Path, tmp_path: Path) -> None:
 def test_mitsuba_renders_all_channels(xml: Path) -> None:
     import mitsuba as mi
 
-    loaded = load_scene(xml, engine="continuous")
+    loaded = load_scene(xml, engine="cells")
     planes = np.array(mi.render(loaded.mitsuba_scene, integrator=loaded.integrator))
     image = render_scene(loaded).image
     for k, name in enumerate(image.channels):
@@ -164,7 +164,7 @@ def test_mitsuba_renders_all_channels(xml: Path) -> None:
 def test_scene_without_a_field_file_says_how_to_get_one(xml: Path, tmp_path: Path) -> None:
     copy = without_field(xml, tmp_path)
     with pytest.raises(InputError, match=r"no field file .*field\.npz.*`iriftrace scene"):
-        load_scene(copy, engine="continuous")
+        load_scene(copy, engine="cells")
     assert load_scene(copy).engine == "shells"
 
 
@@ -187,7 +187,7 @@ def test_wrong_parameters_are_refused(
 
 
 def test_unknown_engine_is_refused(xml: Path) -> None:
-    with pytest.raises(InputError, match="no engine 'fast'; use one of shells, continuous"):
+    with pytest.raises(InputError, match="no engine 'fast'; use one of auto, shells, cells"):
         load_scene(xml, engine="fast")
 
 
@@ -200,7 +200,7 @@ def test_shells_of_another_field_are_warned_of(xml: Path, tmp_path: Path) -> Non
     finally:
         object.__setattr__(field.source, "sha256", "0" * 64)
     with pytest.warns(IriftraceWarning, match="from another field"):
-        load_scene(copy, engine="continuous")
+        load_scene(copy, engine="cells")
 
 
 def test_field_file_holds_the_field_bit_for_bit(tmp_path: Path) -> None:
@@ -231,7 +231,7 @@ def test_cells_of_ambient_air_are_left_out(
 
     def displacements(name: str) -> tuple[np.ndarray, np.ndarray]:
         xml = write_scene(tmp_path / name, part, shells, CAMERA, paraview=False, field=field)
-        image = render_scene(load_scene(xml, engine="continuous")).image
+        image = render_scene(load_scene(xml, engine="cells")).image
         good = image.status == Status.GOOD
         return image.vector("displacement", good), image.channels["path.crossings"][good]
 
@@ -270,7 +270,7 @@ def test_camera_in_the_datas_cool_corner_sees_what_one_outside_sees(
     """The field, not the shells, tells whether the camera stands in hot air."""
     field = sphere_field(24, half=40.0)
     xml = write_scene(tmp_path, part, contour_shells(field, 5), CAMERA, paraview=False, field=field)
-    loaded = load_scene(xml, engine="continuous")
+    loaded = load_scene(xml, engine="cells")
     places = [(0.0, -60.0, 0.0), (0.0, -30.0, 0.0), (0.0, -8.0, 1.0), (0.0, 0.0, 1.0)]
     np.testing.assert_array_equal(is_inside(loaded, places), (False, False, True, True))
     directions = np.array([[0.0, 1.0, 0.0], [0.02, 1.0, 0.03], [-0.05, 1.0, 0.01]])
@@ -297,7 +297,7 @@ def test_plume_that_leaves_the_data_is_counted(tmp_path: Path, part: Part) -> No
     field = field_of(hexahedra(12, 12.0), hot_above)
     camera = CAMERA.at(look_at((0.0, -30.0, 50.0), (0.0, 0.0, 0.0)))
     xml = write_scene(tmp_path, part, contour_shells(field, 5), camera, paraview=False, field=field)
-    image = render_scene(load_scene(xml, engine="continuous")).image
+    image = render_scene(load_scene(xml, engine="cells")).image
     assert (image.status == 0).sum() > 600
     assert image.header["counts"]["open_boundary"] == (image.status == 0).sum()
 
@@ -313,7 +313,7 @@ def kernel_history() -> Iterator[Any]:
 
 
 def test_second_pose_compiles_no_kernel(xml: Path, kernel_history: Any) -> None:
-    loaded = load_scene(xml, engine="continuous")
+    loaded = load_scene(xml, engine="cells")
     scene, integrator = loaded.mitsuba_scene, loaded.integrator
 
     def look(origin: tuple[float, float, float]) -> None:

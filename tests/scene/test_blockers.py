@@ -44,7 +44,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> iriftrace.Scene:
     return iriftrace.Scene(BOARD, hot, CAMERA, blockers=[iriftrace.read_part(block)])
 
 
-@pytest.mark.parametrize("engine", ["shells", "continuous"])
+@pytest.mark.parametrize("engine", ["shells", "cells"])
 def test_a_board_is_seen_past_the_hot_part(
     scene: iriftrace.Scene, tmp_path: Path, engine: str
 ) -> None:

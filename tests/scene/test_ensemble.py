@@ -531,7 +531,7 @@ def test_time_series_becomes_an_ensemble(commanded: Path) -> None:
 
 @pytest.mark.usefixtures("variant")
 def test_continuous_engine_takes_the_members_fields(commanded: Path) -> None:
-    scene = load_scene(commanded / "scene" / "scene.xml", {"scale": 0.3}, engine="continuous")
+    scene = load_scene(commanded / "scene" / "scene.xml", {"scale": 0.3}, engine="cells")
     image = render_scene(scene).image
     good = (image.status == Status.GOOD) & (image.channels["displacement.norm"] > 1e-5)
     ratio = (

@@ -30,7 +30,7 @@ def block(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Index
 
 @pytest.fixture(scope="module")
 def layers(block: tuple[IndexField, Scene], tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    study = layers_study(block[1], [1, 3, 6], [OURS, PAPERS], ["6", "continuous"])
+    study = layers_study(block[1], [1, 3, 6], [OURS, PAPERS], ["6", "cells"])
     return run_study(study, tmp_path_factory.mktemp("layers") / "layers.nc")
 
 
@@ -61,7 +61,7 @@ def test_one_shell_of_the_outer_rule_is_none(layers: xr.Dataset) -> None:
 
 
 def test_ours_is_nearer_to_the_continuous_engine_than_the_papers(layers: xr.Dataset) -> None:
-    median = layers["median"].sel(reference="continuous")
+    median = layers["median"].sel(reference="cells")
     ours, papers = median.sel(mode="ours").values, median.sel(mode="paper's").values
     # The outer rule is off by half a step of the index, an error of first order.
     # Three shells of ours are two equal steps and one shell outside.
@@ -76,7 +76,7 @@ def test_rmse_is_that_of_the_rays(block: tuple[IndexField, Scene], layers: xr.Da
     reference = picture(through_cells(scene, field))
     both = here.good & reference.good
     squares = ((here.displacement - reference.displacement)[both] ** 2).sum(axis=1)
-    found = layers["rmse"].sel(mode="ours", layers=3, reference="continuous")
+    found = layers["rmse"].sel(mode="ours", layers=3, reference="cells")
     assert float(found) == pytest.approx(float(np.sqrt(squares.mean())), rel=1e-6)
 
 
@@ -85,7 +85,7 @@ def test_figures_have_a_column_for_each_reference(layers: xr.Dataset) -> None:
     (body,) = figure.subfigs
     assert [axes.get_title() for axes in body.axes[:2]] == [
         "Against 6 shells of the same mode",
-        "Against the continuous engine",
+        "Against the cells engine",
     ]
 
 

@@ -1,6 +1,6 @@
 """The accuracy page: its cheap sections hold, and the page in docs/ has them all.
 
-Sections ``exact``, ``continuous`` and ``noise`` are what `tests/physics` asserts line by line.
+Sections ``exact``, ``cells`` and ``noise`` are what `tests/physics` asserts line by line.
 """
 
 from __future__ import annotations

@@ -27,9 +27,9 @@ def test_scene_carries_the_field_and_render_switches_the_engine(
 ) -> None:
     assert (hot.scene.parent / FIELD_FILE).is_file()
     exr = tmp_path / "continuous.exr"
-    assert main(["render", str(hot.scene), "-o", str(exr), "--engine", "continuous"]) == 0
+    assert main(["render", str(hot.scene), "-o", str(exr), "--engine", "cells"]) == 0
     continuous, shells = read_exr(exr), read_exr(hot.image)
-    assert continuous.header["engine"] == "continuous"
+    assert continuous.header["engine"] == "cells"
     assert shells.header["engine"] == "shells"
     assert (
         "ray equation" in json.loads(exr.with_suffix(".json").read_text())["assumptions"]["engine"]
@@ -48,21 +48,21 @@ def test_an_older_scene_is_refused_with_what_to_do(
 ) -> None:
     shutil.copytree(hot.scene.parent, tmp_path / "old")
     (tmp_path / "old" / FIELD_FILE).unlink()
-    message = fails("render", "old/scene.xml", "--engine", "continuous")
+    message = fails("render", "old/scene.xml", "--engine", "cells")
     assert "no field file" in message
     assert "`iriftrace scene FIELD PART -o SCENE.xml`" in message
 
 
 def test_sweep_bends_rays_through_the_field(hot: HotBlock, tmp_path: Path) -> None:
-    """Each pose is the continuous engine's own rendering, also when it is loaded again."""
+    """Each pose is the cells engine's own rendering, also when it is loaded again."""
     output = tmp_path / "sweep.nc"
     asked = ["sweep", str(hot.scene), "-o", str(output), "--azimuth=0:60:2", "--elevation=30:30:1"]
-    assert main([*asked, "--engine=continuous"]) == 0
+    assert main([*asked, "--engine=cells"]) == 0
     dataset = read_sweep(output)
-    alone = load_scene(hot.scene, engine="continuous")
+    alone = load_scene(hot.scene, engine="cells")
     median = dataset["displacement_median"].sel(region="part").values
     swept = load_swept_scene(dataset, 0)
-    assert swept.scene.engine == "continuous"
+    assert swept.scene.engine == "cells"
     assert swept.scene.variant == alone.variant
     for pose, matrix in enumerate(dataset["matrix"].values):
         rendering = render_scene(alone, camera=alone.camera.at(matrix))
@@ -72,7 +72,7 @@ def test_sweep_bends_rays_through_the_field(hot: HotBlock, tmp_path: Path) -> No
             again.channels["displacement.norm"], rendering.image.channels["displacement.norm"]
         )
     (named,) = json.loads(dataset.attrs["scenes"])
-    assert named["engine"] == "continuous"
+    assert named["engine"] == "cells"
     # The field decides the result, so it belongs to the files that must not change.
     assert str((hot.scene.parent / FIELD_FILE).resolve()) in named["files"]
     assert "ray equation" in json.loads(dataset.attrs["assumptions"])["engine"]

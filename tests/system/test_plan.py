@@ -361,7 +361,7 @@ def test_a_sweep_keeps_what_it_warned_of_and_plans_show_it(
     far = ((240.0, -180.0, 280.0), (0.0, 0.0, 0.0))
     poses = PoseSet(np.stack([look_at(*place) for place in (*places, far)]))
     file = tmp_path / "s.nc"
-    run_sweep(load_scene(hot.scene, engine="continuous"), poses, file)
+    run_sweep(load_scene(hot.scene, engine="cells"), poses, file)
     kept = xr.open_dataset(file)["warned"]
     # By their meanings, as any program that knows the CF conventions reads them.
     masks = dict(zip(kept.flag_meanings.split(), kept.flag_masks, strict=True))

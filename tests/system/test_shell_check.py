@@ -25,9 +25,7 @@ def test_it_is_the_difference_of_two_renderings(hot: HotBlock) -> None:
     shells = load_scene(hot.scene)
     width, height = shells.camera.resolution
     found = shell_error(shells, sample=width * height)
-    images = [
-        pose_image(load_scene(hot.scene, engine=engine)) for engine in ("shells", "continuous")
-    ]
+    images = [pose_image(load_scene(hot.scene, engine=engine)) for engine in ("shells", "cells")]
     good = [image.status == 0 for image in images]
     both = good[0] & good[1]
     vectors = [image.vector("displacement").astype(np.float64) for image in images]
@@ -66,7 +64,7 @@ def test_render_says_it_and_metrics_keeps_it(
     assert "shells against field" in said
     enough = values["median_share"] <= shell_check.MEDIAN_LIMIT and values["p95_share"] <= limit
     assert values["suffice"] == enough
-    assert ("--engine continuous" in said) == (not enough)
+    assert ("--engine cells" in said) == (not enough)
     assert main(["metrics", str(exr)]) == 0
     assert json.loads(report.read_text())[KEY] == values
 
@@ -82,7 +80,7 @@ def test_without_shells_or_field_there_is_nothing_to_check(
     hot: HotBlock, tmp_path: Path, fails: Failing
 ) -> None:
     asked = ("render", str(hot.scene), "-o", "out.exr", "--check-shells")
-    assert "no shells to check" in fails(*asked, "--engine", "continuous")
+    assert "no shells to check" in fails(*asked, "--engine", "cells")
     shutil.copytree(hot.scene.parent, tmp_path / "old")
     (tmp_path / "old" / "field.npz").unlink()
     assert "no field file" in fails("render", "old/scene.xml", *asked[2:])

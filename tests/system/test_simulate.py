@@ -172,7 +172,7 @@ def test_field_becomes_shells(simulated: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("engine", ["shells", "continuous"])
+@pytest.mark.parametrize("engine", ["shells", "cells"])
 def test_no_ray_through_the_field_is_lost(simulated: Run, tmp_path: Path, engine: str) -> None:
     """From all around to the part and past it: 60 % were, in cells at refinement levels."""
     xml = tmp_path / "scene.xml"

@@ -45,7 +45,7 @@ COMMANDS = {
     "the scene's part": ("render scene/scene.xml -o out.exr", "scene/part.ply"),
     "the scene's shell": ("render scene/scene.xml -o out.exr", "scene/shells/shell_02.ply"),
     "the scene's field": (
-        "render scene/scene.xml -o out.exr --engine continuous",
+        "render scene/scene.xml -o out.exr --engine cells",
         f"scene/{FIELD_FILE}",
     ),
 }
@@ -91,7 +91,7 @@ def test_a_damaged_field_file_is_not_to_be_trusted(
     """NumPy takes what it does not know for pickled objects and proposes to load them."""
     shutil.copytree(hot.scene.parent, tmp_path / "scene")
     (tmp_path / "scene" / FIELD_FILE).write_bytes(b"no field at all" * 100)
-    said = fails("render", "scene/scene.xml", "-o", "out.exr", "--engine", "continuous")
+    said = fails("render", "scene/scene.xml", "-o", "out.exr", "--engine", "cells")
     assert "damaged or no field file (it holds something else than arrays of numbers)" in said
     assert "pickle" not in said
 
@@ -131,7 +131,7 @@ def test_points_alone_are_no_part(hot: HotBlock, tmp_path: Path, fails: Failing)
     """As a cloud that was written over the scene's part."""
     shutil.copytree(hot.scene.parent, tmp_path / "scene")
     write_ply_points(tmp_path / "scene" / "part.ply", np.zeros((3, 3)), {})
-    for words in (["render"], ["render", "--engine=continuous"], ["sweep", "-o", "s.nc"]):
+    for words in (["render"], ["render", "--engine=cells"], ["sweep", "-o", "s.nc"]):
         assert "no triangles" in fails(words[0], "scene/scene.xml", *words[1:])
 
 

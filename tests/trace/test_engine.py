@@ -111,7 +111,7 @@ def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path)
 
 def test_straight_down_the_plume_it_warns_and_from_the_side_it_does_not(tmp_path: Path) -> None:
     side = found_in(load_scene(written(tmp_path / "side", FROM_THE_SIDE)))
-    with pytest.warns(IriftraceWarning, match="--engine continuous"):
+    with pytest.warns(IriftraceWarning, match="--engine cells"):
         above = found_in(load_scene(written(tmp_path / "above", FROM_ABOVE)))
     assert side.suffices
     assert side.p95_share < 0.02
@@ -153,7 +153,7 @@ def test_nothing_is_said_where_shells_cannot_be_thinned_out(tmp_path: Path) -> N
     scene = load_scene(written(tmp_path, FROM_ABOVE, few))
     assert found_in(scene) is None
     bundled = folder_of("cylinder") / "scene.xml"
-    continuous = load_scene(bundled, {"scale": 0.1}, engine="continuous")
+    continuous = load_scene(bundled, {"scale": 0.1}, engine="cells")
     assert found_in(continuous) is None
 
 
@@ -173,7 +173,7 @@ def with_field(tmp_path: Path) -> Callable[[tuple[float, float, float]], Path]:
 @pytest.mark.parametrize(
     ("options", "engine", "said"),
     [
-        ((), "continuous", "the field itself was traced instead"),
+        ((), "cells", "the field itself was traced instead"),
         (("--engine", "shells"), "shells", "--layers 20"),
         (("-D", "bending=shells"), "shells", "--layers 20"),
     ],
@@ -191,10 +191,10 @@ def test_the_field_is_traced_where_shells_are_too_few_and_nothing_else_is_asked_
     assert said in " ".join("".join(capsys.readouterr()).split())
     image = read_exr(exr)
     assert image.header["engine"] == engine
-    instead = engine == "continuous"
+    instead = engine == "cells"
     assert json.loads(exr.with_suffix(".json").read_text())[KEY]["through_cells"] == instead
     if instead:
-        asked = render_scene(load_scene(xml, engine="continuous")).image
+        asked = render_scene(load_scene(xml, engine="cells")).image
         for name, plane in image.channels.items():
             np.testing.assert_array_equal(plane, asked.channels[name])
 
@@ -208,7 +208,7 @@ def test_a_sweep_traces_the_field_where_shells_are_too_few(
         dataset = run_sweep(scene, poses, tmp_path / "s.nc")
     assert dataset["through_cells"].values.tolist() == [0, 1]
     images = [load_swept_scene(dataset, k).render(poses.matrices[k]).image for k in (0, 1)]
-    assert [image.header["engine"] for image in images] == ["shells", "continuous"]
+    assert [image.header["engine"] for image in images] == ["shells", "cells"]
 
 
 def test_the_change_is_said_as_a_length_too(
@@ -238,7 +238,7 @@ def test_rays_of_a_bundle_are_chosen_for_as_those_of_a_picture(
     towards = np.column_stack((np.linspace(-12, 12, 40), np.zeros(40), np.zeros(40))) - origins
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         found = trace_rays(scene, origins, towards)
-    cells = trace_rays(load_scene(xml, engine="continuous"), origins, towards)
+    cells = trace_rays(load_scene(xml, engine="cells"), origins, towards)
     shells = trace_rays(load_scene(xml, engine="shells"), origins, towards)
     np.testing.assert_array_equal(found.refracted, cells.refracted)
     away = np.linalg.norm(shells.displacement - cells.displacement, axis=1)
@@ -253,9 +253,9 @@ def test_an_ensemble_is_traced_alike_in_all_members(tmp_path: Path) -> None:
     scene = Scene(part, air, camera_at(FROM_ABOVE))
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         found = render_scene(scene)
-    assert found.image.header["engine"] == "continuous"
+    assert found.image.header["engine"] == "cells"
     assert found.metrics.engine_test["through_cells"]
-    alone = render_scene(evolve(scene, air=HotAir(field), engine="continuous")).image
+    alone = render_scene(evolve(scene, air=HotAir(field), engine="cells")).image
     np.testing.assert_allclose(
         found.image.channels["displacement.norm"], alone.channels["displacement.norm"], atol=1e-7
     )

@@ -113,7 +113,7 @@ def test_an_impossible_deflection_is_no_good_ray_even_beside_the_part() -> None:
     assert np.array(is_lost(mi.Vector3d(0, 0, 1), ends)).tolist() == [False, False, True]
 
 
-@pytest.mark.parametrize("kind", ["shells", "continuous"])
+@pytest.mark.parametrize("kind", ["shells", "cells"])
 def test_rays_past_the_part_are_bent_far_less_than_the_bound(kind: str) -> None:
     scene = load_scene(BUNDLED, engine=kind)
     origin, direction = (np.tile(v, (2000, 1)) for v in ((0.0, -300.0, 0.0), (0.0, 1.0, 0.0)))
@@ -129,12 +129,12 @@ def test_python_and_commands_choose_alike() -> None:
     scene = load_scene(BUNDLED)
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         rendering = render.render_scene(scene, camera=ABOVE[0])
-    assert rendering.image.header["engine"] == "continuous"
+    assert rendering.image.header["engine"] == "cells"
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         scan = measure(scene, *ABOVE, system="stereo")
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         found = correct(scan.points, scene, *ABOVE, system="stereo")
-    assert scan.provenance["engine"] == found.provenance["engine"] == "continuous"
+    assert scan.provenance["engine"] == found.provenance["engine"] == "cells"
     good = found.status == CorrectionStatus.CORRECTED
     assert good.mean() > 0.99
     left = np.linalg.norm(found.points[good] - scan.true[good], axis=1)

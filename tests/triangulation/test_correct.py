@@ -46,7 +46,7 @@ DEVICES = [
 ]
 
 
-@pytest.fixture(scope="module", params=["shells", "continuous"])
+@pytest.fixture(scope="module", params=["shells", "cells"])
 def scene(request: pytest.FixtureRequest, variant: str) -> LoadedScene:
     return load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine=request.param)
 
@@ -84,7 +84,7 @@ def test_what_was_simulated_is_taken_out(scan: Scan, scene: LoadedScene) -> None
 
 def test_down_a_plume_it_goes_on_until_points_stay(variant: str) -> None:
     """Errors of a tenth of a millimetre that change by a third of each step; within 10 nm again."""
-    field = load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine="continuous")
+    field = load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine="cells")
     above = [
         one.at(look_at((x, 0.1, 240.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
         for one, x in zip(DEVICES, (-40.0, 40.0), strict=True)
@@ -105,12 +105,12 @@ def test_where_shells_are_too_few_the_field_serves(variant: str) -> None:
     ]
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         scan = measure(scene, *above, system="fringe")
-    assert scan.provenance["engine"] == "continuous"
+    assert scan.provenance["engine"] == "cells"
     with pytest.warns(IriftraceWarning, match="the field itself was traced instead"):
         found = correct(scan.points, scene, *above, system="fringe")
-    assert found.provenance["engine"] == "continuous"
+    assert found.provenance["engine"] == "cells"
     insisted = load_scene(folder_of("cylinder") / "scene.xml", variant=variant, engine="shells")
-    with pytest.warns(IriftraceWarning, match="--engine continuous"):
+    with pytest.warns(IriftraceWarning, match="--engine cells"):
         coarse = measure(insisted, *above, system="fringe")
     assert coarse.provenance["engine"] == "shells"
     sizes = [np.median(np.linalg.norm(one.error, axis=1)) for one in (scan, coarse)]

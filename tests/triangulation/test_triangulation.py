@@ -153,7 +153,7 @@ def test_a_sideways_gradient_moves_points_by_the_parabolas_sagitta(
     )
     camera, second = above(-30), above(30)
     xml = write_scene(tmp_path, part, shells, camera, paraview=False, field=field)
-    scene = load_scene(xml, engine="continuous")
+    scene = load_scene(xml, engine="cells")
     scan = measure(scene, camera, second, system="stereo")
     middle = len(scan.points) // 2
     length = height / np.cos(np.radians(30))

@@ -373,9 +373,9 @@ DOORS = (
         ("*/*.ply", "*/shells.json", "*/scene.xml"),
     ),
     Door(
-        "scene folder, continuous engine",
+        "scene folder, cells engine",
         _scene,
-        lambda folder: load_scene(folder / "scene/scene.xml", engine="continuous"),
+        lambda folder: load_scene(folder / "scene/scene.xml", engine="cells"),
         ("*/*.npz", "*/part.ply"),
     ),
     Door(

@@ -1,4 +1,4 @@
-"""The continuous engine in hot air whose rays are known: the slab and the hot cylinder.
+"""The cells engine in hot air whose rays are known: the slab and the hot cylinder.
 
 As formulas, in steps of one length, and on cells fine enough to leave half a per cent at most.
 """
@@ -127,9 +127,9 @@ def cylinder_medium() -> SmoothMedium:
 def formula_scene(
     folder: Path, part: Part, shells: ShellStack, field: IndexField, medium: SmoothMedium
 ) -> LoadedScene:
-    """A scene for the continuous engine, whose field a formula then takes the place of."""
+    """A scene for the cells engine, whose field a formula then takes the place of."""
     xml = write_scene(folder, part, shells, ANY_CAMERA, paraview=False, field=field)
-    scene = load_scene(xml, engine="continuous")
+    scene = load_scene(xml, engine="cells")
     scene.integrator._air = medium
     return scene
 

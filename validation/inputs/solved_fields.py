@@ -90,7 +90,7 @@ def camera_at(origin: Position) -> Camera:
 
 
 def in_tetrahedra(field: IndexField) -> IndexField:
-    """The same values in the tetrahedra of the continuous engine."""
+    """The same values in the tetrahedra of the cells engine."""
     corners = tetrahedra_of(field.grid).corners.astype(np.int64)
     points = np.asarray(field.grid.points)
     return evolve(field, grid=pv.UnstructuredGrid({pv.CellType.TETRA: corners}, points))

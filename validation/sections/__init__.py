@@ -3,7 +3,7 @@
 from validation.sections import (
     air_effects,
     column,
-    exact_continuous,
+    exact_cells,
     exact_shells,
     index_steps,
     known_air,
@@ -21,7 +21,7 @@ SECTIONS = tuple(
     module.SECTION
     for module in (
         exact_shells,
-        exact_continuous,
+        exact_cells,
         two_devices,
         other_air,
         known_air,

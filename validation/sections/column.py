@@ -167,6 +167,6 @@ SECTION = Section(
     "there is the closed form for tubes. Bent all along the layers, which is the default, their "
     "errors fall with an order of 1.4 to 2.5, until the tubes' facets are what is left. Such lines "
     "of sight are those through a plume, and along a wall at a distance; `iriftrace render "
-    "--check-shells` says how far off a view is from the continuous engine.",
+    "--check-shells` says how far off a view is from the cells engine.",
     _lines,
 )

@@ -1,4 +1,4 @@
-"""Shells where they are at their worst, against the continuous engine through the same field."""
+"""Shells where they are at their worst, against the cells engine through the same field."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def outcome(scene: Scene) -> Outcome:
 
 
 def of_cells(trouble: Trouble, normals: str) -> Outcome:
-    """The continuous engine's picture, with the gradient to which such normals converge."""
+    """The cells engine's picture, with the gradient to which such normals converge."""
     return outcome(through_cells(trouble.scene, trouble.field, normals))
 
 
@@ -222,7 +222,7 @@ def refused(case: str, here: Outcome, reference: Outcome) -> list[Line]:
 
 
 def agreement(case: str, here: Outcome, reference: Outcome, normals: str) -> list[Line]:
-    """Distance of shells from the continuous engine."""
+    """Distance of shells from the cells engine."""
     found, median, p95 = shares(here, reference)
     unmatched = found.only_here + found.only_reference
     return [
@@ -241,7 +241,7 @@ def lines_of(
 ) -> list[Line]:
     """All figures of one case."""
     references = {name: of_cells(trouble, name) for name in normals}
-    lines = ledger(f"{trouble.name}, continuous engine", references[normals[0]])
+    lines = ledger(f"{trouble.name}, cells engine", references[normals[0]])
     if trouble.whole is not None:
         lines += before_the_cut(trouble, trouble.whole, layers[-1], references[normals[0]])
     for count in layers:
@@ -266,7 +266,7 @@ def before_the_cut(trouble: Trouble, whole: IndexField, layers: int, cut: Outcom
     _, median, p95 = shares(cut, reference)
     found = of_shells(before, contour_shells(whole, layers), "gradient")
     return [
-        Line(f"{trouble.name}, continuous engine, to the whole data: {name}", "", f"{value:.1f} %")
+        Line(f"{trouble.name}, cells engine, to the whole data: {name}", "", f"{value:.1f} %")
         for name, value in (("median", median), ("p95", p95))
     ] + agreement(f"{before.name}, {layers} shells, gradient normals", found, reference, "gradient")
 
@@ -294,7 +294,7 @@ def _lines(_: Path) -> list[Line]:
 SECTION = Section(
     "trouble",
     "Where shells have trouble",
-    "Cases made on purpose, with 40 and 80 shells against the continuous engine through the same "
+    "Cases made on purpose, with 40 and 80 shells against the cells engine through the same "
     "field. A coarse field (the bundled one: cells of 1.9 mm at the wall), where several surfaces "
     "pass each cell and cut each other. The same with the part 4 mm too low in it, so that half of "
     "the shells cut its underside and a gap opens above. The same, cut off "

@@ -32,10 +32,10 @@ from validation.oracles.closed_forms import (
     slab_pair_error_um,
 )
 
-AIRS: dict[str, int | None] = {"13 shells": 13, "100 shells": 100, "continuous engine": None}
+AIRS: dict[str, int | None] = {"13 shells": 13, "100 shells": 100, "cells engine": None}
 """Number of shells; None for the formula."""
 
-BOUNDS = {"13 shells": 1.0, "100 shells": 0.1, "continuous engine": 0.1}
+BOUNDS = {"13 shells": 1.0, "100 shells": 0.1, "cells engine": 0.1}
 """Per cent."""
 
 LEFT_NM = 10.0

@@ -36,7 +36,7 @@ FIELDS["wishbone"] |= {f"plume, {view}": VIEWS[view] for view in PLUME}
 
 FloatArray = NDArray[np.float64]
 Images = dict[tuple[int | str, str], AovImage]
-"""By number of shells, or ``"continuous"``, and normals."""
+"""By number of shells, or ``"cells"``, and normals."""
 
 
 def pictures(
@@ -67,7 +67,7 @@ def pictures(
             field=field if first else None,
         )
         engines = [("shells", count, normals)]
-        engines += [("continuous", "continuous", limit) for limit in limits if first]
+        engines += [("cells", "cells", limit) for limit in limits if first]
         # One scene at a time, because many shells of fine cells take gigabytes.
         for engine, key, kind in engines:
             scene = load_scene(xml, {"normals": kind}, engine=engine)
@@ -121,7 +121,7 @@ def convergence(folder: Path) -> list[Line]:
         )
         for view, by_layers in images.items():
             vectors, _ = displacements(by_layers)
-            exact = vectors["continuous", normals]
+            exact = vectors["cells", normals]
             shares[normals][view] = [
                 ratios_of_quantiles(vectors[layers, normals], exact) for layers in LAYERS
             ]
@@ -149,9 +149,9 @@ def convergence(folder: Path) -> list[Line]:
 def of_one_view(case: str, images: Images) -> list[Line]:
     """Distances of shells from the engine, and of its two readings of the cells."""
     vectors, unmatched = displacements(images)
-    exact, shells = vectors["continuous", "gradient"], vectors[USUAL, "gradient"]
+    exact, shells = vectors["cells", "gradient"], vectors[USUAL, "gradient"]
     size = np.quantile(np.linalg.norm(exact, axis=1), (0.5, 0.95))
-    left_open = ratios_of_quantiles(vectors["continuous", "facet"], exact)
+    left_open = ratios_of_quantiles(vectors["cells", "facet"], exact)
     share = ratios_of_quantiles(shells, exact)
     what = f"{case}: {USUAL} shells"
     return [
@@ -187,7 +187,7 @@ def _lines(folder: Path) -> list[Line]:
 SECTION = Section(
     "engines",
     "Two engines, one field",
-    "Shells against the ray equation solved from cell to cell (`--engine continuous`), both from "
+    "Shells against the ray equation solved from cell to cell (`--engine cells`), both from "
     "the same cells: what shells leave, and no accuracy, since both take their gradients from "
     "these cells. Ratios of quantiles are the median (and the 95th percentile) of the differences "
     "over the median (95th percentile) of the displacements; ray by ray each difference is "

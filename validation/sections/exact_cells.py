@@ -1,4 +1,4 @@
-"""The continuous engine against media whose rays are known in closed form."""
+"""The cells engine against media whose rays are known in closed form."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from validation.oracles.media import (
 )
 
 STEPS = (16, 32, 64, 128)
-PICTURE = "continuous.png"
+PICTURE = "cells.png"
 FINE_STEPS = 2000
 END_BOUND = {"Luneburg lens": 1e-8, "Maxwell fish-eye": 1e-5, "parabolic rod": 1e-9}
 """Relative error of the end after 64 steps (ten times as many in the rod)."""
@@ -146,14 +146,14 @@ def _lines(folder: Path) -> list[Line]:
         errors = {steps: end_error(launch, steps) for steps in STEPS}
         lines += [*convergence(name, launch, errors), *conservation(name, launch)]
         curves[name] = [steps * launch.division for steps in STEPS], list(errors.values())
-    panels = {"Continuous engine, error of the end": curves}
+    panels = {"Cells engine, error of the end": curves}
     draw_convergence(folder / PICTURE, panels, "number of steps", "relative error", ORDER)
     return [*lines, *parabolas(), *hot_air(folder)]
 
 
 SECTION = Section(
-    "continuous",
-    "Continuous engine against exact solutions",
+    "cells",
+    "Cells engine against exact solutions",
     "The engine's own step in media whose rays have closed forms: the Luneburg lens (n² = 2 - r², "
     "a ray at half the radius, to the focus), Maxwell's fish-eye (from a point to its image), a "
     "parabolic rod (n² = 2.25 (1 - 0.01 y²), 100 mm of the parameter) and air with n² linear in y. "

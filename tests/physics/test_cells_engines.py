@@ -40,7 +40,7 @@ def field() -> IndexField:
 
 @pytest.fixture(scope="module")
 def images(variant: str, tmp_path_factory: pytest.TempPathFactory, field: IndexField) -> Images:
-    """The oblique view by shells and by the continuous engine, with either kind of gradient."""
+    """The oblique view by shells and by the cells engine, with either kind of gradient."""
     part = read_part(folder_of("cylinder") / "part.ply")
     found: Images = {}
     # The engine splits the solver's hexahedra, in whose own surfaces facets have other slopes.
@@ -52,8 +52,8 @@ def images(variant: str, tmp_path_factory: pytest.TempPathFactory, field: IndexF
             xml = write_scene(folder, part, stack, CAMERA, paraview=False, field=volume)
             found[layers, normals] = pose_image(load_scene(xml, {"normals": normals}))
             if volume is not None:
-                scene = load_scene(xml, {"normals": normals}, engine="continuous")
-                found["continuous", normals] = pose_image(scene)
+                scene = load_scene(xml, {"normals": normals}, engine="cells")
+                found["cells", normals] = pose_image(scene)
     return found
 
 
@@ -73,7 +73,7 @@ def both_engines(
     stack = contour_shells(field, 13)
     folder = tmp_path_factory.mktemp("thirteen")
     xml = write_scene(folder, part, stack, CAMERA, paraview=False, field=field)
-    return {engine: load_scene(xml, engine=engine) for engine in ("shells", "continuous")}
+    return {engine: load_scene(xml, engine=engine) for engine in ("shells", "cells")}
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_thirteen_gradient_shells_agree_with_the_continuous_solution(
 
 def test_faceted_shells_converge_to_the_constant_gradient(images: Images) -> None:
     """And not to the recovered one, from which they stay far away."""
-    limit, other = ("continuous", "facet"), ("continuous", "gradient")
+    limit, other = ("cells", "facet"), ("cells", "gradient")
     off = [np.median(difference_um(images, (n, "facet"), limit)) for n in LAYERS]
     assert off[1] < 0.6 * off[0]
     assert off[2] < 0.55 * off[1]
@@ -104,7 +104,7 @@ def test_faceted_shells_converge_to_the_constant_gradient(images: Images) -> Non
 
 
 def test_gradient_shells_converge_to_the_recovered_gradient(images: Images) -> None:
-    limit, other = ("continuous", "gradient"), ("continuous", "facet")
+    limit, other = ("cells", "gradient"), ("cells", "facet")
     for layers in LAYERS:
         near = np.median(difference_um(images, (layers, "gradient"), limit))
         assert near < 0.15 * np.median(difference_um(images, (layers, "gradient"), other))
@@ -113,7 +113,7 @@ def test_gradient_shells_converge_to_the_recovered_gradient(images: Images) -> N
 def test_no_ray_is_lost(images: Images) -> None:
     shells = images[13, "gradient"].status
     for normals in ("gradient", "facet"):
-        image = images["continuous", normals]
+        image = images["cells", normals]
         counts = image.header["counts"]
         assert counts["relocated"] == counts["open_boundary"] == 0
         assert not np.isin(image.status, (Status.GAVE_UP, Status.INDEX_MISMATCH)).any()
@@ -123,11 +123,11 @@ def test_no_ray_is_lost(images: Images) -> None:
 
 def test_error_channel_is_the_difference_of_the_two_gradients(images: Images) -> None:
     """To first order: it is summed up along one of the two rays."""
-    constant = images["continuous", "facet"]
+    constant = images["cells", "facet"]
     good = np.all([image.status == Status.GOOD for image in images.values()], axis=0)
     good &= constant.channels["incidence.angle"] < np.radians(80)
     found = constant.channels["path.error"][good] * 1e3
-    between = constant.vector("displacement", good) - images["continuous", "gradient"].vector(
+    between = constant.vector("displacement", good) - images["cells", "gradient"].vector(
         "displacement", good
     )
     expected = np.linalg.norm(between, axis=1) * 1e3
@@ -137,9 +137,9 @@ def test_error_channel_is_the_difference_of_the_two_gradients(images: Images) ->
 
 
 def test_header_names_the_engine_and_the_field(images: Images, field: IndexField) -> None:
-    header = images["continuous", "gradient"].header
-    assert header["engine"] == "continuous"
-    assert header["normals"] == "none, recovered gradient"
+    header = images["cells", "gradient"].header
+    assert header["engine"] == "cells"
+    assert header["normals"] == "recovered gradient"
     assert header["field"]["sha256"] == field.source.sha256
     assert header["wavelength_nm"] == field.air.wavelength_nm
     assert images[13, "gradient"].header["engine"] == "shells"

@@ -1,8 +1,8 @@
-"""The continuous engine on cells: exact where the field is linear, near the truth where it is not.
+"""The cells engine on cells: exact where the field is linear, near the truth where it is not.
 
 The meshes are made to be unpleasant: random tetrahedra, cells turned inside out, blocks that touch
 without sharing points, a part that does not fit the wall. Slab and hot cylinder on fine cells are
-figures of the accuracy page, which `test_continuous_exact` computes.
+figures of the accuracy page, which `test_cells_exact` computes.
 """
 
 from __future__ import annotations

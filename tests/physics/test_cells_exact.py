@@ -1,4 +1,4 @@
-"""The continuous engine in media whose rays are known: order, energy, reversal, exact ends.
+"""The cells engine in media whose rays are known: order, energy, reversal, exact ends.
 
 Luneburg lens, Maxwell fish-eye, linear and parabolic media have closed forms; other rays are
 compared with SciPy's DOP853 at a tolerance of 1e-12, which shares no code with the engine.
@@ -28,7 +28,7 @@ from validation.oracles.media import (
     parabola,
     walk,
 )
-from validation.sections.exact_continuous import CELLS_BOUND, FORMULA_BOUND, SECTION
+from validation.sections.exact_cells import CELLS_BOUND, FORMULA_BOUND, SECTION
 
 AMBIENT_K = 293.15
 SLOPE_PER_MM = 1e-3

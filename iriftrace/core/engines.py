@@ -1,0 +1,40 @@
+"""Names of the engines that bend rays, and of the places where rays are bent."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+AUTO = "auto"
+"""The engine that the scene's file names, and cells where its shells are too few."""
+
+ENGINES = {
+    "shells": "nested shells of equal refractive index",
+    "cells": "ray equation through the field's own cells, order 4",
+}
+"""What can be insisted on, and what it is."""
+
+
+class Bending(StrEnum):
+    """Where rays are bent; the value stands in headers and files."""
+
+    LAYERS = "layers"
+    SHELLS = "shells"
+    SHELLS_WITHOUT_DERIVATIVES = "shells without derivatives"
+    CELLS = "cells"
+
+    @property
+    def text(self) -> str:
+        """Half a sentence."""
+        return {
+            Bending.LAYERS: "all along the layers",
+            Bending.SHELLS: "at the shells alone",
+            Bending.SHELLS_WITHOUT_DERIVATIVES: (
+                "at the shells alone, whose files lack the index's derivatives"
+            ),
+            Bending.CELLS: "continuously",
+        }[self]
+
+    @property
+    def at_shells_alone(self) -> bool:
+        """Whether rays run straight between shells."""
+        return self in (Bending.SHELLS, Bending.SHELLS_WITHOUT_DERIVATIVES)
