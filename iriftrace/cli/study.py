@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -139,12 +140,12 @@ def _run(
     output: Path,
     options: StudyOptions,
     scale: float,
-    describe: Callable[[Scene, list[IndexField], list[Mode]], Study],
+    describe: Callable[[Scene, Mapping[str, IndexField], list[Mode]], Study],
     *more: Mode,
 ) -> None:
     """Run a study behind a progress bar, print its tables and draw its figure.
 
-    `describe` gets the scene with the last field, all fields and the modes.
+    `describe` gets the scene with the last field, all fields by their names, and the modes.
     """
     from iriftrace.figures.studies import study_figure
     from iriftrace.figures.style import write_figure
@@ -173,7 +174,7 @@ def _run(
     camera = options.camera.camera(mesh, volumes[-1], stack)
     refuse_camera_inside(camera.origin, (mesh,), stack, volumes[-1])
     scene = Scene(mesh, air, camera.scaled(scale), variant=traced_by)
-    described = describe(scene, volumes, modes)
+    described = describe(scene, dict(zip(names_of(fields), volumes, strict=True)), modes)
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
     (print_comparison if described.references else print_timing)(dataset)
@@ -181,6 +182,13 @@ def _run(
     with working("Drawing"):
         write_figure(study_figure(dataset), picture)
     say(f"Study in {output}, figure in {picture}")
+
+
+def names_of(fields: Sequence[Path]) -> list[str]:
+    """Names of fields: those of their files, with folders or numbers where these are alike."""
+    numbered = [f"{number}: {path}" for number, path in enumerate(fields, start=1)]
+    names = [path.stem for path in fields], [str(path) for path in fields], numbered
+    return next(each for each in names if len(set(each)) == len(each))
 
 
 def print_comparison(dataset: xr.Dataset) -> None:
@@ -298,10 +306,8 @@ def layers(
     from iriftrace.studies.kinds import layers_study
 
     counts = whole_numbers(layers, "--layers")
-    _run(
-        *([field], part, output, options, scale),
-        lambda scene, _, modes: layers_study(scene, counts, modes, reference),
-    )
+    made = partial(layers_study, layers=counts, references=reference)
+    _run([field], part, output, options, scale, made)
 
 
 @study.command
@@ -339,13 +345,9 @@ def smoothing(
     from iriftrace.studies.mode import Mode
 
     counts = whole_numbers(iterations, "--iterations")
-    _run(
-        *([field, finest], part, output, options, scale),
-        lambda scene, fields, modes: smoothing_study(
-            scene, fields[0], counts, modes, reference, layers=layers
-        ),
-        Mode("ours but facet normals", normals="facet"),
-    )
+    made = partial(smoothing_study, iterations=counts, layers=layers, references=reference)
+    facets = Mode("ours but facet normals", normals="facet")
+    _run([field, finest], part, output, options, scale, made, facets)
 
 
 @study.command
@@ -382,26 +384,15 @@ def mesh(
     from iriftrace.studies.kinds import mesh_study
 
     paths = [field, *finer]
-    stems = [path.stem for path in paths]
-    names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
     twice = [path for path in paths if paths.count(path) > 1]
     if twice:
         raise InputError(f"{twice[0]} is given twice, so it would be compared twice; remove one.")
     for path in split or []:
         if path not in paths:
             raise InputError(f"--split {path} is none of the study's fields; name one of them.")
-    cut = [names[paths.index(path)] for path in split or []]
-    _run(
-        *(paths, part, output, options, scale),
-        lambda scene, fields, modes: mesh_study(
-            scene,
-            dict(zip(names, fields, strict=True)),
-            modes,
-            reference,
-            layers=layers,
-            split=cut,
-        ),
-    )
+    cut = [names_of(paths)[paths.index(path)] for path in split or []]
+    made = partial(mesh_study, layers=layers, split=cut, references=reference)
+    _run(paths, part, output, options, scale, made)
 
 
 @study.command
@@ -426,10 +417,8 @@ def rays(
     """
     from iriftrace.studies.kinds import rays_study
 
-    _run(
-        *([field], part, output, options, scale),
-        lambda scene, _, modes: rays_study(scene, scales, modes, layers=layers),
-    )
+    made = partial(rays_study, scales=scales, layers=layers)
+    _run([field], part, output, options, scale, made)
 
 
 @study.command
@@ -458,9 +447,5 @@ def polygons(
     """
     from iriftrace.studies.kinds import polygons_study
 
-    _run(
-        *([field], part, output, options, scale),
-        lambda scene, _, modes: polygons_study(
-            scene, modes, layers=layers, smallest=smallest, largest=largest
-        ),
-    )
+    made = partial(polygons_study, layers=layers, smallest=smallest, largest=largest)
+    _run([field], part, output, options, scale, made)

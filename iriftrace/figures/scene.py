@@ -101,11 +101,7 @@ def scene_figure(
         for points, colour in (*drawn_lines, *((points, SECOND_COLOUR) for points in edges)):
             lines = pv.lines_from_points(points)
             plotter.add_mesh(lines, color=colour, line_width=3, lighting=False)
-        colours = colormaps[COLOUR_MAP](norm(celsius_of(shells)))
-        opacity = shell_opacity(len(drawn))
-        for number in drawn:
-            shell = shells.shells[number]
-            add_shell(plotter, shell, colours[number, :3], opacity, part.centre, side)
+        add_shells(plotter, shells, part.centre, side)
 
     devices = " and camera" if second is None else f", camera and {second_name}"
     figure = titled_figure(*_titles(shells, len(drawn), camera, devices))
@@ -214,12 +210,23 @@ def drawn_shells(shells: tuple[Shell, ...]) -> list[int]:
     return [int(number) for number in np.rint(np.linspace(0, len(shells) - 1, count))]
 
 
-def shell_opacity(count: int) -> float:
-    """Opacity of each of so many shells, through all of which the part is still seen."""
-    return float(1.0 - _TRANSMITTANCE ** (1.0 / count))
+def add_shells(
+    plotter: pv.Plotter, shells: ShellStack, centre: FloatArray, side: FloatArray
+) -> None:
+    """Add what is left of shells behind a cut through `centre` across `side`, and its lines.
+
+    The outermost comes first: with the near half cut away it is the farthest, so that blending in
+    the order of drawing is right and no sorting (depth peeling) is needed.
+    """
+    drawn = drawn_shells(shells.shells)
+    colours = colormaps[COLOUR_MAP](temperature_norm(shells)(celsius_of(shells)))
+    # Through all of them the part is still seen.
+    opacity = float(1.0 - _TRANSMITTANCE ** (1.0 / len(drawn)))
+    for number in drawn:
+        _add_shell(plotter, shells.shells[number], colours[number, :3], opacity, centre, side)
 
 
-def add_shell(
+def _add_shell(
     plotter: pv.Plotter,
     shell: Shell,
     colour: FloatArray,
@@ -227,11 +234,6 @@ def add_shell(
     centre: FloatArray,
     side: FloatArray,
 ) -> None:
-    """Add what is left of a shell behind the cut, and the line of the cut.
-
-    Shells must be added outermost first: with the near half cut away the outermost is the farthest,
-    so that blending in the order of drawing is right and no sorting (depth peeling) is needed.
-    """
     surface = polydata(shell.vertices, shell.faces)
     if shell.normals is not None:
         surface.point_data.active_normals = shell.normals.astype(np.float64)

@@ -21,13 +21,10 @@ from iriftrace.figures.scene import (
     COLOUR_MAP,
     SECOND_COLOUR,
     SIGHT_COLOUR,
-    add_shell,
+    add_shells,
     camera_body,
     celsius_of,
-    drawn_shells,
-    shell_opacity,
     sight_lines,
-    temperature_norm,
 )
 from iriftrace.figures.space import SIZE_PX, add_part, off_screen, thinned, view_direction
 from iriftrace.geometry.triangles import polydata
@@ -142,15 +139,10 @@ def _scene(path: Path) -> Draw:
             add_device(plotter, scene.second, scene.part, SECOND_COLOUR)
         if shells is None:
             return
-        celsius, drawn = celsius_of(shells), drawn_shells(shells.shells)
-        norm = temperature_norm(shells)
+        celsius = celsius_of(shells)
         towards, side = view_direction(scene.camera.forward, -scene.camera.matrix[:3, 1])
         plotter.view_vector(towards.tolist(), viewup=(0.0, 0.0, 1.0))
-        for number in drawn:
-            shell, colour = shells.shells[number], colormaps[COLOUR_MAP](norm(celsius[number]))
-            add_shell(
-                plotter, shell, colour[:3], shell_opacity(len(drawn)), scene.part.centre, side
-            )
+        add_shells(plotter, shells, scene.part.centre, side)
         plotter.add_text(
             f"{len(shells.shells)} shells, air of {celsius[0]:.0f} to {celsius[-1]:.0f} degC",
             font_size=10,

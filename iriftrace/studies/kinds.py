@@ -1,7 +1,8 @@
 """The studies: what each varies, in which scene, and what it is compared with.
 
-The `scene` of each has the part, the camera, the variant and notes, and for its air the only field
-or the finest one.
+Each gets a scene, whose air is replaced, fields by name, coarse to fine, and the modes. References
+are ``"cells"``, ``"linear cells"`` (see `study.CELLS`), a number of shells of
+the finest field in the case's own mode, or ``"same mode"`` for as many as `layers`.
 
 Against a stack of 20 shells with facet normals, the difference has a local maximum at six shells,
 which is no property of six. By the outer rule shell k of N lies at the fraction k / N of the index
@@ -29,6 +30,8 @@ from iriftrace.studies.mode import Mode, check_modes, shells_of, through_cells, 
 from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
 from iriftrace.studies.study import BY_CELLS, CELLS, SAME_MODE, Study
 
+Fields = Mapping[str, IndexField]
+
 
 class _Compared(TypedDict):
     """Arguments of a `Study` that compares hits."""
@@ -46,8 +49,10 @@ SPLIT = "+"
 
 def layers_study(
     scene: Scene,
-    layers: Sequence[int],
+    fields: Fields,
     modes: Sequence[Mode],
+    *,
+    layers: Sequence[int],
     references: Sequence[str] | None = None,
 ) -> Study:
     """Compare numbers of shells with references.
@@ -62,7 +67,7 @@ def layers_study(
     if any(count < 1 for count in layers):
         raise InputError(f"{min(layers)} shells bend no ray; give numbers of at least 1.")
     check_modes(modes, 1)
-    field = _field(scene)
+    (field,) = fields.values()
     return Study(
         "layers",
         *("layers", tuple(layers), "number of shells"),
@@ -70,28 +75,28 @@ def layers_study(
         scene,
         lambda mode, n: _through(scene, shells_of(field, layers[n], mode), mode),
         fields=(field,),
-        **_compared(scene, 1, references or (THE_PAPERS, BY_CELLS)),
+        **_compared(scene, fields, references or (THE_PAPERS, BY_CELLS)),
     )
 
 
 def smoothing_study(
     scene: Scene,
-    coarse: IndexField,
-    iterations: Sequence[int],
+    fields: Fields,
     modes: Sequence[Mode],
-    references: Sequence[str] | None = None,
     *,
+    iterations: Sequence[int],
     layers: int = 13,
+    references: Sequence[str] | None = None,
 ) -> Study:
-    """Compare shells of a coarse field, smoothed by Taubin's method, with the scene's field.
+    """Compare shells of the first field, smoothed by Taubin's method, with the second field.
 
     Gradient normals and their derivatives stay with their vertices, because they belong to the
-    field and not to the facets. Fields 0 and 1 of `Mode.drop_inner` are the coarse and the scene's.
+    field and not to the facets.
 
     By default the references are the finest field in the case's own mode, as in the paper, and the
     cells engine.
     """
-    finest = _field(scene)
+    coarse, finest = fields.values()
     check_modes(modes, 2, layers)
 
     @lru_cache(maxsize=len(modes))
@@ -111,35 +116,24 @@ def smoothing_study(
         smooth,
         fields=(coarse, finest),
         more={"layers": layers},
-        **_compared(scene, 2, references or (SAME_MODE, BY_CELLS), layers),
+        **_compared(scene, fields, references or (SAME_MODE, BY_CELLS), layers),
     )
 
 
 def mesh_study(
     scene: Scene,
-    fields: Mapping[str, IndexField],
+    fields: Fields,
     modes: Sequence[Mode],
-    references: Sequence[str] | None = None,
     *,
     layers: int = 13,
     split: Sequence[str] = (),
+    references: Sequence[str] | None = None,
 ) -> Study:
     """Compare fields of several resolutions with the last of them, cut at the same levels.
 
-    Parameters
-    ----------
-    scene : Scene
-    fields : mapping
-        Fields by name, the finest last: that of the scene.
-    modes : sequence of Mode
-    references : sequence of str, optional
-        See `smoothing_study`.
-    layers : int
-        Number of shells.
-    split : sequence of str
-        Names of fields that are also contoured after their cells were divided into tetrahedra
-        (`TETRAHEDRA` is put after the name), and after these were split into eight (`SPLIT`).
-        Between the last two only coplanar triangles are added.
+    Fields named in `split` are also contoured after their cells were divided into tetrahedra
+    (`TETRAHEDRA` is put after the name), and after these were split into eight (`SPLIT`). Between
+    the last two only coplanar triangles are added.
 
     Raises
     ------
@@ -185,12 +179,17 @@ def mesh_study(
         through,
         fields=tuple(given),
         more={"layers": layers},
-        **_compared(scene, len(given), references or (SAME_MODE, BY_CELLS), layers),
+        **_compared(scene, fields, references or (SAME_MODE, BY_CELLS), layers),
     )
 
 
 def rays_study(
-    scene: Scene, scales: Sequence[float], modes: Sequence[Mode], *, layers: int = 13
+    scene: Scene,
+    fields: Fields,
+    modes: Sequence[Mode],
+    *,
+    scales: Sequence[float],
+    layers: int = 13,
 ) -> Study:
     """Time the stages of one picture at several factors on the camera's resolution.
 
@@ -199,7 +198,7 @@ def rays_study(
     InputError
         If two scales give the same number of rays.
     """
-    field = _field(scene)
+    (field,) = fields.values()
     cameras = [scene.camera.scaled(scale) for scale in scales]
     rays = [camera.resolution[0] * camera.resolution[1] for camera in cameras]
     if not rays or len(set(rays)) < len(rays):
@@ -226,6 +225,7 @@ def rays_study(
 
 def polygons_study(
     scene: Scene,
+    fields: Fields,
     modes: Sequence[Mode],
     *,
     layers: int = 13,
@@ -237,18 +237,9 @@ def polygons_study(
     Midpoint subdivision leaves the surfaces where they are, so all but the first step trace the
     same rays through the same air.
 
-    Parameters
-    ----------
-    scene : Scene
-    modes : sequence of Mode
-    layers : int
-        Number of shells.
-    smallest : int
-        Mean number of triangles of a shell to begin with, by default as Kern et al. (2025); shells
-        with more are thinned out.
-    largest : int
-        No more subdivisions than give this mean number of triangles for each shell (4.8 million in
-        Kern et al.).
+    Shells begin with a mean of `smallest` triangles, by default as Kern et al. (2025), for which
+    they are thinned out, and are divided while they have no more than `largest` (4.8 million in
+    Kern et al.).
 
     Raises
     ------
@@ -261,7 +252,7 @@ def polygons_study(
             f"{FEWEST} and then more."
         )
     check_modes(modes, 1, layers)
-    field = _field(scene)
+    (field,) = fields.values()
 
     @lru_cache(maxsize=len(modes))
     def start(mode: Mode) -> ShellStack | None:
@@ -292,25 +283,14 @@ def _through(scene: Scene, stack: ShellStack | None, mode: Mode) -> Scene | None
     return None if stack is None else through_shells(scene, stack, mode)
 
 
-def _field(scene: Scene) -> IndexField:
-    field = scene.air.states[0].field
-    if field is None:
-        raise InputError("A study cuts shells from a field, and the scene has none; give one.")
-    return field
-
-
 def _range(finest: IndexField) -> tuple[float, float]:
     """n - 1 of the ambient and the hottest air, which give all fields the same levels."""
     return finest.ambient_refractivity, finest.hottest_refractivity
 
 
 def _compared(
-    scene: Scene, fields: int, references: Sequence[str], layers: int | None = None
+    scene: Scene, fields: Fields, references: Sequence[str], layers: int | None = None
 ) -> _Compared:
-    """References of a study of so many fields, of which the scene has the last.
-
-    Numbers are shells of that field in the case's own mode; ``"same mode"`` is the number `layers`.
-    """
     known = [*CELLS, *([] if layers is None else [SAME_MODE])]
     for name in references:
         if name not in known and not (name.isdecimal() and int(name) > 0):
@@ -318,13 +298,13 @@ def _compared(
                 f'"{name}" is no reference; give {", ".join(known)} or a number of shells, such as '
                 f"{THE_PAPERS}."
             )
-    finest = _field(scene)
+    finest = list(fields.values())[-1]
 
     def reference(mode: Mode, name: str) -> Scene | None:
         if name in CELLS:
             return through_cells(scene, finest, CELLS[name])
         count = layers if name == SAME_MODE and layers is not None else int(name)
-        stack = shells_of(finest, count, mode, number=fields - 1, index_range=_range(finest))
+        stack = shells_of(finest, count, mode, number=len(fields) - 1, index_range=_range(finest))
         return _through(scene, stack, mode)
 
     return {"references": tuple(references), "reference": reference}

@@ -333,7 +333,7 @@ def is_study(path: str | Path) -> bool:
     try:
         check_netcdf(Path(path))
         with xr.open_dataset(path, engine="h5netcdf") as file:
-            return str(file.attrs.get("schema", "")).startswith(SCHEMA.partition("/")[0] + "/")
+            return "study" in file.attrs
     except (OSError, ValueError, KeyError):
         return False
 

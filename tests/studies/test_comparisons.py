@@ -30,7 +30,13 @@ def block(variant: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Index
 
 @pytest.fixture(scope="module")
 def layers(block: tuple[IndexField, Scene], tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    study = layers_study(block[1], [1, 3, 6], [OURS, PAPERS], ["6", "cells"])
+    study = layers_study(
+        block[1],
+        {"f": block[0]},
+        [OURS, PAPERS],
+        layers=[1, 3, 6],
+        references=["6", "cells"],
+    )
     return run_study(study, tmp_path_factory.mktemp("layers") / "layers.nc")
 
 
@@ -92,14 +98,21 @@ def test_figures_have_a_column_for_each_reference(layers: xr.Dataset) -> None:
 @pytest.mark.parametrize("name", ["0", "fine", "-3"])
 def test_unknown_references_are_refused(block: tuple[IndexField, Scene], name: str) -> None:
     with pytest.raises(InputError, match="no reference"):
-        layers_study(block[1], [2], [OURS], [name])
+        layers_study(block[1], {"f": block[0]}, [OURS], layers=[2], references=[name])
 
 
 def test_no_smoothing_of_the_finest_field_changes_nothing(
     block: tuple[IndexField, Scene], tmp_path: Path
 ) -> None:
     field, scene = block
-    study = smoothing_study(scene, field, [0, 5], [OURS, FACETS], ["same mode"], layers=3)
+    study = smoothing_study(
+        scene,
+        {"a": field, "b": field},
+        [OURS, FACETS],
+        iterations=[0, 5],
+        layers=3,
+        references=["same mode"],
+    )
     found = run_study(study, tmp_path / "smoothing.nc").sel(reference="same mode")
     np.testing.assert_array_equal(found["rmse"].sel(iterations=0), 0)
     assert (found["rmse"].sel(iterations=5) > 0).all()
@@ -130,7 +143,7 @@ def test_meshes_are_compared_with_the_last_and_splitting_adds_coplanar_triangles
         scene,
         {"coarse": coarse, "fine": fine},
         [OURS, FACETS],
-        ["same mode"],
+        references=["same mode"],
         layers=3,
         split=["coarse"],
     )
@@ -152,16 +165,15 @@ def test_a_study_of_meshes_needs_two_fields_and_known_names(
 ) -> None:
     field, scene = block
     with pytest.raises(InputError, match="at least two fields"):
-        mesh_study(scene, {"a": field}, [OURS], ["same mode"])
+        mesh_study(scene, {"a": field}, [OURS], references=["same mode"])
     with pytest.raises(InputError, match="no field c to split"):
-        mesh_study(scene, {"a": field, "b": field}, [OURS], ["same mode"], split=["c"])
+        mesh_study(scene, {"a": field, "b": field}, [OURS], references=["same mode"], split=["c"])
     with pytest.raises(InputError, match="no reference"):
-        mesh_study(scene, {"a": field, "b": field}, [OURS], ["best"])
+        mesh_study(scene, {"a": field, "b": field}, [OURS], references=["best"])
     with pytest.raises(InputError, match="leaves none"):
         mesh_study(
             scene,
             {"a": field, "b": field},
             [evolve(OURS, drop_inner=[0, 3])],
-            ["same mode"],
             layers=3,
         )

@@ -24,8 +24,8 @@ def _few_repeats(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_rays_are_counted_and_every_stage_takes_time(variant: str, tmp_path: Path) -> None:
-    _, scene = field_and_scene(tmp_path, variant)
-    study = rays_study(scene, [0.5, 1.0], [OURS], layers=3)
+    field, scene = field_and_scene(tmp_path, variant)
+    study = rays_study(scene, {"f": field}, [OURS], scales=[0.5, 1.0], layers=3)
     found = run_study(study, tmp_path / "rays.nc")
     np.testing.assert_array_equal(found["rays"], [[750, 3000]])
     for stage in STAGES:
@@ -50,8 +50,10 @@ def test_rays_are_counted_and_every_stage_takes_time(variant: str, tmp_path: Pat
 
 
 def test_polygons_grow_by_four(variant: str, tmp_path: Path) -> None:
-    _, scene = field_and_scene(tmp_path, variant)
-    study = polygons_study(scene, [OURS, PAPERS], layers=3, smallest=400, largest=8_000)
+    field, scene = field_and_scene(tmp_path, variant)
+    study = polygons_study(
+        scene, {"f": field}, [OURS, PAPERS], layers=3, smallest=400, largest=8_000
+    )
     found = run_study(study, tmp_path / "polygons.nc")
     triangles = found["triangles"].values
     assert triangles.shape == (2, 3)
@@ -87,10 +89,10 @@ def test_replayed_queries_find_what_the_trace_found(
 
 
 def test_ranges_are_checked(variant: str, tmp_path: Path) -> None:
-    _, scene = field_and_scene(tmp_path, variant)
+    field, scene = field_and_scene(tmp_path, variant)
     with pytest.raises(InputError, match="no range"):
-        polygons_study(scene, [OURS], smallest=5000, largest=400)
+        polygons_study(scene, {"f": field}, [OURS], smallest=5000, largest=400)
     with pytest.raises(InputError, match="each different"):
-        rays_study(scene, [1.0, 1.0], [OURS])
+        rays_study(scene, {"f": field}, [OURS], scales=[1.0, 1.0])
     with pytest.raises(InputError, match="scale"):
-        rays_study(scene, [0.0], [OURS])
+        rays_study(scene, {"f": field}, [OURS], scales=[0.0])
