@@ -320,6 +320,7 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
         alternative_text,
         front_text,
         other_statistics_text,
+        robust_text,
         stability_text,
         warned_text,
     )
@@ -340,7 +341,14 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
         count = len(plan.unranked)
         noun = "pose" if count == 1 else "poses, the first of them"
         say(f"Unranked: {count} {noun} {pose}: {reason}")
-    for text in (warned_text, stability_text, other_statistics_text, alternative_text, front_text):
+    for text in (
+        warned_text,
+        robust_text,
+        stability_text,
+        other_statistics_text,
+        alternative_text,
+        front_text,
+    ):
         said = text(summary)
         if said:
             say(said)

@@ -27,6 +27,13 @@ def _is_weight(_: Any, attribute: Attribute[float], value: float) -> None:
         )
 
 
+def _is_factor(_: Any, __: Attribute[float], value: float) -> None:
+    if not (math.isfinite(value) and value >= 0):
+        raise InputError(
+            f"{value} standard deviations over the members are to be added; give 0 or more."
+        )
+
+
 def _one_of(choices: Any) -> Any:
     def check(_: Any, attribute: Attribute[str], value: str) -> None:
         if value not in get_args(choices):
@@ -70,6 +77,9 @@ class Criteria:
         What ranks beside coverage and resolution, with the weight of the displacement: that of the
         camera's rays; or, of a sensor with two devices, the error of its points along the normal,
         or the error of diameters. By default normal where the sweep has two devices.
+    robust
+        Of an ensemble of fields: how many standard deviations over its members are added to the
+        mean of what ranks; 2 by default, so that a pose is good whatever member is the air.
     outside
         What becomes of poses beyond the percentile: clipped to it, or not ranked.
     min_hits
@@ -92,6 +102,7 @@ class Criteria:
     region: str = "part"
     percentile: float = 95.0
     criterion: Criterion | None = field(default=None, validator=optional(_one_of(Criterion)))
+    robust: float | None = field(default=None, validator=optional(_is_factor))
     outside: Outside = field(default="clip", validator=_one_of(Outside))
     min_hits: int = 100
     min_coverage: float = 0.0

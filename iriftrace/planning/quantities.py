@@ -8,8 +8,8 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.planning.criteria import Statistic
-from iriftrace.planning.rank import Plan
+from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.rank import Plan, scatter_variable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -66,6 +66,8 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
         name = _ERRORS[plan.criteria.criterion or "displacement"]
         if plan.criteria.criterion != "features":
             name = f"{_STATISTICS[plan.criteria.statistic]} {name}"
+        if plan.criteria.robust:
+            name += f" + {plan.criteria.robust:g} standard deviations"
     elif key == "coverage":
         name = "Coverage"
     else:
@@ -91,18 +93,21 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     )
 
 
-def scatter_quantity(view: xr.Dataset, statistic: Statistic, enough: BoolArray) -> Quantity | None:
+def scatter_quantity(view: xr.Dataset, criteria: Criteria, enough: BoolArray) -> Quantity | None:
     """Standard deviation over an ensemble's members in one region; None for a single field.
 
     The statistic is that of the standard deviations in one view; `enough` as in `metric_quantity`.
     """
-    if f"scatter_{statistic}" not in view:
+    variable = scatter_variable(criteria)
+    if variable not in view:
         return None
-    values = np.where(enough, 1e3 * view[f"scatter_{statistic}"].values, np.nan)
+    values = np.where(enough, 1e3 * view[variable].values, np.nan)
     if not np.isfinite(values).any():
         return None
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    title = f"{_STATISTICS[statistic]} scatter"
+    title = "Scatter of diameters"
+    if criteria.criterion != "features":
+        title = f"{_STATISTICS[criteria.statistic]} scatter"
     return Quantity(
         key="scatter",
         title=title,

@@ -32,6 +32,9 @@ _MISSED = 0.5
 # Faces hit less area that pixels cover: above this share of the part it is not silhouettes.
 _BEYOND = 0.05
 
+ROBUST = 2.0
+"""Standard deviations over an ensemble's members that are added by default."""
+
 _DIMENSIONS = {"pose", "region"}
 
 
@@ -265,7 +268,15 @@ def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
             f"The criterion {criteria.criterion} is about what two devices measure, and the sweep "
             "is of one camera; sweep a scene with two (iriftrace scene --second), or leave it out."
         )
-    return evolve(criteria, criterion=criteria.criterion or ("normal" if rig else "displacement"))
+    members = "scatter_p95" in dataset
+    if criteria.robust and not members:
+        raise InputError(
+            "The sweep is of a single field, so there is no scatter to rank by (--robust); sweep "
+            "a scene of several states of the air (iriftrace scene --member), or leave it out."
+        )
+    robust = (ROBUST if members else 0.0) if criteria.robust is None else criteria.robust
+    criterion = criteria.criterion or ("normal" if rig else "displacement")
+    return evolve(criteria, criterion=criterion, robust=robust)
 
 
 def metric_variables(criteria: Criteria) -> dict[str, str]:
@@ -283,6 +294,14 @@ def metric_variables(criteria: Criteria) -> dict[str, str]:
     }
 
 
+def scatter_variable(criteria: Criteria) -> str:
+    """Variable of an ensemble's sweep with the scatter of what ranks, by criteria in force."""
+    if criteria.criterion == "features":
+        return "size_scatter"
+    start = "error_normal_scatter" if criteria.criterion == "normal" else "scatter"
+    return f"{start}_{criteria.statistic}"
+
+
 def _candidates(
     dataset: xr.Dataset, criteria: Criteria, needed: Collection[str]
 ) -> tuple[dict[str, FloatArray], BoolArray, dict[int, str]]:
@@ -294,6 +313,9 @@ def _candidates(
     variables = metric_variables(criteria)
     column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
     metrics = {name: np.abs(_column(dataset, v, column)) for name, v in variables.items()}
+    if criteria.robust:
+        scatter = _column(dataset, scatter_variable(criteria), column)
+        metrics["displacement"] += criteria.robust * scatter
     good_rays = _column(dataset, "rays_good", column)
     count = len(good_rays)
     failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else [""] * count

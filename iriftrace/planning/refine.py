@@ -23,8 +23,8 @@ from iriftrace.camera.pose import look_at_of
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
-from iriftrace.planning.rank import Plan, metric_variables, score_of
-from iriftrace.sweep.measures import MEASURES, RIG
+from iriftrace.planning.rank import Plan, metric_variables, scatter_variable, score_of
+from iriftrace.sweep.measures import ENSEMBLE, MEASURES, RIG
 from iriftrace.sweep.store import WHOLE_PART, attribute
 
 if TYPE_CHECKING:
@@ -272,8 +272,10 @@ def _metrics(swept: SweptScene, matrix: FloatArray, plan: Plan) -> dict[str, flo
     if view["rays"]["good"] < criteria.min_hits or (view["coverage"] or 0) < criteria.min_coverage:
         return None
     variables = metric_variables(criteria)
-    known = {**MEASURES, **RIG}
+    known = {**MEASURES, **ENSEMBLE, **RIG}
     found = {name: abs(known[variable].value(view)) for name, variable in variables.items()}
+    if criteria.robust:
+        found["displacement"] += criteria.robust * known[scatter_variable(criteria)].value(view)
     return found if math.isfinite(sum(found.values())) else None
 
 

@@ -202,7 +202,7 @@ def summarise(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> SweepSummar
         warned=warned_of(dataset),
         quartiles=_quartiles(view, enough) if plan.criteria.criterion == "displacement" else None,
         other_winners=_other_winners(dataset, criteria),
-        scatter=scatter_quantity(view, criteria.statistic, enough),
+        scatter=scatter_quantity(view, plan.criteria, enough),
         devices=devices_text(dataset, plan.criteria),
     )
 
@@ -401,6 +401,25 @@ def other_statistics_text(summary: SweepSummary) -> str | None:
         f"Scored with the {STATISTICS[summary.plan.criteria.statistic]} of the "
         f"{'displacement' if summary.of_camera else 'error along the normal'} pose "
         f"{summary.plan.best} is the best, {' and '.join(others)} (--statistic)."
+    )
+
+
+def robust_text(summary: SweepSummary) -> str | None:
+    """Between which poses the members differ least and most, one sentence; None of one field."""
+    if summary.scatter is None:
+        return None
+    values = summary.scatter.values
+    least, most = int(np.nanargmin(values)), int(np.nanargmax(values))
+    places = [
+        f"{values[pose]:.3g} um in pose {pose} (azimuth {summary.azimuth[pose]:.0f}, elevation "
+        f"{summary.elevation[pose]:.0f} degrees)"
+        for pose in (least, most)
+    ]
+    factor = summary.plan.criteria.robust
+    added = f"{factor:g} times it is added" if factor else "it does not count"
+    return (
+        f"From member to member the {summary.scatter.title.lower()} is {places[0]} to {places[1]}; "
+        f"{added} (--robust)."
     )
 
 

@@ -135,9 +135,19 @@ RIG: dict[str, Measure] = {
             ("p95", "95th percentile of the size of the error"),
             ("rms", "root mean square error"),
             ("bias", "median error, with its sign,"),
-            ("scatter", "median standard deviation over the members"),
         )
     },
+    **{
+        f"error_normal_scatter_{key}": Measure(
+            ("scan", "scatter_normal_mm", key),
+            "mm",
+            f"{text} standard deviation of that error over the members",
+        )
+        for key, text in _STATISTICS[:3]
+    },
+    "size_scatter": Measure(
+        ("scan", "size_scatter_mm"), "mm", "standard deviation of that diameter over the members"
+    ),
     "size_error": Measure(
         ("scan", "size_mm"), "mm", "error of the region's diameter; of the whole part the largest"
     ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from attrs import frozen
@@ -11,10 +11,11 @@ from attrs import frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.statistics import spread
 from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.rays import is_inside
-from iriftrace.triangulation.feature_table import feature_table, found_features
+from iriftrace.triangulation.feature_table import found_features
 from iriftrace.triangulation.scan import Scan, measure
 
 FEWEST_POINTS = 100
@@ -86,7 +87,7 @@ def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> dict[str
     except InputError as error:
         return _nothing(part, str(error))
     everything = np.ones(len(part.faces), dtype=bool)
-    largest = max(sizes.values(), key=abs, default=None)
+    largest = max(sizes.values(), key=lambda size: abs(size.error_mm), default=None)
     return {
         "part": _of(scan, part, everything, largest),
         **{
@@ -103,7 +104,7 @@ def _nothing(part: Part, why: str) -> dict[str, Any]:
     }
 
 
-def _of(scan: Scan, part: Part, faces: BoolArray, size_mm: float | None) -> dict[str, Any]:
+def _of(scan: Scan, part: Part, faces: BoolArray, size: _Size | None) -> dict[str, Any]:
     chosen = faces[scan.face]
     seen = np.unique(scan.face[chosen])
     known: dict[str, Any] = {
@@ -113,30 +114,38 @@ def _of(scan: Scan, part: Part, faces: BoolArray, size_mm: float | None) -> dict
     if chosen.sum() < FEWEST_POINTS:
         return known
     errors = scan.error_normal[chosen]
-    size = np.abs(errors)
+    length = np.abs(errors)
     scatter = scan.scatter_normal
     return known | {
-        "size_mm": size_mm,
+        "size_mm": None if size is None else size.error_mm,
+        "size_scatter_mm": None if size is None else size.scatter_mm,
         "error_normal_mm": {
-            "mean": float(size.mean()),
-            "median": float(np.median(size)),
-            "p95": float(np.percentile(size, 95)),
+            "mean": float(length.mean()),
+            "median": float(np.median(length)),
+            "p95": float(np.percentile(length, 95)),
             "rms": float(np.sqrt(np.mean(errors**2))),
             "bias": float(np.median(errors)),
-            "scatter": None if scatter is None else float(np.median(scatter[chosen])),
         },
+        **({} if scatter is None else {"scatter_normal_mm": spread(scatter[chosen])}),
     }
 
 
-def _size_errors(scan: Scan, part: Part) -> dict[str, float]:
-    """Errors of diameters, mm, by region."""
-    choices = [c for c in found_features(part, scan.face) if c.partition(":")[0] != "plane"]
+class _Size(NamedTuple):
+    """Error of a diameter, and its standard deviation over an ensemble's members, mm."""
+
+    error_mm: float
+    scatter_mm: float | None
+
+
+def _size_errors(scan: Scan, part: Part) -> dict[str, _Size]:
+    """Errors of diameters by region."""
+    choices = [c for c in found_features(part, scan.face) if not c.startswith("plane:")]
     if not choices:
         return {}
-    clouds = {"cold": scan.true, "measured": scan.points}
-    rows = feature_table(clouds, scan.face, part, choices, gate=None)
     return {
-        row["region"]: row["size_mm"]["measured"] - row["size_mm"]["cold"]
-        for row in rows
+        row["region"]: _Size(
+            row["size_mm"]["measured"] - row["size_mm"]["cold"], row.get("size_scatter_mm")
+        )
+        for row in scan.features(part, choices, None)
         if row["region"] and row["size_mm"]["cold"] is not None
     }

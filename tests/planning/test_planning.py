@@ -553,3 +553,17 @@ def test_a_best_pose_that_sees_little_is_told() -> None:
         text = alternative_text(summarise(with_views(table), criteria))
     assert text is not None
     assert "sees 4.0 % of the part, another one 40.0 %" in text
+
+
+def test_a_pose_of_an_ensemble_counts_with_its_scatter() -> None:
+    """Two standard deviations on top of the mean, unless other ones are asked for."""
+    table = sweep_table([1.0, 2.0, 3.0], [0.3] * 3, [0.1] * 3, [0.1] * 3)
+    alone = Criteria(1, 0, 0, 0)
+    assert rank_poses(table, alone).order.tolist() == [0, 1, 2]
+    with pytest.raises(InputError, match="of a single field"):
+        rank_poses(table, evolve(alone, robust=2.0))
+    table["scatter_p95"] = table["displacement_p95"] * 0 + np.array([[2.0], [0.1], [0.0]])
+    plan = rank_poses(table, alone)
+    assert plan.metrics["displacement"].tolist() == pytest.approx([5.0, 2.2, 3.0])
+    assert plan.order.tolist() == [1, 2, 0]
+    assert rank_poses(table, evolve(alone, robust=0.0)).order.tolist() == [0, 1, 2]
