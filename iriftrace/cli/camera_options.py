@@ -253,6 +253,10 @@ class OrbitOptions:
         Instead of angles: this many poses spread evenly over the ellipsoid.
     poses
         Instead of an orbit: file with a list of poses.
+    turntable
+        Instead of an orbit: the sensor stands where the scene has it, and the part turns with its
+        air about a vertical axis through its centre, "z:0:360:30" (axis, start, stop and step in
+        degrees).
     convention
         Camera axes in that file, opencv by default.
     length_unit
@@ -268,8 +272,14 @@ class OrbitOptions:
     angles: Literal["parameter", "geocentric"] | None = None
     fibonacci: Whole | None = None
     poses: Path | None = None
+    turntable: str | None = None
     convention: Literal["opencv", "mitsuba", "opengl", "ros"] | None = None
     length_unit: str | None = None
+
+    @property
+    def is_orbit(self) -> bool:
+        """Whether poses are laid out around the part and not given."""
+        return self.poses is None and self.turntable is None
 
     def look_at(self, scene: LoadedScene) -> FloatArray | tuple[float, float, float]:
         """The point that is looked at, (3,), mm, world."""
@@ -279,11 +289,19 @@ class OrbitOptions:
         """Poses by the stand-off (mm) of their orbit, which is NaN for any other poses."""
         from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses, parse_range
         from iriftrace.camera.pose_files import read_poses
+        from iriftrace.camera.turntable import turntable_poses
 
         self._refuse_contradictions()
+        if self.poses is not None and self.turntable is not None:
+            raise InputError(
+                "Poses are of a file or a turntable; leave out --poses or --turntable."
+            )
         if self.poses is not None:
             convention, unit = self.convention or "opencv", self.length_unit or "mm"
             return {math.nan: read_poses(self.poses, convention, length_unit=unit)}
+        if self.turntable is not None:
+            centre = scene.part.centre
+            return {math.nan: turntable_poses(scene.camera.matrix, self.turntable, centre)}
         target = self.look_at(scene)
         azimuth = parse_range("0:90:10" if self.azimuth is None else self.azimuth)
         elevation = parse_range("-90:90:19" if self.elevation is None else self.elevation)
@@ -313,7 +331,8 @@ class OrbitOptions:
                     "lays out a grid of angles, but --fibonacci spreads the poses itself; leave "
                     "out one of the two.",
                 )
-            return
+            if self.turntable is None:
+                return
         orbit = {
             **grid,
             "--stand-off": self.stand_off,
@@ -324,7 +343,8 @@ class OrbitOptions:
         }
         refuse_given(
             orbit,
-            f"describes an orbit, but the poses come from {self.poses}; leave out one of the two.",
+            f"describes an orbit, but the poses come from {self.poses or 'a turntable'}; leave out "
+            "one of the two.",
         )
 
     def _axes(self, scene: LoadedScene) -> list[tuple[float, Any]]:

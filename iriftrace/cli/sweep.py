@@ -98,7 +98,7 @@ def sweep(
             orbit.pose_sets(loaded[0]),
             output,
             focal_lengths_mm=focal_length or (),
-            move_out=orbit.poses is None,
+            move_out=orbit.is_orbit,
             target=orbit.look_at(loaded[0]),
             options=SweepOptions(nearest, statuses(include), exr),
             progress=report,
