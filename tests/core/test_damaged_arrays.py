@@ -59,7 +59,10 @@ def test_nothing_is_unpickled(tmp_path: Path) -> None:
 def test_no_module_loads_pickles() -> None:
     sources = [file.read_text() for file in Path(iriftrace.__file__).parent.rglob("*.py")]
     for source in sources:
-        assert not re.search(r"\bpickle\.load|import pickle|allow_pickle=True|np\.load\(", source)
+        assert not re.search(
+            r"\bpickle\.load|import pickle|allow_pickle=True|np\.load\((?!.*allow_pickle=False)",
+            source,
+        )
 
 
 def test_a_file_of_kilobytes_does_not_fill_the_memory(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,18 +11,27 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 from scipy.io import netcdf_file
+
+_WRITE = """
+import sys, pyvista
 from vtkmodules.vtkIOExodus import vtkExodusIIWriter
+writer = vtkExodusIIWriter()
+writer.SetFileName(sys.argv[2])
+writer.SetInputData(pyvista.read(sys.argv[1]))
+writer.WriteAllTimeStepsOff()
+writer.Write()
+"""
+"""A process of its own: beside the HDF5 library of h5py, that of VTK crashes."""
 
 
 def write(
     path: Path, grid: pv.UnstructuredGrid, later: Sequence[tuple[float, NDArray[np.float64]]] = ()
 ) -> Path:
     """Write a grid with its one point array at t = 0, and its values at later times."""
-    writer = vtkExodusIIWriter()
-    writer.SetFileName(str(path))
-    writer.SetInputData(grid)
-    writer.WriteAllTimeStepsOff()
-    writer.Write()
+    given = path.with_name(f"{path.name}.vtu")
+    grid.save(given)
+    subprocess.run([sys.executable, "-c", _WRITE, str(given), str(path)], check=True)
+    given.unlink()
     if later:
         # The writer takes further times from a pipeline alone; in the file they are records.
         with netcdf_file(str(path), "a", mmap=False) as file:
