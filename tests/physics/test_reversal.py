@@ -34,7 +34,9 @@ def test_reversed_rays_return_to_the_camera(
     mean direction up to its square, and the start a little off the wall changes the last layer.
     """
     scene = load_scene(
-        folder_of("cylinder") / "scene.xml", {"normals": normals, "bending": bending}
+        folder_of("cylinder") / "scene.xml",
+        {"normals": normals, "bending": bending},
+        engine="shells",
     )
     random = np.random.default_rng(7)
     aim = random.uniform(-1, 1, size=(RAYS, 3)) * (70, 9, 9)

@@ -28,7 +28,7 @@ def expected_counts() -> dict[str, dict[str, int]]:
 @pytest.mark.parametrize("name", names())
 @pytest.mark.usefixtures("variant")
 def test_rays_by_status_are_those_of_the_readme(name: str) -> None:
-    metrics = render_scene(folder_of(name) / "scene.xml").metrics
+    metrics = render_scene(load_scene(folder_of(name) / "scene.xml", engine="shells")).metrics
     rays = metrics.rays
     for key, count in expected_counts()[name].items():
         assert getattr(rays, key) == pytest.approx(count, abs=max(3, 1e-5 * rays.launched))

@@ -23,4 +23,6 @@ def loaded(
     folder: Path, part: Part, shells: ShellStack, camera: Camera = ANY_CAMERA, **variables: object
 ) -> LoadedScene:
     """Write a scene and load it."""
-    return load_scene(write_scene(folder, part, shells, camera, paraview=False), variables)
+    return load_scene(
+        write_scene(folder, part, shells, camera, paraview=False), variables, engine="shells"
+    )

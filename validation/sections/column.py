@@ -93,7 +93,7 @@ def traced_shift(folder: Path, air: Air, layers: int, bending: str, rule: str) -
     part = part_of_mesh(plate.vertices, plate.faces, name="a plate")
     stack = ShellStack(shells, air, rule)
     xml = write_scene(folder, part, stack, ANY_CAMERA, paraview=False)
-    scene = load_scene(xml, {"bending": bending})
+    scene = load_scene(xml, {"bending": bending}, engine="shells")
     b = heights()
     origins = np.column_stack((np.full_like(b, 0.123), np.full_like(b, -100.0), b))
     hits = trace_rays(scene, origins, np.tile((0.0, 1.0, 0.0), (len(b), 1)))

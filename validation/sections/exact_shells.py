@@ -52,7 +52,8 @@ def slab_hits(folder: Path) -> dict[str, RayHits]:
     directions = np.column_stack((np.sin(angle), 0 * angle, -np.cos(angle)))
     starts = np.array((1.0, 2.0, 0.0)) - directions * (25 / np.cos(angle))[:, None]
     return {
-        way: trace_rays(load_scene(xml, {"bending": way}), starts, directions) for way in BENDING
+        way: trace_rays(load_scene(xml, {"bending": way}, engine="shells"), starts, directions)
+        for way in BENDING
     }
 
 
@@ -79,7 +80,7 @@ def cylinder_hits(folder: Path, layers: int, rule: str, bending: str) -> RayHits
     count = len(heights)
     origins = np.column_stack((np.full(count, 0.123), np.full(count, -100), heights * RADIUS_MM))
     directions = np.tile((0.0, 1.0, 0.0), (count, 1))
-    return trace_rays(load_scene(xml, {"bending": bending}), origins, directions)
+    return trace_rays(load_scene(xml, {"bending": bending}, engine="shells"), origins, directions)
 
 
 def displacements_um(hits: RayHits) -> FloatArray:

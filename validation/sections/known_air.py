@@ -83,7 +83,7 @@ def errors(
     shells = contour_shells(field, LAYERS)
     xml = write_scene(folder / "scene", part, shells, first, paraview=False, field=field)
     scenes = {
-        f"{LAYERS} shells": load_scene(xml),
+        f"{LAYERS} shells": load_scene(xml, engine="shells"),
         "cells engine": load_scene(xml, engine="cells"),
     }
     found = {}

@@ -16,7 +16,7 @@ MOST_MISCOUNTED_PERCENT = 0.01
 def _lines(folder: Path) -> list[Line]:
     lines = []
     for name in names():
-        scene = load_scene(folder_of(name) / "scene.xml")
+        scene = load_scene(folder_of(name) / "scene.xml", engine="shells")
         rays = render_scene(scene).metrics.rays
         counts = {status.key: rays.of(status) for status in Status}
         ending = ", ".join(f"{count:,} {key}" for key, count in counts.items())

@@ -51,7 +51,7 @@ def _lines(folder: Path) -> list[Line]:
 
     from iriftrace.plugins.kernels.tables import aligned
 
-    scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25})
+    scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25}, engine="shells")
     camera: Camera = scene.camera
     sensor = scene.mitsuba_scene.sensors()[0]
     width, height = camera.resolution

@@ -35,7 +35,7 @@ def matched_scene(folder: Path, scale: float) -> LoadedScene:
     with warnings.catch_warnings():
         # It says that the shells do not bend; they are not meant to.
         warnings.simplefilter("ignore", IriftraceWarning)
-        return load_scene(xml, {"scale": scale})
+        return load_scene(xml, {"scale": scale}, engine="shells")
 
 
 def matched(folder: Path) -> list[Line]:
@@ -60,7 +60,7 @@ def matched(folder: Path) -> list[Line]:
 def oracle(rays: int = ORACLE_RAYS) -> list[Line]:
     """Random rays from all around, aimed at the part."""
     xml = folder_of("cylinder") / "scene.xml"
-    scene = load_scene(xml, {"normals": "facet"})
+    scene = load_scene(xml, {"normals": "facet"}, engine="shells")
     random = np.random.default_rng(20251121)
     start = random.normal(size=(rays, 3))
     start *= 260 / np.linalg.norm(start, axis=1, keepdims=True)
@@ -97,7 +97,7 @@ def oracle(rays: int = ORACLE_RAYS) -> list[Line]:
 
 def sent_back() -> list[Line]:
     """Light takes the same way back."""
-    scene = load_scene(folder_of("cylinder") / "scene.xml")
+    scene = load_scene(folder_of("cylinder") / "scene.xml", engine="shells")
     camera = np.array(CAMERA_MM)
     random = np.random.default_rng(7)
     aim = random.uniform(-1, 1, size=(REVERSED_RAYS, 3)) * (70, 9, 9)
