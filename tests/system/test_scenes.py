@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of, names
 from iriftrace.scenes.bundled import write_bundled
 from iriftrace.trace.render import render_scene
@@ -25,6 +26,7 @@ def expected_counts() -> dict[str, dict[str, int]]:
     }
 
 
+@pytest.mark.filterwarnings("ignore:Hits of this view")
 @pytest.mark.parametrize("name", names())
 @pytest.mark.usefixtures("variant")
 def test_rays_by_status_are_those_of_the_readme(name: str) -> None:
