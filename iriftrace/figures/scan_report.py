@@ -44,6 +44,11 @@ class ScanReport:
 def read_numbers(path: Path) -> tuple[Path, dict[str, Any]]:
     """The JSON file of a scan or correction, which may be given by its cloud, and its values."""
     file = path if path.suffix.lower() == ".json" else path.with_suffix(".json")
+    if not file.is_file():
+        raise InputError(
+            f"The file {file} does not exist; give a sweep (.nc), or what iriftrace measure or "
+            "correct wrote."
+        )
     try:
         values = json.loads(file.read_text(encoding="utf-8"))
         known = values["schema"] in SCHEMAS

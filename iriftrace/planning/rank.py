@@ -147,12 +147,13 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     messages = []
     if same := [name for name in needed if name in constant]:
         messages.append(
-            f"The ranked poses ({len(order)}) do not differ in {', '.join(same)}, which therefore "
+            f"The ranked poses ({len(order)}) do not differ in "
+            f"{', '.join(_called(name, criteria) for name in same)}, which therefore "
             "counts 0 in the score."
         )
     messages += [
-        f"The ranked poses differ in {name} by {100 * spreads[name]:.2g} % only, which the "
-        "normalisation stretches so that it decides as much as the others; give it the weight 0 "
+        f"The ranked poses differ in {_called(name, criteria)} by {100 * spreads[name]:.2g} % only, "
+        "which the normalisation stretches so that it decides as much as the others; give it the weight 0 "
         "if so little does not matter."
         for name in needed
         if _ROUNDING < spreads[name] < _LITTLE
@@ -173,6 +174,12 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
         criteria=criteria,
         warnings=tuple(messages),
     )
+
+
+def _called(name: str, criteria: Criteria) -> str:
+    """One of `METRICS` as messages call it."""
+    errors = {"normal": "error along the normal", "features": "error of diameters"}
+    return errors.get(criteria.criterion or "", name) if name == "displacement" else name
 
 
 def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:
@@ -354,7 +361,10 @@ def _candidates(
                 "compared by it; choose another reading or sweep again with this one."
             )
         for pose in np.flatnonzero(rich & ~known).tolist():
-            reasons[pose] = f"{reasons[pose]}, {name}" if pose in reasons else f"no value of {name}"
+            called = _called(name, criteria)
+            reasons[pose] = (
+                f"{reasons[pose]}, {called}" if pose in reasons else f"no value of {called}"
+            )
         eligible &= known
     if not eligible.any():
         raise InputError(
