@@ -152,9 +152,9 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
             "counts 0 in the score."
         )
     messages += [
-        f"The ranked poses differ in {_called(name, criteria)} by {100 * spreads[name]:.2g} % only, "
-        "which the normalisation stretches so that it decides as much as the others; give it the weight 0 "
-        "if so little does not matter."
+        f"The ranked poses differ in {_called(name, criteria)} by {100 * spreads[name]:.2g} % "
+        "only, which the normalisation stretches so that it decides as much as the others; give "
+        "it the weight 0 if so little does not matter."
         for name in needed
         if _ROUNDING < spreads[name] < _LITTLE
     ]
