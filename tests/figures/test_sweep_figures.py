@@ -550,3 +550,19 @@ def test_drawing_leaves_pyplot_alone() -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_scattered_poses_are_all_there() -> None:
+    found = summary_of(sweep(fibonacci_poses(ORBIT, 30)))
+    axes = all_axes(map_figure(found, found.coverage))[0]
+    dots = axes.collections[0].get_offsets()
+    marks = [line for line in axes.lines if line.get_markerfacecolor() == "none"]
+    assert len(dots) + len(marks[0].get_xdata()) == 30
+
+
+def test_a_single_pose_can_be_drawn(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match="do not differ"):
+        one = summary_of(sweep(GRID.take([5]), empty=()))
+    assert len(sweep_charts(one)) == 9
+    figure = sweep_scene_figure(one, one.displacement, Surroundings())
+    write_figure(figure, tmp_path / "scene.png")
