@@ -7,7 +7,7 @@ from pathlib import Path
 from iriftrace.image.aov_image import Status
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of, names
-from iriftrace.trace.render import render_scene
+from iriftrace.trace.pose_image import pose_image
 from validation.line import Line, Section
 
 MOST_MISCOUNTED_PERCENT = 0.01
@@ -17,20 +17,21 @@ def _lines(folder: Path) -> list[Line]:
     lines = []
     for name in names():
         scene = load_scene(folder_of(name) / "scene.xml", engine="shells")
-        rays = render_scene(scene).metrics.rays
-        counts = {status.key: rays.of(status) for status in Status}
+        image = pose_image(scene)
+        counts = {status.key: int((image.status == status).sum()) for status in Status}
+        launched, hit = image.status.size, int((image.channels["part.face"] > 0).sum())
         ending = ", ".join(f"{count:,} {key}" for key, count in counts.items())
         lines.append(
             Line(
                 f"{name}: rays without a status",
-                f"{rays.launched:,} launched",
+                f"{launched:,} launched",
                 ending,
-                rays.launched - sum(counts.values()),
+                launched - sum(counts.values()),
                 0,
                 "rays",
             )
         )
-        share = 100 * (counts["gave_up"] + counts["index_mismatch"]) / rays.hit
+        share = 100 * (counts["gave_up"] + counts["index_mismatch"]) / hit
         lines.append(
             Line(
                 f"{name}: hits given up, or with index steps that do not add up",
