@@ -1,4 +1,4 @@
-"""What a simulation shows of itself: the step in hand, the state of the flow, the time it takes."""
+"""Progress of a simulation: the step in hand, the state of the flow, the time it takes."""
 
 from __future__ import annotations
 

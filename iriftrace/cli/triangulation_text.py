@@ -1,4 +1,4 @@
-"""What the commands ``measure`` and ``correct`` say of the field and of fitted features."""
+"""Sentences of ``measure`` and ``correct`` on the field and on fitted features."""
 
 from __future__ import annotations
 

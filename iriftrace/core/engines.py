@@ -11,7 +11,7 @@ ENGINES = {
     "shells": "nested shells of equal refractive index",
     "cells": "ray equation through the field's own cells, order 4",
 }
-"""What can be insisted on, and what it is."""
+"""Engines that can be insisted on, with their descriptions."""
 
 
 class Bending(StrEnum):

@@ -12,9 +12,6 @@ from iriftrace.image.camera_motion import OUTLIER
 NEAREST = 4
 """Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
 
-HIDDEN = 0.25
-"""Systematic part of the shifts, over their noise, that a residual as large as the noise hides."""
-
 MOST_OUTLIERS = 0.02
 """A larger fraction of dots far from the fit are no outliers but air that the members are not."""
 
@@ -59,7 +56,8 @@ class ShiftMixture:
             self.used = inside
         freedom = self._target.size - (self.weights > 0).sum() + 1 - (6 if free is not None else 0)
         rest = self._columns @ self.weights - self._target
-        self.residual = float(np.sqrt((rest**2).sum() / max(freedom, 1)))
+        self._freedom = max(int(freedom), 1)
+        self.residual = float(np.sqrt((rest**2).sum() / self._freedom))
 
     @property
     def motion(self) -> FloatArray | None:
@@ -79,9 +77,10 @@ class ShiftMixture:
     def covariance(self, noise: float) -> FloatArray:
         """(k, k) covariance of the weights, by the noise of a component, px, and the residual.
 
-        The residual counts as noise of the shifts, which scatters the weights. Its systematic part,
-        at least `HIDDEN` times the noise, counts as a step towards each of the nearest members, and
-        as more or less of all shifts.
+        The residual counts as noise of the shifts, which scatters the weights. Its systematic part
+        counts as a step towards each of the nearest members, and as more or less of all shifts. It
+        is what the squared residual has more than that of the noise, and two of its standard
+        deviations, sqrt(2 / f) of it each for f degrees of freedom, which no residual shows.
         """
         count = len(self.weights)
         found = np.zeros((count, count))
@@ -98,7 +97,8 @@ class ShiftMixture:
         size = np.sqrt(np.mean((self._columns @ steps.T) ** 2, axis=0))
         near = np.argsort(size)
         near = near[size[near] > 1e-9 * size.max()][:NEAREST]
-        systematic = np.sqrt(max(self.residual**2 - noise**2, 0.0) + (HIDDEN * noise) ** 2)
+        hidden = 2.0 * noise**2 * np.sqrt(2.0 / self._freedom)
+        systematic = np.sqrt(max(self.residual**2 - noise**2, 0.0) + hidden)
         scaled = steps[near] * (systematic / size[near])[:, None]
         found += scaled.T @ scaled
         whole = max(float(np.sqrt(np.mean((self._columns @ self.weights) ** 2))), systematic)

@@ -250,7 +250,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
 
 
 AnyScene = Scene | LoadedScene | str | PathLike[str]
-"""What is traced: a scene of objects, a scene of files that was loaded, or the name of its file."""
+"""A scene of objects, a scene of files that was loaded, or the name of its file."""
 
 
 def loaded_scene(scene: AnyScene) -> LoadedScene:

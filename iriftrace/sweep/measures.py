@@ -154,6 +154,9 @@ RIG: dict[str, Measure] = {
     "coverage_measured": Measure(
         ("scan", "coverage"), "1", "area of the faces with measured points over the area"
     ),
+    "points_lost": Measure(
+        ("scan", "lost"), "1", "points whose rays are lost", count=True, regional=False
+    ),
     "points_measured": Measure(("scan", "points"), "1", "points that both devices see", count=True),
 }
 """Of a sensor with two devices only."""

@@ -16,7 +16,7 @@ from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.rays import is_inside
 from iriftrace.triangulation.feature_table import found_features
-from iriftrace.triangulation.scan import Scan, measure
+from iriftrace.triangulation.scan import Scan, ScanStatus, measure
 
 FEWEST_POINTS = 100
 """Points of a region below which nothing is stated of it; as rays of a picture."""
@@ -63,10 +63,11 @@ def add_measured(
 
     The key ``scan`` for the whole part and for each region: ``points``, ``coverage`` (area of the
     faces with points over the area), ``error_normal_mm`` (mean, median, p95 and rms of the size of
-    the error along the normal, and the median with its sign, ``bias``; of an ensemble the median
-    ``scatter``), nothing for fewer than `FEWEST_POINTS`; ``size_mm``, the error of the region's
-    diameter where it is a cylinder or sphere, of the whole part the largest one. Nothing measured
-    is no error; ``failure`` says why.
+    the error along the normal, and the median with its sign, ``bias``) and of an ensemble
+    ``scatter_normal_mm``, nothing for fewer than `FEWEST_POINTS`; ``size_mm``, the error of the
+    region's diameter where it is a cylinder or sphere, of the whole part the largest one, and of an
+    ensemble its ``size_scatter_mm``. For the whole part also ``lost``, points whose rays are lost.
+    That nothing can be measured is no error.
     """
     found = _measured_by(scene, camera, second)
     metrics["scan"] = found.pop("part")
@@ -77,19 +78,22 @@ def add_measured(
 def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> dict[str, Any]:
     part = scene.part
     if is_inside(scene, second.matrix[None, :3, 3]).any():
-        return _nothing(part, "the second device stands in the hot air or in the part")
+        return _nothing(part)
     try:
         with warnings.catch_warnings():
-            # Said once for the sweep, and not for every pose.
+            # The sweep's flags say it of all poses.
             warnings.simplefilter("ignore", IriftraceWarning)
             scan = measure(scene, camera, second)
             sizes = _size_errors(scan, part)
-    except InputError as error:
-        return _nothing(part, str(error))
+    except InputError:
+        return _nothing(part)
     everything = np.ones(len(part.faces), dtype=bool)
     largest = max(sizes.values(), key=lambda size: abs(size.error_mm), default=None)
     return {
-        "part": _of(scan, part, everything, largest),
+        "part": {
+            **_of(scan, part, everything, largest),
+            "lost": int((scan.status == ScanStatus.LOST).sum()),
+        },
         **{
             name: _of(scan, part, part.region_of_face == number, sizes.get(name))
             for number, name in enumerate(part.region_names)
@@ -97,11 +101,8 @@ def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> dict[str
     }
 
 
-def _nothing(part: Part, why: str) -> dict[str, Any]:
-    return {
-        name: {"points": 0, "coverage": 0.0, "failure": why}
-        for name in ("part", *part.region_names)
-    }
+def _nothing(part: Part) -> dict[str, Any]:
+    return {name: {"points": 0, "coverage": 0.0} for name in ("part", *part.region_names)}
 
 
 def _of(scan: Scan, part: Part, faces: BoolArray, size: _Size | None) -> dict[str, Any]:

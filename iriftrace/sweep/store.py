@@ -211,9 +211,11 @@ def scene_of_pose(dataset: xr.Dataset, pose: int) -> dict[str, Any]:
 def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
     """Mask (n,) of the poses whose rays were bent by the field's cells."""
     count = dataset.sizes["pose"]
-    asked = [scene_of_pose(dataset, pose).get("engine") == "cells" for pose in range(count)]
+    names = dataset["scene"].values.astype(str) if "scene" in dataset else np.zeros(count)
+    _, first, scene = np.unique(names, return_index=True, return_inverse=True)
+    asked = [scene_of_pose(dataset, int(pose)).get("engine") == "cells" for pose in first]
     chosen = dataset["through_cells"].values == 1 if "through_cells" in dataset else False
-    found: BoolArray = np.array(asked) | chosen
+    found: BoolArray = np.array(asked)[scene] | chosen
     return found
 
 

@@ -39,7 +39,7 @@ FLAGS = (
     Flag("open_boundary", "o", f"over {SHARE:.0%} of the rays pass an open end of the data"),
     Flag("out_of_focus", "f", f"over {SHARE:.0%} of the hits out of focus"),
     Flag("part_beyond_picture", "b", "part reaches beyond the picture"),
-    Flag("rays_lost", "l", f"over {LOST_LIMIT:.1%} of the hits lost (status 5 or 6)"),
+    Flag("rays_lost", "l", f"over {LOST_LIMIT:.1%} of the hits or points lost"),
 )
 """In the order of their bits, the lowest first."""
 
@@ -50,10 +50,14 @@ def warned_variable(dataset: xr.Dataset) -> tuple[tuple[str], IntArray, dict[str
     counts = ("rays_good", "rays_hit", "hits_at_border", "rays_out_of_focus", "rays_open_boundary")
     good, hit, beyond, blurred, passed = (whole[name].values.astype(np.float64) for name in counts)
     lost = sum(whole[f"rays_{status.key}"].values for status in Status if status.lost)
+    missing = np.zeros(len(good), dtype=np.bool_)
+    if "points_lost" in whole:
+        points, gone = (whole[f"points_{name}"].values for name in ("measured", "lost"))
+        missing = gone > LOST_LIMIT * (points + gone)
     coarse = (whole["engine_test_p95"].values > LIMIT) & (whole["through_cells"].values != 1)
     found = (
         *(coarse, passed > SHARE * good, blurred > SHARE * hit, (beyond > 0) | (hit == 0)),
-        lost > LOST_LIMIT * hit,
+        (lost > LOST_LIMIT * hit) | missing,
     )
     flags = sum((one & (good >= 0)).astype(np.int8) << bit for bit, one in enumerate(found))
     attributes = {

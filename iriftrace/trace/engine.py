@@ -1,4 +1,4 @@
-"""Which description of the air bends a scene's rays: its shells, or its cells where they must.
+"""Choice of the description of the air that bends rays: shells, or cells where they must.
 
 There is one test on one sample of rays: shells suffice where hits hardly move when every second
 shell is left out. Where lines of sight run along the layers, as straight down a plume, they move by
@@ -49,7 +49,7 @@ _WHEN = (
 )
 
 CHANGE = "change of the hits without every second shell, 95th percentile"
-"""What `EngineTest.p95_mm` is."""
+"""Name of `EngineTest.p95_mm` in files."""
 
 View = Camera | tuple[FloatArray, FloatArray] | None
 """Rays of a test: a camera's, a bundle's (origins, mm, and directions, (n, 3) each), or those of

@@ -1,4 +1,4 @@
-"""What was measured of each region of a part."""
+"""Table of the measured points and their errors by region of a part."""
 
 from __future__ import annotations
 

@@ -46,6 +46,7 @@ def counted(**numbers: list[float]) -> xr.Dataset:
         ({"rays_out_of_focus": [5, 6]}, {"out_of_focus": [1]}),
         ({"hits_at_border": [0, 1]}, {"part_beyond_picture": [1]}),
         ({"rays_gave_up": [0, 1, 0], "rays_index_mismatch": [0, 0, 1]}, {"rays_lost": [1, 2]}),
+        ({"points_measured": [200, 150], "points_lost": [1, 1]}, {"rays_lost": [1]}),
         ({"rays_hit": [100, 0], "rays_good": [100, 0]}, {"part_beyond_picture": [1]}),
         # A pose that failed: nothing was counted.
         ({"rays_hit": [-1], "rays_good": [-1], "hits_at_border": [-1]}, {}),
