@@ -70,9 +70,15 @@ def hot_block_part() -> Part:
     return part_of_mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces), name="block")
 
 
-def measured_shifts(scene: Scene, noise_px: float, seed: int = 1) -> MeasuredShift:
-    """Shifts of the board's dots in the air of a scene, with noise; hidden dots are left out."""
-    dots = BOARD.centres @ UPRIGHT[:3, :3].T + UPRIGHT[:3, 3]
+def measured_shifts(
+    scene: Scene,
+    noise_px: float,
+    seed: int = 1,
+    board: Board = BOARD,
+    to_world: FloatArray = UPRIGHT,
+) -> MeasuredShift:
+    """Shifts of a board's dots in the air of a scene, with noise; hidden dots are left out."""
+    dots = board.centres @ to_world[:3, :3].T + to_world[:3, 3]
     cold = scene.camera.project(dots)
     size = np.array(scene.camera.resolution)
     cold = cold[(np.abs(cold - 0.5 * size) < 0.48 * size).all(axis=1)]
