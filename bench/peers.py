@@ -81,7 +81,7 @@ def peer_over_trace(scene: LoadedScene, repeats: int) -> tuple[float, int]:
     loop = EmbreeLoop(scene)
     image = pose_image(scene)
     row, column = np.nonzero(image.channels["part.face"] > 0)
-    origin, direction = image.camera.rays(np.column_stack((column, row)) + 0.5)
+    origin, direction = image.camera.rays(np.column_stack((column, row)))
     ratios = []
     for _ in range(repeats):
         started = time.perf_counter()

@@ -33,8 +33,8 @@ def sensor_of(camera: Camera) -> Any:
             "focal_length": camera.focal_length_mm,
             "sensor_width": camera.sensor_mm[0],
             "sensor_height": camera.sensor_mm[1],
-            "principal_point_x": camera.principal_point_px[0],
-            "principal_point_y": camera.principal_point_px[1],
+            "principal_point_x": camera.principal_point_px[0] + 0.5,
+            "principal_point_y": camera.principal_point_px[1] + 0.5,
             **({} if camera.distortion is None else camera.distortion.as_dict()),
             "focus_near": near,
             **({"focus_far": far} if math.isfinite(far) else {}),
@@ -97,9 +97,9 @@ def plugin_class(variant: str) -> type:
         Rays are its inverse, by Newton's method, to 1e-10 px. Coefficients that fold the picture
         (two directions at one place) are refused. Without them nothing of this is computed.
 
-        Pixel ``i`` covers ``[i, i + 1)`` and its centre is ``i + 0.5``; OpenCV counts centres as
-        whole numbers, so add 0.5 to its principal point (in a calibration file it is as OpenCV
-        counts). ``first_hit`` asks for rays in double precision (``rays64``); other integrators get
+        As on Mitsuba's film pixel ``i`` covers ``[i, i + 1)`` and its centre is ``i + 0.5``; OpenCV
+        and `iriftrace.Camera` count centres as whole numbers, so add 0.5 to their principal point
+        (in a calibration file it is as OpenCV counts). ``first_hit`` asks for rays in double precision (``rays64``); other integrators get
         the same in single precision. No aperture.
 
         .. code-block:: xml

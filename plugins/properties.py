@@ -133,8 +133,8 @@ def camera_of(props: Any, resolution: tuple[int, int]) -> Camera:
         sensor_mm=(number(props, "sensor_width"), number(props, "sensor_height")),
         resolution=resolution,
         principal_point_px=(
-            number(props, "principal_point_x", resolution[0] / 2),
-            number(props, "principal_point_y", resolution[1] / 2),
+            number(props, "principal_point_x", resolution[0] / 2) - 0.5,
+            number(props, "principal_point_y", resolution[1] / 2) - 0.5,
         ),
         focus_mm=focus,
         matrix=_UNPLACED if pose is None else pose,

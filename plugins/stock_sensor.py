@@ -51,7 +51,10 @@ class StockSensor:
                 focal_length_mm=0.5 / half,
                 sensor_mm=(1.0, height / width),
                 resolution=(width, height),
-                principal_point_px=(width * (0.5 - offset[0]), height * (0.5 - offset[1])),
+                principal_point_px=(
+                    width * (0.5 - offset[0]) - 0.5,
+                    height * (0.5 - offset[1]) - 0.5,
+                ),
                 matrix=flip_axes(pose),
             )
         else:

@@ -115,7 +115,7 @@ class Calibration:
             focal_length_mm=across * pixel_size_mm,
             sensor_mm=(width * pixel_size_mm, height * pixel_size_mm * across / down),
             resolution=self.resolution,
-            principal_point_px=(self.centre_px[0] + 0.5, self.centre_px[1] + 0.5),
+            principal_point_px=self.centre_px,
             distortion=self.distortion,
             **more,
         )

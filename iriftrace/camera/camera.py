@@ -1,8 +1,8 @@
 """The camera a user describes: intrinsics, focus interval and pose, in plain NumPy.
 
-Frame of the camera: x right, y down, z forward (the computer-vision convention). Pixel ``i``
-covers ``[i, i + 1)``, so its centre lies at ``i + 0.5``; OpenCV's principal point is therefore 0.5
-smaller.
+Frame of the camera: x right, y down, z forward. Image positions count as in OpenCV: the centre of
+the first pixel is (0, 0), so pixel ``i`` covers ``[i - 0.5, i + 0.5)``. Mitsuba's film counts from
+the pixel's edge, 0.5 more; the plugins add it.
 
 With lens distortion the picture's places are turned into those of a pinhole camera and back by
 `iriftrace.camera.distortion`; without it nothing of that is computed.
@@ -28,7 +28,7 @@ from iriftrace.camera.distortion import (
     undistorted,
 )
 from iriftrace.camera.pose_set import fixed
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import unit_vectors
 
@@ -61,10 +61,10 @@ class Camera:
     sensor_mm : (2,) sequence, mm
         Width and height of the sensor; of the field of view for an orthographic camera.
     resolution : (2,) sequence of int
-        Pixels across and down, which need not be square. Pixel ``i`` covers ``[i, i + 1)``: its
-        centre lies at ``i + 0.5``, where OpenCV counts ``i``.
+        Pixels across and down, which need not be square.
     principal_point_px : (2,) sequence, px, optional
-        Where the optical axis meets the sensor; the sensor's centre by default.
+        Where the optical axis meets the sensor, as OpenCV's ``cx, cy``: the centre of the first
+        pixel is (0, 0). The sensor's centre by default.
     focus_mm : (2,) sequence, mm
         Nearest and farthest distance along the ray at which the picture is sharp.
     matrix : (4, 4) array
@@ -94,7 +94,7 @@ class Camera:
     def __attrs_post_init__(self) -> None:
         point = self.principal_point_px
         if point is None:
-            point = (self.resolution[0] / 2, self.resolution[1] / 2)
+            point = ((self.resolution[0] - 1) / 2, (self.resolution[1] - 1) / 2)
         object.__setattr__(self, "principal_point_px", _pair(point))
         _check(self)
         if self.distortion is not None:
@@ -136,7 +136,7 @@ class Camera:
         before it.
         """
         assert self.distortion is not None
-        ends = self._normalised(np.array(((0, 0), self.resolution), dtype=np.float64))
+        ends = self._normalised(self.corners[[0, 2]])
         upper_left, lower_right = (tuple(end) for end in ends.tolist())
         field = seen_field(self.distortion, upper_left, lower_right)
         if field is None:
@@ -148,9 +148,21 @@ class Camera:
             )
         return field
 
+    @property
+    def corners(self) -> FloatArray:
+        """(4, 2) outer corners of the picture, px, clockwise from the upper left one."""
+        x, y = self.resolution
+        return np.array(((0, 0), (x, 0), (x, y), (0, y)), dtype=np.float64) - 0.5
+
+    def holds(self, places: ArrayLike) -> BoolArray:
+        """(n,) mask of the image positions (n, 2), px, that lie in the picture; of NaN False."""
+        upper_left, _, lower_right, _ = self.corners
+        places = np.asarray(places)
+        return np.asarray(((places >= upper_left) & (places <= lower_right)).all(axis=1))
+
     def _pixel_centres(self) -> FloatArray:
         """(n, 2) centres of all pixels, px, row by row."""
-        columns, rows = np.meshgrid(*(np.arange(n) + 0.5 for n in self.resolution))
+        columns, rows = np.meshgrid(*(np.arange(n, dtype=np.float64) for n in self.resolution))
         return np.stack((columns.ravel(), rows.ravel()), axis=1)
 
     def _normalised(self, pixels: FloatArray) -> FloatArray:
@@ -181,7 +193,10 @@ class Camera:
             raise InputError(f"scale is {scale}, so no pixel is left; give a positive number.")
         (width, height), (x, y) = self.resolution, self.principal_point_px
         resolution = max(1, round(width * scale)), max(1, round(height * scale))
-        point = x * resolution[0] / width, y * resolution[1] / height
+        point = (
+            (x + 0.5) * resolution[0] / width - 0.5,
+            (y + 0.5) * resolution[1] / height - 0.5,
+        )
         return evolve(self, resolution=resolution, principal_point_px=point)
 
     def without_distortion(self) -> Camera:
@@ -191,7 +206,7 @@ class Camera:
         seen, f = self.seen_field, self.focal_length_mm
         low, high = np.array(seen.lowest), np.array(seen.highest)
         size = f * (high - low)
-        point = -f * low / size * self.resolution
+        point = -f * low / size * self.resolution - 0.5
         return evolve(self, sensor_mm=size, principal_point_px=_pair(point), distortion=None)
 
     def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
@@ -211,8 +226,8 @@ class Camera:
         Parameters
         ----------
         pixels : (n, 2) array, px, optional
-            Positions in the picture, a pixel's centre at ``i + 0.5``; by default every pixel's
-            centre, row by row.
+            Positions in the picture, a pixel's centre at whole numbers; by default every
+            pixel's centre, row by row.
 
         Returns
         -------
@@ -264,7 +279,7 @@ class Camera:
         Returns
         -------
         (n, 2) array, px
-            NaN for points that are not in front of a pinhole camera, or so far beside the picture
+            The centre of the first pixel is (0, 0). NaN for points that are not in front of a pinhole camera, or so far beside the picture
             that the distortion is not defined.
         """
         local = self.to_camera(points)
@@ -297,7 +312,7 @@ class Camera:
             angle: FloatArray = self.pixel_area_mm2 / self.focal_length_mm**2 / stretch
             return angle.reshape(self.resolution[::-1])
         edges = [
-            (np.arange(n + 1) - c) * pitch
+            (np.arange(n + 1) - 0.5 - c) * pitch
             for n, c, pitch in zip(
                 self.resolution, self.principal_point_px, self.pixel_pitch_mm, strict=True
             )

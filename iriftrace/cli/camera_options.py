@@ -60,7 +60,8 @@ class CameraOptions:
     resolution
         Pixels across and down, "2448,2048".
     principal_point
-        Where the axis meets the sensor in pixels from the upper left corner, "1224,1024".
+        Where the axis meets the sensor in pixels as OpenCV counts them, from the centre of the
+        first one, "1223.5,1023.5".
     distortion
         Lens distortion in OpenCV's order k1,k2,p1,p2[,k3[,k4,k5,k6]].
     calibration
@@ -136,7 +137,7 @@ class CameraOptions:
             focal_length_mm=self.focal_length,
             sensor_mm=self.sensor,
             resolution=(int(width), int(height)),
-            principal_point_px=self.principal_point or (width / 2, height / 2),
+            principal_point_px=self.principal_point or ((width - 1) / 2, (height - 1) / 2),
             focus_mm=self.focus or FOCUS_MM,
             distortion=lens,
         )

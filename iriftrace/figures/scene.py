@@ -183,8 +183,7 @@ def sight_lines(camera: Camera, part: Part) -> list[tuple[str, FloatArray]]:
     near, far = camera.focus_mm
     # A far end that lies well behind the part would make the part small in the picture.
     reach = min(far, 1.3 * float(distances.max()))
-    width, height = camera.resolution
-    corners = np.array([(0, 0), (width, 0), (width, height), (0, height)], dtype=np.float64)
+    corners = camera.corners
     shares = np.linspace(0.0, 1.0, 17)[:-1, None]
     sides = [a + shares * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)]
     border = np.concatenate([*sides, corners[:1]])

@@ -140,7 +140,7 @@ _OUTCOMES = {
 class AovImage:
     """Per-pixel results of one pose and where they come from.
 
-    Row i and column j of a channel belong to the ray through the pixel's centre (j + 0.5, i + 0.5).
+    Row i and column j of a channel belong to the ray through the pixel's centre (j, i).
 
     Attributes
     ----------

@@ -167,10 +167,9 @@ def compare(
             f"{measured.path} is a map of {theirs} pixels, but the rendering has {ours}, so pixels "
             "do not correspond; render at the camera's resolution (-D scale=1)."
         )
-    beyond = (measured.places < 0) | (measured.places > image.resolution)
-    outside = np.any(beyond, axis=1)
+    outside = ~image.camera.holds(measured.places)
     if outside.any():
-        u, v = measured.places[outside][0] - 0.5
+        u, v = measured.places[outside][0]
         width, height = image.resolution
         raise InputError(
             f"{outside.sum()} of {len(outside)} places of {measured.path} lie outside the "
@@ -241,7 +240,7 @@ def _interpolated(
 ) -> tuple[FloatArray, BoolArray]:
     """Linear between pixel centres; known where all the pixels that count there are good."""
     height, width = good.shape
-    across, down = places[:, 0] - 0.5, places[:, 1] - 0.5
+    across, down = places.T
     column, row = np.floor(across), np.floor(down)
     total = np.zeros((len(places), values.shape[2]))
     known = np.ones(len(places), dtype=np.bool_)

@@ -32,7 +32,7 @@ class DisplacementMap:
 class ShiftMap:
     """Shift of every pixel's picture: `pixels` (height, width, 2), px, x right and y down.
 
-    Row i, column j belongs to the pixel with its centre at (j + 0.5, i + 0.5). `good` tells whether
+    Row i, column j belongs to the pixel with its centre at (j, i). `good` tells whether
     the pixel's ray counts; the shift is 0 where it does not.
     """
 

@@ -32,7 +32,7 @@ class MeasuredShift:
     Attributes
     ----------
     places : (n, 2) array, px
-        Image positions; pixel ``i`` covers ``[i, i + 1)``.
+        Image positions; the centre of the first pixel is (0, 0).
     shifts : (n, 2) array, px
     resolution : (2,) int or None
         Width and height of a map; None for markers.
@@ -79,7 +79,7 @@ def read_measured_shift(path: str | Path) -> MeasuredShift:
         height, width = field.shape[:2]
         resolution = (width, height)
         row, column = np.nonzero(np.isfinite(field).all(axis=2))
-        places = np.stack((column, row), axis=1).astype(np.float64) + 0.5
+        places = np.stack((column, row), axis=1).astype(np.float64)
         shifts = field[row, column]
     else:
         places, shifts = _markers(file)
@@ -161,4 +161,4 @@ def _markers(file: Path) -> tuple[FloatArray, FloatArray]:
             ) from None
     table = np.array(values, dtype=np.float64).reshape(-1, 4)
     table = table[np.isfinite(table).all(axis=1)]
-    return table[:, :2] + 0.5, table[:, 2:]
+    return table[:, :2], table[:, 2:]

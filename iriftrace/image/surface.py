@@ -75,7 +75,7 @@ def write_surface(path: str | Path, image: AovImage, part: Part) -> None:
 def _straight_hits(image: AovImage, part: Part, pixels: np.ndarray) -> FloatArray:
     """(n, 3) points, mm, world, where lines of sight meet the planes of the faces they hit."""
     row, column = np.divmod(pixels, image.resolution[0])
-    origin, direction = image.camera.rays(np.stack((column, row), axis=1) + 0.5)
+    origin, direction = image.camera.rays(np.stack((column, row), axis=1))
     face = np.rint(image.channels["part.face"].ravel()[pixels]).astype(np.int64) - 1
     normal = part.face_normals[face]
     height = part.face_offsets[face] - np.einsum("ij,ij->i", normal, origin)

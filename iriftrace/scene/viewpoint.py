@@ -105,7 +105,7 @@ def _in_picture(camera: Camera, points: FloatArray, filled: float = 1.0) -> Bool
     size = np.array(camera.resolution)
     place = camera.project(points)
     # NaN, behind the camera, compares as outside.
-    off: FloatArray = np.max(np.abs(place - 0.5 * size) / size, axis=1)
+    off: FloatArray = np.max(np.abs(place - 0.5 * (size - 1)) / size, axis=1)
     return np.asarray(off <= 0.5 * filled)
 
 

@@ -307,8 +307,8 @@ def sensor_lines(camera: Camera, name: str) -> list[str]:
         f'        <float name="focal_length" value="{camera.focal_length_mm!r}"/>',
         f'        <float name="sensor_width" value="{camera.sensor_mm[0]!r}"/>',
         f'        <float name="sensor_height" value="{camera.sensor_mm[1]!r}"/>',
-        f'        <float name="principal_point_x" value="{camera.principal_point_px[0]!r}"/>',
-        f'        <float name="principal_point_y" value="{camera.principal_point_px[1]!r}"/>',
+        f'        <float name="principal_point_x" value="{camera.principal_point_px[0] + 0.5!r}"/>',
+        f'        <float name="principal_point_y" value="{camera.principal_point_px[1] + 0.5!r}"/>',
         *(
             f'        <float name="{key}" value="{value!r}"/>'
             for key, value in (camera.distortion.as_dict() if camera.distortion else {}).items()

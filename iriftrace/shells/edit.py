@@ -182,9 +182,7 @@ def _sides_of_view(camera: Camera) -> tuple[FloatArray, FloatArray]:
     the smallest picture without distortion that holds all, where the lens distorts).
     """
     camera = camera.without_distortion()
-    width, height = camera.resolution
-    corners = np.array([(0, 0), (width, 0), (width, height), (0, height)], dtype=float)
-    origins, directions = camera.rays(corners)
+    origins, directions = camera.rays(camera.corners)
     tips = origins + directions
     sides = unit_vectors(np.cross(np.roll(tips, -1, axis=0) - tips, directions))
     middle = tips.mean(axis=0)

@@ -225,8 +225,7 @@ def _full_camera(scene: LoadedScene) -> Camera:
 
 def _check_in_picture(shifts: MeasuredShift, camera: Camera) -> None:
     width, height = camera.resolution
-    off = np.abs(shifts.places - (width / 2, height / 2)) - (width / 2, height / 2)
-    outside = off.max(axis=1) > 0.0
+    outside = ~camera.holds(shifts.places)
     if outside.any():
         raise InputError(
             f"{outside.sum():,} of {len(outside):,} dots in {shifts.path} lie outside the camera's "

@@ -75,7 +75,7 @@ def trace_rays(
 ) -> RayHits:
     """Trace any bundle of rays: a projector's, a laser sheet's, a random pencil.
 
-    Those of a camera come from `Camera.rays`; the centre of pixel ``i`` lies at ``i + 0.5`` there.
+    Those of a camera come from `Camera.rays`.
     What bends the rays is chosen by :func:`iriftrace.trace.engine.choose`, unless an engine was
     asked for; ask for one where bundles are compared, as for derivatives by finite differences.
 

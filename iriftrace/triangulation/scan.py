@@ -465,7 +465,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
     turned = np.prod(list(sides), axis=0) <= 0
     with np.errstate(invalid="ignore"):
         places = solved.project(true)
-        inside = ((places >= 0) & (places <= solved.resolution)).all(axis=1)
+        inside = solved.holds(places)
     codes = np.select(
         [~inside, (distance < near) | (distance > far), turned],
         [ScanStatus.OUTSIDE_PICTURE, ScanStatus.OUT_OF_FOCUS, ScanStatus.SHADOW],
@@ -506,7 +506,7 @@ def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, ph
         normal=normal[kept],
         gap=gap,
         angle=angle,
-        pixel=seen_at - 0.5,
+        pixel=seen_at,
         face=face[kept],
         status=status.reshape(shape),
         system=system,
@@ -538,10 +538,10 @@ def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:
 def _pixels(device: Camera, sheet: bool) -> tuple[FloatArray, NDArray[np.uint32], tuple[int, int]]:
     """Positions of a device's rays, px, in tiles; their row-major numbers; rows and columns."""
     width, height = device.resolution
-    columns = np.array([width / 2]) if sheet else np.arange(width) + 0.5
+    columns = np.array([(width - 1) / 2]) if sheet else np.arange(width, dtype=np.float64)
     number = pixels_in_tiles(len(columns), height)
     row, column = np.divmod(number, len(columns))
-    return np.column_stack((columns[column], row + 0.5)), number, (height, len(columns))
+    return np.column_stack((columns[column], row)), number, (height, len(columns))
 
 
 def _towards_part(device: Camera, part: Part, pixels: FloatArray) -> NDArray[np.bool_]:
@@ -562,8 +562,8 @@ def triangulated(
         return nearest_point(camera.origin, a, second.origin, b)
     if system == "laser":
         # The plane of the laser's middle column.
-        middle = second.resolution[0] / 2
-        _, (top, bottom) = second.rays(((middle, 0.0), (middle, second.resolution[1])))
+        middle, height = (second.resolution[0] - 1) / 2, second.resolution[1]
+        _, (top, bottom) = second.rays(((middle, -0.5), (middle, height - 0.5)))
         across = np.cross(top, bottom)
         normal = np.broadcast_to(across / np.linalg.norm(across), a.shape)
     else:

@@ -43,7 +43,7 @@ class Projection:
             mi.Vector3d(*(opaque(x) for x in matrix[:3, axis])) for axis in range(3)
         )
         self.origin = mi.Point3d(*(opaque(x) for x in matrix[:3, 3]))
-        self.centre_x, self.centre_y = (opaque(x) for x in description["principal_point_px"])
+        self.centre_x, self.centre_y = (opaque(x + 0.5) for x in description["principal_point_px"])
         self.pitch_x, self.pitch_y = (
             opaque(size / count)
             for size, count in zip(description["sensor_mm"], description["resolution"], strict=True)

@@ -33,7 +33,7 @@ def test_camera_of_opencvs_file_projects_as_opencv_does(tmp_path: Path, name: st
     assert camera.resolution == (2448, 2048)
     points = np.random.default_rng(1).uniform(-40, 40, (500, 3))
     expected, _ = cv2.projectPoints(points, RVEC, TVEC, MATRIX, COEFFICIENTS)
-    expected = expected[:, 0] + 0.5
+    expected = expected[:, 0]
     inside = ((expected > 0) & (expected < camera.resolution)).all(axis=1)
     assert inside.sum() > 300
     np.testing.assert_allclose(camera.project(points)[inside], expected[inside], rtol=0, atol=1e-8)

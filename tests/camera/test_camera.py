@@ -82,7 +82,7 @@ def test_poses_without_a_line_of_sight_are_refused(
 
 
 def test_pixel_centres_and_pitch() -> None:
-    """Pixel i covers [i, i + 1): 2.7369 x 2.7344 um, the corner pixel's ray by hand."""
+    """Pixel i covers [i - 0.5, i + 0.5): 2.7369 x 2.7344 um, the corner pixel's ray by hand."""
     camera = paper()
     np.testing.assert_allclose(
         np.multiply(camera.pixel_pitch_mm, 1e3), (2.736928, 2.734375), atol=1e-6
@@ -95,9 +95,7 @@ def test_pixel_centres_and_pitch() -> None:
     first = np.array((-1.5 * 6.7 / 4, -0.5 * 5.6 / 2, 10.0))
     np.testing.assert_allclose(directions[0], first / np.linalg.norm(first), atol=1e-15)
     # Row by row: the second ray is one pixel to the right.
-    np.testing.assert_allclose(
-        small.project(directions[:2] * 7), ((0.5, 0.5), (1.5, 0.5)), atol=1e-12
-    )
+    np.testing.assert_allclose(small.project(directions[:2] * 7), ((0, 0), (1, 0)), atol=1e-12)
 
 
 @given(POINT, st.floats(0, 2448), st.floats(0, 2048), st.floats(1, 1e4))
@@ -120,7 +118,7 @@ def test_points_behind_the_camera_have_no_image() -> None:
     camera = paper(matrix=look_at((0, -100, 0), (0, 0, 0)))
     found = camera.project([(0, -101, 0), (0, -99, 0)])
     assert np.isnan(found[0]).all()
-    np.testing.assert_allclose(found[1], (1224, 1024))
+    np.testing.assert_allclose(found[1], (1223.5, 1023.5))
 
 
 def test_orthographic_camera_is_not_moved() -> None:
@@ -139,7 +137,7 @@ def test_orthographic_camera_sees_lengths() -> None:
         matrix=look_at((0, -100, 0), (0, 0, 0)),
     )
     np.testing.assert_allclose(
-        camera.project([(1.0, 0.0, 0.0), (1.0, 77.0, -2.0)]), ((310, 125), (310, 135))
+        camera.project([(1.0, 0.0, 0.0), (1.0, 77.0, -2.0)]), ((309.5, 124.5), (309.5, 134.5))
     )
     origins, directions = camera.rays()
     np.testing.assert_array_equal(directions, np.tile((0, 1, 0), (150_000, 1)))
@@ -163,13 +161,15 @@ def test_solid_angles_sum_to_the_pyramids() -> None:
 
 
 def test_scaled_camera_sees_the_same() -> None:
-    camera = paper(principal_point_px=(1200.25, 1000.0), focus_mm=(50, 250))
+    camera = paper(principal_point_px=(1199.75, 999.5), focus_mm=(50, 250))
     half = camera.scaled(0.5)
     assert half.resolution == (1224, 1024)
-    assert half.principal_point_px == (600.125, 500.0)
+    assert half.principal_point_px == (599.625, 499.5)
     assert (half.sensor_mm, half.focus_mm) == (camera.sensor_mm, camera.focus_mm)
     point = [(3.0, 4.0, 100.0)]
-    np.testing.assert_allclose(half.project(point) * 2, camera.project(point), atol=1e-9)
+    np.testing.assert_allclose(
+        2 * (half.project(point) + 0.5), camera.project(point) + 0.5, atol=1e-9
+    )
     assert paper().scaled(1e-9).resolution == (1, 1)
 
 

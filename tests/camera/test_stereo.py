@@ -93,7 +93,7 @@ def test_both_cameras_project_as_opencv_does(tmp_path: Path) -> None:
             rig.COEFFICIENTS[number],
         )
         camera = calibration.camera(pixel_size_mm=3.45e-3, matrix=calibration.matrix)
-        assert_allclose(camera.project(points), expected[:, 0] + 0.5, rtol=0, atol=1e-6)
+        assert_allclose(camera.project(points), expected[:, 0], rtol=0, atol=1e-6)
 
 
 def test_the_unit_of_the_translation(tmp_path: Path) -> None:

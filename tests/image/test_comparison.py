@@ -39,7 +39,7 @@ def shift_at(hot: np.ndarray) -> np.ndarray:
 def box_image(camera: Camera) -> AovImage:
     mesh = trimesh.creation.box((60, 50, 40))
     width, height = camera.resolution
-    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
     return make_image(
         camera,
         make_part(mesh.vertices, mesh.faces),
@@ -93,7 +93,7 @@ def test_every_pixel_of_a_map_counts_once(image: AovImage) -> None:
     """At hot pixel centres nothing is interpolated, so that pixels at the part's edge count too."""
     good = image.status == 0
     row, column = np.nonzero(np.ones_like(good))
-    centres = np.stack((column, row), axis=1) + 0.5
+    centres = np.stack((column, row), axis=1)
     found = compare(image, measured(centres, shift_at(centres), image.resolution), positions="hot")
     assert len(found.places) == good.sum()
     assert len(found.measurement.places) - len(found.places) == good.size - good.sum()
@@ -112,7 +112,7 @@ def test_known_motion_and_noise_come_back(lens: Any, noise: float) -> None:
     image = box_image(camera)
     good = image.status == 0
     row, column = np.nonzero(good)
-    centres = np.stack((column, row), axis=1) + 0.5
+    centres = np.stack((column, row), axis=1)
     hits = image.vector("refracted", good)
     motion = np.array((0.03, -0.05, 0.08, 4e-4, -3e-4, 6e-4))
     step = np.eye(4)
@@ -135,7 +135,7 @@ def test_known_motion_and_noise_come_back(lens: Any, noise: float) -> None:
 def test_numbers_of_a_known_residual(image: AovImage, tmp_path: Path) -> None:
     """A measurement that is off by (0.3, -0.4) px everywhere."""
     row, column = np.nonzero(image.status == 0)
-    centres = np.stack((column, row), axis=1) + 0.5
+    centres = np.stack((column, row), axis=1)
     shifts = measured(centres, shift_at(centres) + np.array((0.3, -0.4)), image.resolution)
     found = compare(image, shifts, positions="hot")
     report = found.as_dict()
@@ -170,7 +170,7 @@ def test_motion_that_cannot_be_told_is_no_error() -> None:
     image = box_image(lens_camera(None).scaled(0.05))
     row = 51
     column = np.flatnonzero(image.status[row] == 0)[:4]
-    places = np.column_stack((column + 0.5, np.full(4, row + 0.5)))
+    places = np.column_stack((column, np.full(4, row)))
     for name in "XYZ":
         image.channels[f"refracted.{name}"][row, column] = (
             np.arange(4) * (0.5, 0.2, 0.1)["XYZ".index(name)]
@@ -186,8 +186,8 @@ def test_motion_that_cannot_be_told_is_no_error() -> None:
     ("resolution", "places", "message"),
     [
         ((60, 50), [(1, 1)] * 9, "60 x 50 pixels, but the rendering has 122 x 102"),
-        (None, [(9, 9)] * 8 + [(9, 103)], r"1 of 9 places .* the first at \(8.5, 102.5\)"),
-        (None, [(0.5, 0.5)] * 9, "Only 0 of 9 measured places"),
+        (None, [(9, 9)] * 8 + [(9, 103)], r"1 of 9 places .* the first at \(9, 103\)"),
+        (None, [(0, 0)] * 9, "Only 0 of 9 measured places"),
     ],
 )
 def test_measurements_of_another_picture_are_refused(
@@ -217,7 +217,7 @@ def test_markers_on_a_scaled_rendering_give_a_warning(image: AovImage) -> None:
 def test_figure_shows_what_it_says(image: AovImage, tmp_path: Path, as_map: bool) -> None:
     """Four columns of two components; one scale for shifts, another one for residuals."""
     row, column = np.nonzero(image.status == 0)
-    centres = np.stack((column, row), axis=1) + 0.5
+    centres = np.stack((column, row), axis=1)
     rng = np.random.default_rng(5)
     shifts = measured(centres, shift_at(centres) + rng.normal(0.1, 0.02, centres.shape))
     found = compare(image, shifts, positions="hot")

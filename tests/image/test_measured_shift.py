@@ -24,11 +24,11 @@ def exr(path: Path, **channels: np.ndarray) -> Path:
 
 
 def check_map(path: Path) -> None:
-    """Pixel (row, column) has its centre at (column + 0.5, row + 0.5); NaN was not measured."""
+    """Pixel (row, column) has its centre at (column, row); NaN was not measured."""
     found = read_measured_shift(path)
     assert found.resolution == (4, 3)
     row, column = np.nonzero(MEASURED)
-    np.testing.assert_array_equal(found.places, np.stack((column + 0.5, row + 0.5), axis=1))
+    np.testing.assert_array_equal(found.places, np.stack((column, row), axis=1))
     np.testing.assert_array_equal(found.shifts, FIELD[MEASURED])
 
 
@@ -71,11 +71,11 @@ def test_numpy_arrays_in_both_orders(tmp_path: Path) -> None:
     ],
 )
 def test_markers(tmp_path: Path, text: str) -> None:
-    """(0, 0) is the centre of the first pixel, which is (0.5, 0.5) here."""
+    """(0, 0) is the centre of the first pixel."""
     (tmp_path / "markers.csv").write_text(text)
     found = read_measured_shift(tmp_path / "markers.csv")
     assert found.resolution is None
-    np.testing.assert_allclose(found.places, ((10.5, 20.5), (0.5, 2.0)))
+    np.testing.assert_allclose(found.places, ((10, 20), (0, 1.5)))
     np.testing.assert_allclose(found.shifts, ((0.5, -0.25), (0.0, 1e-3)))
 
 

@@ -162,12 +162,15 @@ def test_pose_is_read_in_double_precision() -> None:
 
 
 def test_it_equals_the_numpy_camera() -> None:
-    """The description it gives makes a Camera with the same rays, and back through sensor_of."""
+    """The description it gives makes a Camera with the same rays, and back through sensor_of.
+
+    The sensor counts from the film's edge, the camera from the first pixel's centre.
+    """
     described = Camera(
         focal_length_mm=10.0,
         sensor_mm=SENSOR_MM,
         resolution=(2448, 2048),
-        principal_point_px=(1210.0, 1031.0),
+        principal_point_px=(1209.5, 1030.5),
         focus_mm=(50.0, 250.0),
         matrix=look_at(*POSE),
     )
@@ -180,12 +183,12 @@ def test_it_equals_the_numpy_camera() -> None:
             Camera.from_dict(found.description()).matrix, described.matrix, atol=1e-14
         )
         origins, directions = rays(found, PIXELS)
-        expected = described.rays(PIXELS)
+        expected = described.rays(PIXELS - 0.5)
         np.testing.assert_allclose(origins, expected[0], atol=1e-12)
         np.testing.assert_allclose(directions, expected[1], atol=1e-14)
         points = expected[0] + 170 * expected[1]
         pixels, _ = projected(found, points)
-        np.testing.assert_allclose(pixels, described.project(points), atol=1e-9)
+        np.testing.assert_allclose(pixels - 0.5, described.project(points), atol=1e-9)
 
 
 @given(
@@ -199,7 +202,7 @@ def test_projection_is_the_inverse_of_rays(
         focal_length_mm=10.0,
         sensor_mm=SENSOR_MM,
         resolution=(2448, 2048),
-        principal_point_px=(1210.0, 1031.0),
+        principal_point_px=(1209.5, 1030.5),
         matrix=look_at(origin, (1.0, 2.0, 3.0)),
     )
     sensor = sensor_of(described)
@@ -304,7 +307,7 @@ def test_distorting_lens_equals_the_numpy_camera(lens: Distortion) -> None:
     for sensor in (by_hand, sensor_of(described)):
         assert Camera.from_dict(sensor.description()).distortion == lens
         origins, directions = rays(sensor, pixels)
-        np.testing.assert_allclose(directions, described.rays(pixels)[1], rtol=0, atol=1e-15)
+        np.testing.assert_allclose(directions, described.rays(pixels - 0.5)[1], rtol=0, atol=1e-15)
         found, in_front = projected(sensor, origins + 200 * directions)
         assert in_front.all()
         np.testing.assert_allclose(found, pixels, rtol=0, atol=1e-10)

@@ -118,13 +118,13 @@ def test_shift_is_the_pixels_centre_less_the_projection_of_the_refracted_hit(
     pixels = channels(scene(lens))
     described = camera_in_numpy()
     good = pixels["status.code"] == 0
-    centres = np.stack(np.meshgrid(np.arange(48) + 0.5, np.arange(40) + 0.5), axis=-1)[good]
+    centres = np.stack(np.meshgrid(np.arange(48), np.arange(40)), axis=-1)[good]
     expected = centres - described.project(vector(pixels, "refracted")[good])
     found = np.stack((pixels["shift.px.X"], pixels["shift.px.Y"]), axis=-1)[good]
     assert np.abs(expected).max() > 0.1
     # The refracted channel is rounded to 5e-7 mm, a pixel sees 1.2 mm.
     np.testing.assert_allclose(found, expected, atol=2e-6)
-    outward = (found * (centres - (24, 20))).sum(axis=1)
+    outward = (found * (centres - (23.5, 19.5))).sum(axis=1)
     assert (outward > 0).all()
 
 
@@ -263,13 +263,13 @@ def test_stock_orthographic_sensor_gives_parallel_rays(shapes: dict[str, Any]) -
     pixels = channels(scene(shapes, sensor))
     good = pixels["status.code"] == 0
     assert 150 < good.sum() < 250  # the ball's disc has 201 pixels of 1.25 mm
-    columns, rows = np.meshgrid(np.arange(48) + 0.5, np.arange(40) + 0.5)
+    columns, rows = np.meshgrid(np.arange(48), np.arange(40))
     hits = vector(pixels, "straight")
-    np.testing.assert_allclose(hits[good][:, 0], (columns[good] - 24) * 60 / 48, atol=1e-4)
-    np.testing.assert_allclose(hits[good][:, 2], (20 - rows[good]) * 60 / 48, atol=1e-4)
+    np.testing.assert_allclose(hits[good][:, 0], (columns[good] - 23.5) * 60 / 48, atol=1e-4)
+    np.testing.assert_allclose(hits[good][:, 2], (19.5 - rows[good]) * 60 / 48, atol=1e-4)
     bent = vector(pixels, "refracted")[good]
     shift = np.stack((-bent[:, 0], bent[:, 2]), axis=1) * 48 / 60
-    expected = np.stack((columns[good] - 24, rows[good] - 20), axis=1) + shift
+    expected = np.stack((columns[good] - 23.5, rows[good] - 19.5), axis=1) + shift
     found = np.stack((pixels["shift.px.X"], pixels["shift.px.Y"]), axis=-1)[good]
     np.testing.assert_allclose(found, expected, atol=1e-4)
     assert np.abs(found).max() > 3e-4

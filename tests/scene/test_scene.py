@@ -32,7 +32,7 @@ CAMERA = Camera(
     focal_length_mm=10.123456789,
     sensor_mm=(6.7, 5.6),
     resolution=(152, 128),
-    principal_point_px=(75.25, 66.5),
+    principal_point_px=(74.75, 66.0),
     focus_mm=(50.0, 260.0),
     matrix=look_at((37.123456789, -120.987654321, 80.333333333), (1.25, -2.5, 0.75)),
 )
@@ -76,7 +76,7 @@ def test_camera_in_is_camera_out(xml: Path) -> None:
     found = camera_of(load_scene(xml))
     assert_equal(found, CAMERA)
     pixels = found.project(CAMERA.origin + 150 * CAMERA.rays()[1])
-    centres = np.stack(np.meshgrid(np.arange(152) + 0.5, np.arange(128) + 0.5), axis=-1)
+    centres = np.stack(np.meshgrid(np.arange(152), np.arange(128)), axis=-1)
     np.testing.assert_allclose(pixels, centres.reshape(-1, 2), atol=1e-7)
 
 

@@ -196,8 +196,8 @@ def test_poses_of_a_sweep_see_the_films_crop_window(hot: HotBlock, tmp_path: Pat
     part = load_scene(xml)
     assert part.camera.resolution == (50, 40)
     np.testing.assert_allclose(
-        part.camera.rays([(0.5, 0.5), (49.5, 39.5)])[1],
-        whole.camera.rays([(30.5, 20.5), (79.5, 59.5)])[1],
+        part.camera.rays([(0, 0), (49, 39)])[1],
+        whole.camera.rays([(30, 20), (79, 59)])[1],
         atol=1e-15,
     )
     words = ["--azimuth=0:0:1", "--elevation=30:30:1", "-o", str(tmp_path / "sweep.nc")]

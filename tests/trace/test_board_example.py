@@ -56,7 +56,7 @@ def test_pictures_to_weights(
         engine="shells",
     )
     width, height = CAMERA.resolution
-    column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    column, row = np.meshgrid(np.arange(width), np.arange(height))
     hits = iriftrace.trace_rays(
         truth, *CAMERA.rays(np.column_stack((column.ravel(), row.ravel()))), coherent=True
     )

@@ -205,7 +205,7 @@ def test_command(
     xml = attrs.evolve(board, second=LEEWARD[1], second_id="camera_2").save(
         tmp_path / "board" / "scene.xml", scale=0.25
     )
-    table = np.column_stack((shifts.places - 0.5, shifts.shifts))
+    table = np.column_stack((shifts.places, shifts.shifts))
     np.savetxt(
         tmp_path / "s.csv", table, delimiter=",", header="u,v,du,dv", comments="", fmt="%.9g"
     )

@@ -62,7 +62,7 @@ def test_no_pixel_that_sees_the_part_is_left_out(scan: Scan, scene: LoadedScene)
     width, height = camera.resolution
     row, column = np.divmod(np.arange(width * height), width)
     hits = trace_rays(
-        scene, *camera.rays(np.column_stack((column, row)) + 0.5), trace_all=False, coherent=True
+        scene, *camera.rays(np.column_stack((column, row))), trace_all=False, coherent=True
     )
     seen = np.zeros(width * height, dtype=bool)
     seen[hits.ray[np.isin(hits.status, (Status.GOOD, Status.INDEX_MISMATCH))]] = True

@@ -81,7 +81,7 @@ def measured_shifts(
     dots = board.centres @ to_world[:3, :3].T + to_world[:3, 3]
     cold = scene.camera.project(dots)
     size = np.array(scene.camera.resolution)
-    cold = cold[(np.abs(cold - 0.5 * size) < 0.48 * size).all(axis=1)]
+    cold = cold[(np.abs(cold - 0.5 * (size - 1)) < 0.48 * size).all(axis=1)]
     hot = cold.copy()
     for _ in range(6):
         hits = trace_rays(scene, *scene.camera.rays(hot))

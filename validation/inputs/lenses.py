@@ -21,7 +21,7 @@ def lens_camera(lens: Distortion | None) -> Camera:
         focal_length_mm=10.0,
         sensor_mm=(6.7, 5.6),
         resolution=(2448, 2048),
-        principal_point_px=(1210.0, 1031.0),
+        principal_point_px=(1209.5, 1030.5),
         matrix=look_at((150.0, -100.0, 120.0), (3.0, -2.0, 1.0)),
         distortion=lens,
     )

@@ -30,8 +30,8 @@ def rasterise(camera: Camera, part: Part) -> tuple[FloatArray, NDArray[np.int64]
     corners = part.vertices[part.faces]
     places = camera.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
     # Pixels whose centres lie in a triangle's bounding box.
-    first = np.maximum(np.ceil(places.min(axis=1) - 0.5), 0).astype(int)
-    last = np.minimum(np.floor(places.max(axis=1) - 0.5), (width - 1, height - 1)).astype(int)
+    first = np.maximum(np.ceil(places.min(axis=1)), 0).astype(int)
+    last = np.minimum(np.floor(places.max(axis=1)), (width - 1, height - 1)).astype(int)
     drawn = (last >= first).all(axis=1)
     if part.closed and camera.projection == "pinhole":
         # Those that turn away lie behind others.

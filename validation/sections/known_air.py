@@ -89,7 +89,7 @@ def errors(
     found = {}
     for view, position in views.items():
         camera = camera_at(position)
-        places = np.random.default_rng(1).uniform((0, 0), camera.resolution, (8 * rays, 2))
+        places = np.random.default_rng(1).uniform(*camera.corners[[0, 2]], (8 * rays, 2))
         origin, direction = camera.rays(places)
         hits = {name: trace_rays(scene, origin, direction) for name, scene in scenes.items()}
         good = np.all([one.status == Status.GOOD for one in hits.values()], axis=0)
