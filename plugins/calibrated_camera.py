@@ -99,8 +99,8 @@ def plugin_class(variant: str) -> type:
 
         As on Mitsuba's film pixel ``i`` covers ``[i, i + 1)`` and its centre is ``i + 0.5``; OpenCV
         and `iriftrace.Camera` count centres as whole numbers, so add 0.5 to their principal point
-        (in a calibration file it is as OpenCV counts). ``first_hit`` asks for rays in double precision (``rays64``); other integrators get
-        the same in single precision. No aperture.
+        (in a calibration file it is as OpenCV counts). ``first_hit`` asks for rays in double
+        precision (``rays64``); other integrators get the same in single precision. No aperture.
 
         .. code-block:: xml
 

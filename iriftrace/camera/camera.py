@@ -279,8 +279,8 @@ class Camera:
         Returns
         -------
         (n, 2) array, px
-            The centre of the first pixel is (0, 0). NaN for points that are not in front of a pinhole camera, or so far beside the picture
-            that the distortion is not defined.
+            The centre of the first pixel is (0, 0). NaN for points that are not in front of a
+            pinhole camera, or so far beside the picture that the distortion is not defined.
         """
         local = self.to_camera(points)
         if self.projection == "orthographic":
