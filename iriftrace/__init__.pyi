@@ -25,11 +25,11 @@ from .core.errors import IriftraceError as IriftraceError
 from .core.errors import IriftraceWarning as IriftraceWarning
 from .core.errors import SetupError as SetupError
 from .field.flow import AirFlow as AirFlow
-from .field.index_field import FieldSource as FieldSource
 from .field.index_field import IndexField as IndexField
 from .field.part_fit import Fit as Fit
 from .field.part_fit import fit_part_to_field as fit_part_to_field
 from .field.read import read_field as read_field
+from .field.source import FieldSource as FieldSource
 from .figures.pose import displacement_figure as displacement_figure
 from .figures.report import write_report as write_report
 from .figures.result import Plots as Plots

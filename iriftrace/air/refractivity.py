@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from attrs import asdict, astuple, evolve, field, frozen
+from attrs import astuple, evolve, field, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.core.arrays import FloatArray
@@ -206,10 +205,6 @@ class Air:
         value = _positive(refractivity, "refractivity n-1", "")
         return self.temperature_k * self.ambient_refractivity / value
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain numbers and strings for JSON; ``Air(**d)`` gives the same air again."""
-        return asdict(self)
-
 
 def _compressibility(
     temperature: FloatArray, pressure: FloatArray, water: FloatArray
@@ -259,19 +254,18 @@ def _positive(value: ArrayLike, name: str, unit: str) -> FloatArray:
     return array
 
 
-def dispersion(air: Mapping[str, Any], wavelength_nm: float) -> float:
-    """By how much n - 1 of an air (`iriftrace.Air.as_dict`) is larger at another wavelength.
+def dispersion(air: Air | None, wavelength_nm: float) -> float:
+    """By how much n - 1 of an air is larger at another wavelength.
 
     Raises
     ------
     InputError
         If nothing is known of the air, or the wavelength is outside its model's range.
     """
-    if not air:
+    if air is None:
         raise InputError(
             f"The scene does not state its air, so n - 1 at {wavelength_nm:g} nm is not known; "
             "make the scene with `iriftrace scene ... --wavelength` instead."
         )
-    own = Air(**air)
-    there = evolve(own, wavelength_nm=wavelength_nm)
-    return there.ambient_refractivity / own.ambient_refractivity
+    there = evolve(air, wavelength_nm=wavelength_nm)
+    return there.ambient_refractivity / air.ambient_refractivity

@@ -211,9 +211,8 @@ def _bodies_of(field: Path, volume: IndexField | None, given: Sequence[Path]) ->
     from iriftrace.cfd.openfoam.bodies import bodies_beside
     from iriftrace.part.part import read_part
 
-    origin = None if volume is None else volume.source.origin
-    names = {file.stem for file in given}
-    files = [file for file in bodies_beside(field, origin) if file.stem not in names]
+    names = set() if volume is None else set(volume.source.facts.bodies)
+    files = bodies_beside(field, names - {file.stem for file in given})
     if files:
         say(f"Bodies of the field that block the view: {', '.join(map(str, files))}.")
     return [read_part(file, length_unit="mm") for file in files]
@@ -295,7 +294,7 @@ def _ensemble(
             f"{report[0].temperature_k - ZERO_CELSIUS_K:.0f}",
         )
     out.print(table)
-    for origin in dict.fromkeys(member.source["origin"] for member in built.members):
+    for origin in dict.fromkeys(member.source.origin for member in built.members):
         if origin:
             say(f"Field: {origin}.")
     _print_scene(output, camera, part, settings, f" of an ensemble of {len(built.members)} fields")

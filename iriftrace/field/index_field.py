@@ -14,48 +14,13 @@ from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.field.flow import AirFlow
 from iriftrace.field.gradient import CORNERS, consistent_gradient, point_gradient
+from iriftrace.field.source import FieldSource
 from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.field.wall import inner_wall
 
 # VTK's own tolerance grows with the data's size and lets flat cells claim points beside them, to
 # which they extrapolate wildly.
 _ON_FACE_MM = 1e-4
-
-
-@frozen(eq=False)
-class FieldSource:
-    """Where a field comes from.
-
-    Attributes
-    ----------
-    path : str
-        The file as it was named.
-    sha256 : str
-        Of that file alone, also where it names others (`.pvd`, `.vtm`, `.pvtu`); of an OpenFOAM
-        case that of the list of its files' checksums.
-    array : str
-        The array that was used.
-    quantity : str
-        What the array holds: ``"temperature"``, ``"density"`` or ``"index"``.
-    length_unit : str
-        Unit of the file's coordinates.
-    origin : str
-        What the file says of its own making (field data ``field_origin``), such as "OpenFOAM,
-        snapshot at 2 s"; "" where it says nothing.
-    wall_heat_w : float, optional
-        Heat from the whole part, W, as the solver counted it, where the file states it.
-    unit_stated : bool
-        Whether the file states its length unit, or its format has one (OpenFOAM: m).
-    """
-
-    path: str
-    sha256: str
-    array: str
-    quantity: str
-    length_unit: str
-    origin: str = ""
-    wall_heat_w: float | None = None
-    unit_stated: bool = False
 
 
 @frozen(eq=False)

@@ -1,29 +1,40 @@
-"""Origin of a field as its file states it in VTK field data: program, time, symmetry."""
+"""What a field's file states of its own making, in VTK field data."""
 
 from __future__ import annotations
 
-import re
+import json
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from iriftrace.core.plain import plain, structured
+from iriftrace.field.source import FieldFacts
+
 FIELD_ORIGIN = "field_origin"
-"""Name of the string array in a file's field data."""
+"""Name of the string array in a file's field data: program, time, symmetry, in words."""
+
+FIELD_FACTS = "field_facts"
+"""Name of the string array that holds `FieldFacts` as JSON."""
 
 WALL_HEAT = "wall_heat_flow_w"
 """Name of the number in a file's field data that the solver counted as heat from the part, W."""
-
-SYNTHETIC = "synthetic"
-"""With this word the origin of a field begins that a model made up."""
-
-_STEADY = re.compile(r"(?<!not )(?<![\w-])steady\b", re.IGNORECASE)
 
 
 def origin_of(data: Any) -> str:
     """Origin that a data set or its blocks state, joined where there are several; "" for none."""
     texts = (str(value).strip() for value in _stated(data, FIELD_ORIGIN))
     return "; ".join(dict.fromkeys(filter(None, texts)))
+
+
+def facts_of(data: Any) -> FieldFacts | None:
+    """Facts that a data set or one of its blocks states; None for none, or damaged ones."""
+    try:
+        return next(
+            (structured(json.loads(str(v)), FieldFacts) for v in _stated(data, FIELD_FACTS)), None
+        )
+    except ValueError:
+        return None
 
 
 def wall_heat_of(data: Any) -> float | None:
@@ -34,28 +45,15 @@ def wall_heat_of(data: Any) -> float | None:
     return next((float(value) for value in _stated(data, WALL_HEAT)), None)
 
 
-def state_origin(grid: Any, origin: str) -> None:
-    """Write the origin into the field data of a grid; none if it is ""."""
-    if origin:
-        grid.field_data[FIELD_ORIGIN] = [one_line(origin)]
+def state_origin(grid: Any, origin: str, facts: FieldFacts) -> None:
+    """Write origin and facts into the field data of a grid."""
+    grid.field_data[FIELD_ORIGIN] = [one_line(origin)]
+    grid.field_data[FIELD_FACTS] = [json.dumps(plain(facts))]
 
 
 def one_line(text: str) -> str:
     """Text on one line in ASCII, which is all that VTK's string arrays know."""
     return " ".join(text.split()).encode("ascii", "replace").decode("ascii")
-
-
-def is_steady(origin: str | None) -> bool:
-    """True for air that does not change in time, by the field's own statement.
-
-    The model of synthetic fields is steady, and of a simulation's the origin says so.
-    """
-    return synthetic_mark(origin) is not None or _STEADY.search(origin or "") is not None
-
-
-def synthetic_mark(origin: str | None) -> str | None:
-    """Words for a picture of a result that rests on no simulation; None for other origins."""
-    return "SYNTHETIC FIELD" if (origin or "").lower().startswith(SYNTHETIC) else None
 
 
 def _stated(data: Any, name: str) -> Iterator[Any]:

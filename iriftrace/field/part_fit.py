@@ -16,7 +16,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import synthetic_mark
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.transform import apply, parse_transform
 from iriftrace.part.part import Part, is_unlikely_size
@@ -200,7 +200,7 @@ def fit_part_to_field(
             "straight; "
             + (
                 "take smaller cells (--cell-size), which follow sharp edges and thin walls."
-                if synthetic_mark(field.source.origin)
+                if synthetic_mark(field.source)
                 else "mirror a field that was solved on a half or quarter, take smaller cells "
                 "where the part is round, or check unit and axes."
             )

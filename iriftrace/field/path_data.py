@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import asdict, evolve, frozen
+from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from iriftrace.air.refractivity import dispersion
+from iriftrace.air.refractivity import Air, dispersion
 from iriftrace.core.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import arrays_in, check_readable, is_number, whole_file
+from iriftrace.core.files import arrays_in, check_readable, whole_file
+from iriftrace.core.plain import plain, structured
 from iriftrace.field.gradient import CORNERS
+from iriftrace.field.source import FieldSource
 
 if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField
@@ -32,7 +34,14 @@ That is 0.02 K around a part of 1100 degC: no ambient temperature is known as we
 """
 
 ARRAYS = ("points", "refractivity", "celltypes", "cell_connectivity", "wall")
-HEADER = ("air", "ambient", "source")
+
+
+@frozen
+class _Header:
+    schema: str
+    air: Air
+    ambient: float
+    source: FieldSource
 
 
 @frozen(eq=False)
@@ -45,9 +54,9 @@ class FieldCells:
     celltypes: NDArray[np.uint8]
     cell_connectivity: Int32Array
     wall: BoolArray  # (n,) points of the inner boundary, where the hot part sits
-    air: dict[str, Any]  # ambient air, see `iriftrace.air.refractivity.Air.as_dict`
+    air: Air  # ambient
     ambient: float  # its n - 1, which holds outside the data
-    source: dict[str, Any]  # attributes of `iriftrace.field.index_field.FieldSource`
+    source: FieldSource
 
     def at_wavelength(self, wavelength_nm: float) -> FieldCells:
         """The same air in other light."""
@@ -56,7 +65,7 @@ class FieldCells:
             self,
             refractivity=factor * self.refractivity,
             ambient=factor * self.ambient,
-            air={**self.air, "wavelength_nm": wavelength_nm},
+            air=evolve(self.air, wavelength_nm=wavelength_nm),
         )
 
     def without_ambient_air(self) -> FieldCells:
@@ -94,9 +103,9 @@ def cells_of(field: IndexField) -> FieldCells:
         celltypes=np.asarray(field.grid.celltypes, dtype=np.uint8),
         cell_connectivity=np.asarray(field.grid.cell_connectivity, dtype=np.int32),
         wall=wall,
-        air=field.air.as_dict(),
+        air=field.air,
         ambient=field.ambient_refractivity,
-        source=asdict(field.source),
+        source=field.source,
     )
 
 
@@ -104,7 +113,7 @@ def save_field_file(field: IndexField, path: str | Path) -> Path:
     """Write a field file (NumPy's .npz, compressed); an InputError if it cannot be written."""
     cells = cells_of(field)
     arrays = {name: getattr(cells, name) for name in ARRAYS}
-    header = {"schema": SCHEMA} | {name: getattr(cells, name) for name in HEADER}
+    header = plain(_Header(SCHEMA, cells.air, cells.ambient, cells.source))
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(
             file,
@@ -128,19 +137,17 @@ def load_field_file(path: str | Path) -> FieldCells:
     check_readable(Path(path))
     try:
         arrays: dict[str, Any] = arrays_in(Path(path), (*ARRAYS, "header"))
-        header = json.loads(arrays.pop("header").tobytes())
-        known = {name: header[name] for name in HEADER}
-        schema = header["schema"]
+        header = structured(json.loads(arrays.pop("header").tobytes()), _Header)
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise InputError(
             f"{path} is damaged or no field file ({error}); write the scene again."
         ) from error
-    if schema != SCHEMA:
+    if header.schema != SCHEMA:
         raise InputError(
-            f"{path} has schema {schema!r} instead of {SCHEMA!r}, so it is of another version of "
-            "iriftrace; write the scene again."
+            f"{path} has schema {header.schema!r} instead of {SCHEMA!r}, so it is of another "
+            "version of iriftrace; write the scene again."
         )
-    cells = FieldCells(**arrays, **known)
+    cells = FieldCells(**arrays, air=header.air, ambient=header.ambient, source=header.source)
     fault = _fault(cells)
     if fault:
         raise InputError(f"{path} is damaged: {fault}; write the scene again.")
@@ -167,6 +174,4 @@ def _fault(cells: FieldCells) -> str:
         return "its cells do not fit its points"
     if not (np.isfinite(cells.points).all() and np.isfinite(cells.refractivity).all()):
         return "its points or their indices are not all finite numbers"
-    if not (is_number(cells.ambient) and isinstance(cells.air, dict)):
-        return "it states no air"
-    return "" if isinstance(cells.source, dict) else "it states no source"
+    return ""

@@ -17,13 +17,14 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
 from iriftrace.field.flow import flow_in
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.marked import Unmarked, unmarked, without_gaps
-from iriftrace.field.origin import one_line, origin_of, wall_heat_of
+from iriftrace.field.origin import facts_of, one_line, origin_of, wall_heat_of
 from iriftrace.field.readers.members import read_state
 from iriftrace.field.readers.scattered import cells_outside
 from iriftrace.field.readers.states import Contents
 from iriftrace.field.readers.vtk_files import blocks_of
+from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.field.volume import (
     has_higher_order,
     linear_volume,
@@ -131,6 +132,7 @@ def read_field(
             origin=contents.origin,
             wall_heat_w=contents.wall_heat_w,
             unit_stated=contents.length_unit is not None,
+            facts=contents.facts or FieldFacts.in_words(contents.origin),
         ),
         flow=flow_in(raw, choice.name, contents.units, transform, air) if flow else None,
     )
@@ -164,8 +166,8 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     -------
     Contents
         `data` are tetrahedra, hexahedra, wedges and pyramids with the file's point and cell data,
-        in the file's own length unit; `origin` and `wall_heat_w` say what its field data state,
-        too.
+        in the file's own length unit; `origin`, `wall_heat_w` and `facts` say what its field data
+        state, too.
 
     Raises
     ------
@@ -198,6 +200,7 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
         data=volume,
         origin="; ".join(filter(None, origins)),
         wall_heat_w=wall_heat_of(contents.data),
+        facts=facts_of(contents.data),
     )
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.engines import Bending
 from iriftrace.core.errors import InputError
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask, lines_of_sight, signed_components
@@ -318,7 +318,7 @@ def _provenance(header: dict[str, Any]) -> str:
     field, wavelength = header.get("field"), header.get("wavelength_nm")
     ensemble = header.get("ensemble")
     parts = [
-        synthetic_mark((field or {}).get("origin")),
+        synthetic_mark(stated_source(field)),
         f"{ensemble['count']} fields"
         if ensemble
         else Path(field["path"]).name

@@ -13,7 +13,7 @@ from attrs import frozen
 
 from iriftrace.camera.pose import PoseText, pose_text
 from iriftrace.core.files import sha256_of
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import file_text, name_of, value_text, write_page
 from iriftrace.figures.style import figure_bytes
 from iriftrace.figures.sweep import sweep_charts, sweep_pictures
@@ -190,8 +190,10 @@ def _engines_text(dataset: xr.Dataset) -> str:
 
 def _rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     """What decides how much the answer is worth, a sentence each."""
-    origins = _distinct(one.get("origin") or "not stated" for one in _fields(dataset))
-    mark = next(filter(None, map(synthetic_mark, origins)), "Field")
+    fields = _fields(dataset)
+    origins = _distinct(one.get("origin") or "not stated" for one in fields)
+    marks = (synthetic_mark(stated_source(one)) for one in fields)
+    mark = next(filter(None, marks), "Field")
     assumed = attribute(dataset, "assumptions")
     time = assumed.get("field_time", "not stated")
     sentences = (

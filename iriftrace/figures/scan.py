@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from iriftrace.camera.camera import Camera
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import finish_axes, new_figure
 from iriftrace.part.part import Part
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
@@ -23,7 +23,7 @@ def scan_figure(scan: Scan) -> Figure:
     """
     error = UM_PER_MM * scan.error_normal
     low, middle, high = np.percentile(error, (5, 50, 95))
-    mark = synthetic_mark(scan.provenance["assumptions"]["field_origin"])
+    mark = synthetic_mark(stated_source(scan.provenance["field"]))
     marked = f" ({mark})" if mark else ""
     figure, body = new_figure(
         8.0,
@@ -64,7 +64,7 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     good = found.status == CorrectionStatus.CORRECTED
     normal, face = found.normal[good], found.face[good]
     along = UM_PER_MM * np.einsum("ij,ij->i", found.error[good], normal)
-    mark = synthetic_mark(found.provenance["assumptions"]["field_origin"])
+    mark = synthetic_mark(stated_source(found.provenance["field"]))
     low, middle, high = np.percentile(along, (5, 50, 95))
     figure, body = new_figure(
         8.0,

@@ -12,7 +12,7 @@ from attrs import frozen
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import file_text, name_of, value_text, write_page
 
 SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
@@ -163,8 +163,8 @@ def _answer(values: dict[str, Any], simulated: bool) -> list[str]:
 def _doubtful(values: dict[str, Any], simulated: bool) -> list[str]:
     """What decides how much the numbers are worth."""
     assumed = values["assumptions"]
-    origin = str(assumed["field_origin"])
-    said = [f"{synthetic_mark(origin) or 'Field'}: {origin}."]
+    mark = synthetic_mark(stated_source(values.get("field")))
+    said = [f"{mark or 'Field'}: {assumed['field_origin']}."]
     if "field_fit" in assumed:
         said.append(str(assumed["field_fit"]))
     if larger := values.get("larger"):

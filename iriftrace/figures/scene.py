@@ -16,7 +16,7 @@ from matplotlib.patheffects import withStroke
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import synthetic_mark
 from iriftrace.figures.space import (
     View,
     add_part,
@@ -288,7 +288,7 @@ def _titles(shells: ShellStack, drawn: int, camera: Camera, devices: str) -> tup
     noun = "shell" if count == 1 else "shells"
     place = ", ".join(f"{value:.4g}" for value in camera.origin).replace("-", "\N{MINUS SIGN}")
     parts = [
-        synthetic_mark(shells.source.origin) if shells.source else None,
+        synthetic_mark(shells.source),
         Path(shells.source.path).name if shells.source else None,
         f"{drawn} of {count} shells drawn" if drawn < count else None,
         f"{shells.triangles:,} triangles",

@@ -16,7 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import FieldSource, stated_source, synthetic_mark
 from iriftrace.figures.scene import (
     COLOUR_MAP,
     SECOND_COLOUR,
@@ -147,7 +147,7 @@ def _scene(path: Path) -> Draw:
             f"{len(shells.shells)} shells, air of {celsius[0]:.0f} to {celsius[-1]:.0f} degC",
             font_size=10,
         )
-        _add_mark(plotter, shells.source.origin if shells.source else None)
+        _add_mark(plotter, shells.source)
 
     return draw
 
@@ -166,7 +166,7 @@ def _pose(path: Path) -> Draw:
     def draw(plotter: pv.Plotter) -> None:
         add_part(plotter, part)
         _add_points(plotter, hits, moved, CLOUD_COLUMNS["displacement"])
-        _add_mark(plotter, (image.header.get("field") or {}).get("origin"))
+        _add_mark(plotter, stated_source(image.header.get("field")))
         add_device(plotter, image.camera, part, SIGHT_COLOUR)
 
     return draw
@@ -208,7 +208,7 @@ def _sweep(path: Path) -> Draw:
         ends = summary.origins[best], summary.targets[best]
         plotter.add_mesh(pv.Line(*ends), color=SIGHT_COLOUR, line_width=4)
         plotter.add_text(f"line of sight of pose {best}, the best by score", font_size=10)
-        _add_mark(plotter, attribute(dataset, "assumptions").get("field_origin"))
+        _add_mark(plotter, stated_source(attribute(dataset, "field")))
 
     return draw
 
@@ -244,20 +244,20 @@ def _coloured(path: Path, places: FloatArray, columns: Mapping[str, NDArray[Any]
         places, um = places[good], um[good]
     if len(um) == 0:
         raise InputError(f"{path} has no point of status 0, so there is nothing to show.")
-    points, origin = pv.PolyData(places), _origin_beside(path)
+    points, source = pv.PolyData(places), _source_beside(path)
 
     def draw(plotter: pv.Plotter) -> None:
         _add_points(plotter, points, um, title)
-        _add_mark(plotter, origin)
+        _add_mark(plotter, source)
 
     return draw
 
 
-def _origin_beside(path: Path) -> str | None:
-    """Origin of the field by the numbers beside a cloud; None where they are not there."""
+def _source_beside(path: Path) -> FieldSource | None:
+    """Source of the field by the numbers beside a cloud; None where they are not there."""
     try:
         values = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        return str(values["assumptions"]["field_origin"])
+        return stated_source(values["field"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -275,7 +275,7 @@ def _field(path: Path) -> Draw:
             half, scalars=title, cmap=colormaps[COLOUR_MAP], scalar_bar_args=SCALAR_BAR
         )
         plotter.add_mesh(grid.outline(), color="#666666")
-        _add_mark(plotter, field.source.origin)
+        _add_mark(plotter, field.source)
 
     return draw
 
@@ -313,9 +313,9 @@ def add_device(plotter: pv.Plotter, camera: Camera, part: Part, colour: str) -> 
         plotter.add_mesh(pv.lines_from_points(points), color=colour, line_width=2, lighting=False)
 
 
-def _add_mark(plotter: pv.Plotter, origin: str | None) -> None:
+def _add_mark(plotter: pv.Plotter, source: FieldSource | None) -> None:
     """Say that a result rests on no simulation, where it does not."""
-    mark = synthetic_mark(origin)
+    mark = synthetic_mark(source)
     if mark:
         plotter.add_text(mark, position="lower_edge", font_size=10)
 

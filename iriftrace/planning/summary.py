@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.resolution import FRONTAL, seen_frontally
 from iriftrace.planning.cover import ViewLimits, ViewSet
@@ -258,7 +258,7 @@ def _rays(view: xr.Dataset) -> dict[Status, IntArray]:
 def _subtitle(dataset: xr.Dataset, region: str, poses: int, unranked: int) -> str:
     scene, _ = scene_of(dataset)
     parts = [
-        synthetic_mark(attribute(dataset, "field").get("origin")),
+        synthetic_mark(stated_source(attribute(dataset, "field"))),
         f"{scene.parent.name}/{scene.name}" if scene else None,
         "whole part" if region == WHOLE_PART else f"region {region}",
         f"{poses} poses",

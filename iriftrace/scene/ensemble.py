@@ -8,10 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from attrs import asdict, field, frozen
+from attrs import field, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import plain, structured
+from iriftrace.field.source import FieldSource
 from iriftrace.scene.member_weights import MemberWeights
 
 MEMBER = "member"
@@ -32,13 +34,13 @@ class FieldMember:
     number: int  # from 1
     label: str  # what tells it from the others: a time step, a parameter, a file's name
     time: float | None  # in the file's own unit, where it states one
-    source: dict[str, Any]  # its file; see `iriftrace.FieldSource`
+    source: FieldSource
     weight: float = 1.0  # relative to that of the others
     covariance: list[float] | None = field(default=None, repr=False)  # row of a fit's weights
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        values = asdict(self)
+        values: dict[str, Any] = plain(self)
         if self.covariance is None:
             del values["covariance"]
         return values
@@ -74,7 +76,7 @@ def read_members(scene: Path) -> tuple[FieldMember, ...]:
         table = json.loads(path.read_text(encoding="utf-8"))
         if table["schema"] != SCHEMA:
             raise ValueError(f"schema {table['schema']!r}")
-        members = tuple(FieldMember(**row) for row in table["members"])
+        members = structured(table["members"], tuple[FieldMember, ...])
         weights_of(members)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(

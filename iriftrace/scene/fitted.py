@@ -102,14 +102,14 @@ def check_fitted_scene(scene: Path, output: Path) -> None:
 
 def _numbers_in(scene: Path, members: Sequence[FieldMember]) -> list[int]:
     """Numbers that the members' fields have in a scene, which may be another one."""
-    own = {(m.source["sha256"], m.time): m.number for m in read_members(scene)}
-    missing = [m.label for m in members if (m.source["sha256"], m.time) not in own]
+    own = {(m.source.sha256, m.time): m.number for m in read_members(scene)}
+    missing = [m.label for m in members if (m.source.sha256, m.time) not in own]
     if missing:
         raise InputError(
             f"{scene} has no member with the field {missing[0]}, whose weight was fitted; write it "
             "with the same fields as the board's scene (iriftrace scene --member)."
         )
-    return [own[m.source["sha256"], m.time] for m in members]
+    return [own[m.source.sha256, m.time] for m in members]
 
 
 def _copy_bodies(scene: Path, building: Path, of_board: bool) -> tuple[str, int]:

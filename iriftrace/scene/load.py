@@ -22,16 +22,17 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import check_readable
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE, FieldCells
+from iriftrace.field.source import FieldSource
 from iriftrace.geometry.ply import read_ply
 from iriftrace.part.part import Part, read_part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import (
-    field_table,
+    air_statement_of,
     other_shells,
-    shells_table_of,
     stated_bending,
     stated_index_rule,
     stated_normals,
+    statement_of_field,
     warn_of_another_part,
 )
 from iriftrace.scene.ensemble import (
@@ -44,7 +45,8 @@ from iriftrace.scene.ensemble import (
 )
 from iriftrace.scene.file import read_scene_file, readable
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells, table_at
+from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells
+from iriftrace.shells.table import AirStatement
 
 KEPT_TRIANGLES = 10_000_000
 """Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
@@ -93,9 +95,9 @@ class LoadedScene:
         Where rays are bent.
     index_rule : str
         How surfaces and layers were chosen, and whether the scene still has all of them.
-    shells_table : dict
-        The shells' JSON table (air, source, index rule); empty when the scene has none. For the
-        cells engine air and source of its field, and the notes of the shells' table.
+    stated : AirStatement
+        What is known of the air (its state, source, index rule); nothing when the scene does not
+        say. For the cells engine air and source are those of its field.
     load_s, build_s : float
         Seconds for files and Mitsuba's acceleration structure, and for the tables.
     second : Camera or None
@@ -118,7 +120,7 @@ class LoadedScene:
     normals: str
     bending: Bending
     index_rule: str
-    shells_table: dict[str, Any]
+    stated: AirStatement
     load_s: float
     build_s: float
     variant: str
@@ -164,8 +166,8 @@ class LoadedScene:
 
     def same_field(self, other: LoadedScene) -> bool:
         """Whether both scenes state the same file as the source of their air."""
-        own, its = (one.shells_table.get("source") or {} for one in (self, other))
-        return bool(own.get("sha256") == its.get("sha256"))
+        own, its = (one.source.sha256 if one.source else None for one in (self, other))
+        return own == its
 
     def with_cells(self) -> LoadedScene:
         """The same scene traced through its field's cells in place of its shells.
@@ -183,7 +185,7 @@ class LoadedScene:
                 integrator = _integrator(self.integrator, "cells", self.name, Path(FIELD_FILE))
                 integrator.use(self._cells())
             integrator.prepare_as(self.integrator)
-            stated = _stated_of_field(integrator, self.shells_table, self.name)
+            found = _found_of_field(integrator, self.stated, self.name)
         return evolve(
             self,
             wanted_engine="cells",
@@ -191,27 +193,13 @@ class LoadedScene:
             build_s=self.build_s + time.perf_counter() - started,
             lease=_Lease(integrator),
             ensemble=None if self.ensemble is None else self.ensemble.with_cells(),
-            **stated,
+            **found,
         )
 
     @property
-    def source(self) -> dict[str, Any] | None:
-        """What is known of the file that the air comes from; see `iriftrace.FieldSource`."""
-        return self.shells_table.get("source")
-
-    @property
-    def heating_k(self) -> float | None:
-        """Hottest shell over ambient air, K; None where no file of the scene states it."""
-        ambient = (self.shells_table.get("air") or {}).get("temperature_k")
-        rows = self.shells_table.get("shells", ())
-        hot = max((kelvin for row in rows if (kelvin := row.get("temperature_k"))), default=None)
-        return None if hot is None or ambient is None or hot <= ambient else float(hot - ambient)
-
-    @property
-    def wavelength_nm(self) -> float | None:
-        """Wavelength of the light in vacuum, nm; None where no file of the scene states it."""
-        stated = (self.shells_table.get("air") or {}).get("wavelength_nm")
-        return None if stated is None else float(stated)
+    def source(self) -> FieldSource | None:
+        """What is known of the file that the air comes from."""
+        return self.stated.source
 
 
 class LoadedEnsemble:
@@ -255,7 +243,7 @@ class LoadedEnsemble:
                 yield self._kept[member.number]
                 continue
             scene = self._load(member.number)
-            triangles = sum(row.get("triangles", 0) for row in scene.shells_table.get("shells", []))
+            triangles = scene.stated.triangles
             if self._triangles + triangles <= KEPT_TRIANGLES:
                 self._triangles += triangles
                 self._kept[member.number] = scene
@@ -340,23 +328,23 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
     sensors = scene.sensors()
     if not sensors:
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
-    table = shells_table_of(file)
+    stated = air_statement_of(file)
     if integrator.engine == "cells":
         _set_wavelength(integrator, values)
     elif WAVELENGTH in values:
         wavelength = parse_quantity(values[WAVELENGTH], "nm")
-        set_shells(scene, dispersion(table.get("air") or {}, wavelength))
-        table = table_at(table, wavelength)
+        set_shells(scene, dispersion(stated.air, wavelength))
+        stated = stated.at_wavelength(wavelength)
     prepared = integrator.prepare(scene)
     part = read_part(file.part_path, length_unit="mm").transformed(file.part_to_world)
-    warn_of_another_part(file, part, table)
+    warn_of_another_part(file, part, stated.part)
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
     if integrator.engine == "cells":
-        stated = _stated_of_field(integrator, table, str(path))
+        found = _found_of_field(integrator, stated, str(path))
     else:
-        others = other_shells(file, table)
-        stated = stated_of_shells(integrator, table, prepared.tables, str(path), others)
+        others = other_shells(file, stated)
+        found = found_of_shells(integrator, stated, prepared.tables, str(path), others)
     return LoadedScene(
         path=path,
         part=part,
@@ -372,31 +360,31 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
         integrator=integrator,
         second=_camera(sensors[1]) if len(sensors) > 1 else None,
         second_id=str(sensors[1].id()) if len(sensors) > 1 else "",
-        **stated,
+        **found,
     )
 
 
-def stated_of_shells(
-    integrator: Any, table: dict[str, Any], tables: Any, name: str, others: tuple[str, ...] = ()
+def found_of_shells(
+    integrator: Any, stated: AirStatement, tables: Any, name: str, others: tuple[str, ...] = ()
 ) -> dict[str, Any]:
-    """What a `LoadedScene` states of the air of its shells; `others` are not those of the table."""
+    """What a `LoadedScene` says of the air of its shells; `others` are not those stated."""
     return {
         "engine": integrator.engine,
         "normals": stated_normals(integrator.normals, tables),
         "bending": stated_bending(integrator, tables),
-        "index_rule": stated_index_rule(name, table, tables, others),
-        "shells_table": table,
+        "index_rule": stated_index_rule(name, stated, tables, others),
+        "stated": stated,
     }
 
 
-def _stated_of_field(integrator: Any, shells_table: dict[str, Any], name: str) -> dict[str, Any]:
-    """What a `LoadedScene` states of the cells engine's air."""
+def _found_of_field(integrator: Any, stated: AirStatement, name: str) -> dict[str, Any]:
+    """What a `LoadedScene` says of the cells engine's air."""
     return {
         "engine": "cells",
         "normals": f"{integrator.gradient} gradient",
         "bending": Bending.CELLS,
         "index_rule": "none, linear in each tetrahedron",
-        "shells_table": field_table(integrator.air.cells, shells_table, name),
+        "stated": statement_of_field(integrator.air.cells, stated, name),
     }
 
 

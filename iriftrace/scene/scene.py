@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import Attribute, asdict, evolve, field, frozen
+from attrs import Attribute, evolve, field, frozen
 
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
@@ -24,14 +24,14 @@ from iriftrace.scene.load import (
     LoadedEnsemble,
     LoadedScene,
     check_engine,
+    found_of_shells,
     load_scene,
-    stated_of_shells,
 )
 from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
 from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
-from iriftrace.scene.wavelength import set_shells, table_at
+from iriftrace.scene.wavelength import set_shells
 from iriftrace.scene.write import SCALE
-from iriftrace.shells.files import table_of
+from iriftrace.shells.table import AirStatement
 
 if TYPE_CHECKING:
     from iriftrace.field.part_fit import Fit
@@ -181,7 +181,7 @@ def _loaded(scene: Scene) -> LoadedScene:
             number,
             state.label,
             state.time,
-            asdict(state.shells.source),
+            state.shells.source,
             state.weight,
             state.covariance,
         )
@@ -202,7 +202,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
     notes = {**air.notes, **scene.notes_of_fit(number)}
     if len(air.states) > 1:
         notes["member"] = f"{number + 1}: {state.label}"
-    table = table_of(state.shells, notes)
+    stated = AirStatement.of(state.shells, notes)
     devices = {"camera": camera} | ({} if second is None else {scene.second_id: second})
     found = mitsuba_scene(
         part,
@@ -213,8 +213,8 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
         blockers=[kept_part(body) for body in scene.blockers],
     )
     if scene.wavelength_nm is not None:
-        set_shells(found, dispersion(table["air"], scene.wavelength_nm))
-        table = table_at(table, scene.wavelength_nm)
+        set_shells(found, dispersion(stated.air, scene.wavelength_nm))
+        stated = stated.at_wavelength(scene.wavelength_nm)
     loaded = time.perf_counter()
     integrator = found.integrator()
     prepared = integrator.prepare(found)
@@ -244,7 +244,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
         second=second,
         second_id="" if second is None else scene.second_id,
         cells=cells,
-        **stated_of_shells(integrator, table, prepared.tables, "the scene"),
+        **found_of_shells(integrator, stated, prepared.tables, "the scene"),
     )
     return shells.with_cells() if scene.engine == "cells" else shells
 

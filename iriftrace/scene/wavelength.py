@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from iriftrace.air.refractivity import dispersion
 from iriftrace.core.errors import InputError
 
 WAVELENGTH = "wavelength"
@@ -20,16 +19,6 @@ WAVELENGTH = "wavelength"
 def of_the_file(values: Mapping[str, str]) -> dict[str, str]:
     """The parameters that are the scene file's own."""
     return {name: value for name, value in values.items() if name != WAVELENGTH}
-
-
-def table_at(table: Mapping[str, Any], wavelength_nm: float) -> dict[str, Any]:
-    """The shells' JSON table at another wavelength."""
-    factor = dispersion(table.get("air") or {}, wavelength_nm)
-    rows = []
-    for row in table.get("shells", []):
-        scaled = {key: factor * row[key] for key in ("refractivity", "ext", "int")}
-        rows.append({**row, **scaled, "index": 1.0 + scaled["refractivity"]})
-    return {**table, "air": {**table["air"], "wavelength_nm": wavelength_nm}, "shells": rows}
 
 
 def set_shells(scene: Any, factor: float) -> None:

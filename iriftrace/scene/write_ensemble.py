@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from attrs import Factory, asdict, evolve, frozen
+from attrs import Factory, evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
@@ -131,7 +131,7 @@ def write_ensemble_scene(
         shares = weights_of(listed).weights.tolist()
         listed = tuple(evolve(m, weight=w) for m, w in zip(listed, shares, strict=True))
         write_members(building / FOLDER, listed)
-        origins = dict.fromkeys(m.source["origin"] for m in listed if m.source["origin"])
+        origins = dict.fromkeys(m.source.origin for m in listed if m.source.origin)
         remark = f"An ensemble of {len(listed)} fields; -D {MEMBER}=2 traces the second one alone"
         text = scene_xml(
             camera,
@@ -190,5 +190,6 @@ def _write_member(
     )
     included = scene / FOLDER / str(number) / INCLUDED
     included.write_text(included_xml(shapes), encoding="utf-8")
-    source = asdict(member.shells.source)
-    return FieldMember(number, member.label, member.time, source, member.weight, member.covariance)
+    return FieldMember(
+        number, member.label, member.time, member.shells.source, member.weight, member.covariance
+    )

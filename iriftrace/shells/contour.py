@@ -14,7 +14,8 @@ from iriftrace.geometry.topology import drop_degenerate, face_along, weld
 from iriftrace.geometry.triangles import normals_along, used_vertices
 from iriftrace.shells.hessian import derivative_rows
 from iriftrace.shells.levels import check_range, index_levels, layers_between
-from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
+from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.shells.table import SmallComponents
 
 if TYPE_CHECKING:
     import pyvista as pv

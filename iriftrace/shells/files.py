@@ -6,27 +6,27 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from attrs import asdict, frozen
+from attrs import evolve, frozen
 
-from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import AnyIntArray, Float32Array
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import is_number, sha256_of, whole_file
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.plain import plain, structured
 from iriftrace.geometry import ply
 from iriftrace.geometry.triangles import polydata
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
-from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
+from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.shells.table import SCHEMA, AirStatement, PartOrigin
 
 if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.shells.report import ShellReport
 
 
-SCHEMA = "iriftrace.shells/1"
 TABLE = "shells.json"
 PARAVIEW = "shells.vtm"
 
@@ -97,14 +97,18 @@ def save_shells(
     if paraview:
         written.append(_write_paraview(folder, stack))
     remove_stale(folder, stack, paraview)
-    table = {**table_of(stack, notes or {}, report), "part": None}
-    table["shells"] = [
-        {"file": path.name, "sha256": sha256_of(path), **row}
-        for path, row in zip(written, table["shells"], strict=False)
-    ]
+    stated = AirStatement.of(stack, dict(notes or {}))
+    rows = tuple(
+        evolve(row, file=path.name, sha256=sha256_of(path))
+        for path, row in zip(written, stated.shells, strict=False)
+    )
+    origin = None
     if part is not None:
         place = Path(os.path.relpath(part.path, folder)).as_posix()
-        table["part"] = {"file": place, "sha256": part.sha256, "source": part.source}
+        origin = PartOrigin(place, part.sha256, part.source)
+    table = plain(evolve(stated, shells=rows, part=origin))
+    for row, found in zip(table["shells"], report or (), strict=False):
+        row |= found.as_dict()
     with whole_file(folder / TABLE) as temporary:
         temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
     return [*written, folder / TABLE]
@@ -123,8 +127,6 @@ def load_shells(folder: str | Path) -> ShellStack:
     InputError
         The table or a mesh is missing, damaged or of another kind.
     """
-    from iriftrace.field.index_field import FieldSource
-
     path = Path(folder)
     if path.name != TABLE:
         path /= TABLE
@@ -144,27 +146,16 @@ def load_shells(folder: str | Path) -> ShellStack:
             "version."
         )
     try:
-        shells = [
-            Shell(
-                _number(row, "layer"),
-                _number(row, "refractivity"),
-                _number(row, "ext"),
-                _number(row, "int"),
-                *read_shell(path.parent / row["file"]),
-            )
-            for row in table["shells"]
-        ]
-        source = None if table["source"] is None else FieldSource(**table["source"])
-        small = [SmallComponents(**row) for row in table["small_components"]]
-        return ShellStack(shells, Air(**table["air"]), table["rule"], source, small)
-    except (LookupError, TypeError, AttributeError) as error:
-        raise InputError(f"{path} lacks or misnames {error}; write the shells again.") from error
-
-
-def _number(row: Mapping[str, Any], key: str) -> Any:
-    if not is_number(row[key]):
-        raise TypeError(f"the number {key}: it has {row[key]!r}")
-    return row[key]
+        stated = structured(table, AirStatement)
+    except ValueError as error:
+        raise InputError(f"{path} is damaged ({error}); write the shells again.") from error
+    if stated.air is None or stated.rule is None:
+        raise InputError(f"{path} states no air or no rule; write the shells again.")
+    shells = [
+        Shell(row.layer, row.refractivity, row.ext, row.int_, *read_shell(path.parent / row.file))
+        for row in stated.shells
+    ]
+    return ShellStack(shells, stated.air, stated.rule, stated.source, stated.small_components)
 
 
 def _stem(shell: Shell) -> str:
@@ -232,34 +223,6 @@ def _damaged(path: Path) -> InputError:
         f"{path} is cut short or was written by another program; write the shells again, or use "
         "import_shells for surfaces from elsewhere."
     )
-
-
-def table_of(
-    stack: ShellStack, notes: Mapping[str, str], report: Sequence[ShellReport] | None = None
-) -> dict[str, Any]:
-    """What the table beside the shells' files states, but for the files."""
-    rows = []
-    temperatures = stack.temperature_k.tolist()
-    for i, (shell, temperature) in enumerate(zip(stack.shells, temperatures, strict=True)):
-        row = {
-            "layer": shell.layer,
-            "refractivity": shell.refractivity,
-            "ext": shell.ext,
-            "int": shell.int_,
-            "temperature_k": temperature,
-            "triangles": len(shell.faces),
-        }
-        rows.append(row if report is None else {**row, **report[i].as_dict()})
-    return {
-        "schema": SCHEMA,
-        "length_unit": "mm",
-        "rule": stack.rule,
-        "air": stack.air.as_dict(),
-        "source": None if stack.source is None else asdict(stack.source),
-        "notes": dict(notes),
-        "small_components": [small._asdict() for small in stack.small_components],
-        "shells": rows,
-    }
 
 
 def _write_paraview(folder: Path, stack: ShellStack) -> Path:

@@ -22,15 +22,16 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
-from iriftrace.field.index_field import FieldSource
 from iriftrace.field.origin import origin_of
 from iriftrace.field.readers.vtk_files import blocks_of
 from iriftrace.field.readers.vtk_process import read_file
+from iriftrace.field.source import FieldSource
 from iriftrace.geometry import transform as motion
 from iriftrace.geometry.topology import drop_degenerate, face_along, weld
 from iriftrace.geometry.triangles import area_vectors, normals_along, unit_vectors, used_vertices
 from iriftrace.shells.levels import layers_between
-from iriftrace.shells.stack import Shell, ShellStack, SmallComponents
+from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.shells.table import SmallComponents
 
 SUFFIXES = (".vtu", ".vtm", ".vtp")
 

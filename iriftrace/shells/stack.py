@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from attrs import Attribute, field, frozen
@@ -13,12 +12,10 @@ from numpy.typing import ArrayLike
 from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import AnyIntArray, Float32Array, FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.field.source import FieldSource
 from iriftrace.shells.hessian import DERIVATIVES
 from iriftrace.shells.levels import RULES
-
-if TYPE_CHECKING:
-    from iriftrace.field.index_field import FieldSource
-
+from iriftrace.shells.table import SmallComponents
 
 KINDS = (*RULES, "custom", "imported")
 
@@ -126,14 +123,6 @@ class Shell:
         """True if the air on the surface is not that midway between its two sides."""
         middle = 0.5 * (self.ext + self.int_)
         return abs(self.refractivity - middle) > 1e-9 * abs(self.ext - self.int_)
-
-
-class SmallComponents(NamedTuple):
-    """Components of one shell that were left out for their size."""
-
-    layer: int
-    components: int
-    triangles: int
 
 
 @frozen(eq=False)

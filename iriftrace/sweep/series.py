@@ -15,6 +15,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_set import PoseSet, push_out
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
+from iriftrace.core.plain import plain
 from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
@@ -138,7 +139,7 @@ def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
             raise InputError(
                 f"{names} were loaded with different variants; load both with the same."
             )
-        light = [s.scene.wavelength_nm for s in (first, one)]
+        light = [s.scene.stated.wavelength_nm for s in (first, one)]
         if None not in light and light[0] != light[1]:
             raise InputError(
                 f"{names} were made for light of {light[0]:g} and {light[1]:g} nm, which hot air "
@@ -218,7 +219,7 @@ def scenes_attribute(
             "variant": scene.variant,
             "engine": scene.engine,
             "wanted_engine": scene.wanted_engine,
-            "field": scene.source,
+            "field": plain(scene.source),
         }
         if scene.ensemble is not None:
             scenes[name]["members"] = [member.as_dict() for member in scene.ensemble.members]

@@ -10,7 +10,7 @@ from typing import Any
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
-from iriftrace.field.origin import is_steady
+from iriftrace.core.plain import plain
 from iriftrace.scene.load import LoadedEnsemble, LoadedScene
 
 _MOST_LISTED = 2
@@ -18,12 +18,11 @@ _MOST_LISTED = 2
 
 def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
     """Version, scene, field, part and assumptions in force, as plain JSON values."""
-    table, part, ensemble = scene.shells_table, scene.part, scene.ensemble
-    notes, written = table.get("notes") or {}, table.get("part") or {}
-    source, wavelength = table.get("source"), scene.wavelength_nm
+    part, ensemble, notes = scene.part, scene.ensemble, scene.stated.notes
+    source, wavelength, written = scene.source, scene.stated.wavelength_nm, scene.stated.part
     sources = [source] if ensemble is None else [m.source for m in ensemble.members]
     known = [one for one in sources if one]
-    steady = all(is_steady((one or {}).get("origin")) for one in sources)
+    steady = len(known) == len(sources) and all(one.steady for one in known)
     rules = {"index_rule": scene.index_rule, "normals": scene.normals}
     return {
         "version": version("iriftrace"),
@@ -36,14 +35,14 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
         **rules,
         "bending": scene.bending.value,
         "wavelength_nm": wavelength,
-        "field": source,
+        "field": plain(source),
         **({} if ensemble is None else {"ensemble": _members(ensemble)}),
         "part": {
             "path": str(Path(part.path).resolve()),
             "sha256": part.sha256,
             # The file that the user gave, of which the scene has a copy.
-            "source": written.get("source", "")
-            if written.get("sha256") == part.sha256
+            "source": written.source
+            if written is not None and written.sha256 == part.sha256
             else Path(part.path).name,
             "length_unit": part.length_unit,
             "to_world": scene.part_to_world.tolist(),
@@ -55,8 +54,8 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             **rules,
             "bending": scene.bending.text,
             **_for_studies(scene, notes),
-            "field_source": _listed(f"{one['quantity']} from {one['path']}" for one in known),
-            "field_origin": _listed(one["origin"] for one in known if one.get("origin")),
+            "field_source": _listed(f"{one.quantity} from {one.path}" for one in known),
+            "field_origin": _listed(one.origin for one in known if one.origin),
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
             # As the fields state it, where the user did not.

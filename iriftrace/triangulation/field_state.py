@@ -1,20 +1,13 @@
-"""Synthetic and unsteady air, by what a field's origin states: whether a correction has a U."""
+"""Synthetic and unsteady air, by what a field's file states: whether a correction has a U."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping
-from typing import Any
 
 from attrs import frozen
 
-from iriftrace.field.origin import synthetic_mark
+from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 from iriftrace.scene.load import LoadedScene
-
-_NOT_STEADY = re.compile(
-    r"NOT STEADY(?: \(heat flow varies by ([\d.]+) ?%, plume by ([\d.]+) K\))?"
-)
 
 _RANGE = 2.0 * math.sqrt(3.0)
 """Range over standard deviation of a value that may lie anywhere in between (GUM, 4.3.7)."""
@@ -22,7 +15,7 @@ _RANGE = 2.0 * math.sqrt(3.0)
 
 @frozen
 class FieldState:
-    """What the origin of a scene's field says of the uncertainty of a correction.
+    """What the file of a scene's field says of the uncertainty of a correction.
 
     Attributes
     ----------
@@ -40,24 +33,22 @@ class FieldState:
 
 def field_state(scene: LoadedScene) -> FieldState:
     """State of a scene's field; the scatter of an ensemble's fields has their unsteadiness."""
-    if scene.ensemble is None:
-        origin = _origin(scene.source)
-        return FieldState(
-            synthetic_mark(origin) is not None, _unsteadiness(origin, scene.heating_k)
-        )
-    members = scene.ensemble.members
-    return FieldState(any(synthetic_mark(_origin(one.source)) for one in members))
+    if scene.ensemble is not None:
+        return FieldState(any(_synthetic(one.source) for one in scene.ensemble.members))
+    source = scene.source
+    unsteady = source is not None and source.facts.kind is FieldKind.UNSTEADY
+    return FieldState(
+        _synthetic(source),
+        _unsteadiness(source.facts, scene.stated.heating_k) if source and unsteady else 0.0,
+    )
 
 
-def _origin(source: Mapping[str, Any] | None) -> str:
-    return str((source or {}).get("origin") or "")
+def _synthetic(source: FieldSource | None) -> bool:
+    return source is not None and source.facts.kind is FieldKind.SYNTHETIC
 
 
-def _unsteadiness(origin: str, heating_k: float | None) -> float | None:
+def _unsteadiness(facts: FieldFacts, heating_k: float | None) -> float | None:
     """The larger of heat flow's and plume's relative range, as a rectangular distribution."""
-    said = _NOT_STEADY.search(origin)
-    if said is None:
-        return 0.0
-    if said[1] is None or heating_k is None:
+    if facts.heat_variation is None or facts.plume_swing_k is None or heating_k is None:
         return None
-    return max(float(said[1]) / 100.0, float(said[2]) / heating_k) / _RANGE
+    return max(facts.heat_variation, facts.plume_swing_k / heating_k) / _RANGE

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 
 from iriftrace.air.refractivity import Air, ciddor, edlen, saturation_pressure
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import plain, structured
 
 # Ciddor (1996), table 1: 633 nm, dry, 450 ppm CO2; degC, kPa, (n - 1) 1e8 recomputed at 30 digits.
 DRY = [(20, 80, 21458.0), (20, 100, 26824.4), (10, 100, 27774.7)]
@@ -155,7 +156,7 @@ def test_temperature_is_the_inverse_of_refractivity(temperature, pressure, wavel
 
 def test_air_can_be_written_to_json_and_back():
     air = Air(wavelength_nm=450, temperature_k=295.0, relative_humidity=0.4, model="edlen")
-    assert Air(**json.loads(json.dumps(air.as_dict()))) == air
+    assert structured(json.loads(json.dumps(plain(air))), Air) == air
     assert air.ambient_refractivity == edlen(450.0, 295.0, 101325.0, 0.4)
 
 

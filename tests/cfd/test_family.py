@@ -20,6 +20,7 @@ from iriftrace.cfd.openfoam.programs import Installation
 from iriftrace.cfd.openfoam.wall import WallTemperatures
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import origin_of, state_origin
+from iriftrace.field.source import FieldFacts
 from iriftrace.part.part import Part
 
 NONE = Installation("", "", "", {})
@@ -134,7 +135,7 @@ def write_field(file: Path, origin: str) -> None:
     grid = pv.UnstructuredGrid({12: np.arange(8)[None]}, points)
     grid.point_data["T"] = np.arange(8, dtype=np.float32)
     grid.point_data["U"] = np.tile(np.float32((0.1, 0.2, 0.3)), (8, 1))
-    state_origin(grid, f"OpenFOAM, {origin}")
+    state_origin(grid, f"OpenFOAM, {origin}", FieldFacts())
     grid.save(file)
 
 

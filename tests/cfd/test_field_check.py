@@ -20,8 +20,9 @@ from iriftrace.cfd.check.nusselt import horizontal_cylinder_diameter
 from iriftrace.cfd.check.wall import gradient_errors, wall_state
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
+from iriftrace.field.source import FieldSource
 from iriftrace.part.part import Part, read_part
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells

@@ -19,9 +19,10 @@ from iriftrace.cfd.check.heat_balance import HeatBalance, heat_balance
 from iriftrace.cfd.openfoam.part_surface import mirrored_grid
 from iriftrace.cli import main
 from iriftrace.field.flow import ENTHALPY_FLUX, HEAT_STORAGE, AirFlow, carried_heat
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import WALL_HEAT
 from iriftrace.field.read import read_field
+from iriftrace.field.source import FieldSource
 from iriftrace.part.part import read_part
 from validation.inputs import hot_block
 from validation.inputs.conducting_sphere import RADIUS, ROOM, WALL, conducting_sphere, finding

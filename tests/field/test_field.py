@@ -16,8 +16,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.gradient import cell_corners
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
+from iriftrace.field.source import FieldSource
 from iriftrace.field.volume import linear_volume
 from iriftrace.geometry.transform import parse_transform
 from validation.inputs.field_grids import box, saved, solid

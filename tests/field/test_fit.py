@@ -12,9 +12,10 @@ from attrs import evolve
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.part_fit import Fit, fit_part_to_field
 from iriftrace.field.read import read_field
+from iriftrace.field.source import FieldSource
 from iriftrace.field.volume import linear_volume
 from iriftrace.geometry.transform import parse_transform
 from iriftrace.part.part import Part, read_part

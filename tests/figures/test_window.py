@@ -17,6 +17,7 @@ from matplotlib.colors import to_rgb
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.field.origin import state_origin
+from iriftrace.field.source import FieldFacts
 from iriftrace.figures import window
 from iriftrace.figures.scene import SECOND_COLOUR, SIGHT_COLOUR
 from iriftrace.figures.space import PART_COLOUR
@@ -107,7 +108,7 @@ def test_what_rests_on_no_simulation_says_so(
     results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said: list[str] = []
-    monkeypatch.setattr(window, "synthetic_mark", lambda origin: said.append(origin))
+    monkeypatch.setattr(window, "synthetic_mark", lambda source: said.append(source.origin))
     for name in ("pose.exr", "sweep.nc", "scan.vtp", "scan.ply", "corrected.vtp"):
         drawn(results / name, tmp_path)
     drawn(folder_of("cylinder") / "scene.xml", tmp_path)
@@ -122,7 +123,7 @@ def test_what_rests_on_no_simulation_says_so(
 
 def made_of(grid: Any, origin: str, path: Path) -> Path:
     """The grid as a file that states this origin."""
-    state_origin(grid, origin)
+    state_origin(grid, origin, FieldFacts.in_words(origin))
     grid.save(path)
     return path
 

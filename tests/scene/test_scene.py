@@ -25,6 +25,7 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.shells.stack import ShellStack
+from iriftrace.shells.table import AirStatement
 from iriftrace.trace.render import render_scene
 from validation.inputs.small_scenes import sphere
 
@@ -135,7 +136,7 @@ def test_part_and_shells_in_are_part_and_shells_out(
     assert found == {
         f"shell_{s.layer:02d}": (1 + s.ext, 1 + s.int_, len(s.faces)) for s in shells.shells
     }
-    assert loaded.shells_table["rule"] == "rim"
+    assert loaded.stated.rule == "rim"
     assert loaded.normals == "gradient"
 
 
@@ -405,7 +406,7 @@ def test_scene_without_shells_loads(xml: Path) -> None:
     text = re.sub(r'<shape type="ply" id="shell_.*?</shape>', "", xml.read_text(), flags=re.S)
     xml.write_text(text)
     loaded = load_scene(xml, {"scale": 0.25})
-    assert loaded.shells_table == {}
+    assert loaded.stated == AirStatement()
     assert loaded.normals == "facet"
     assert render_scene(loaded).image.channels["displacement.norm"].max() < 1e-9
 

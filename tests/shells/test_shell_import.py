@@ -14,6 +14,7 @@ from iriftrace.geometry.transform import parse_transform
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.files import save_shells
 from iriftrace.shells.imported import import_shells
+from iriftrace.shells.table import SmallComponents
 from validation.inputs.shell_fields import (
     AIR,
     AMBIENT,
@@ -161,7 +162,7 @@ def test_triangle_soup_is_welded_and_small_components_are_dropped(tmp_path):
     soup.save(tmp_path / "s.vtp")
     stack = import_shells(tmp_path / "s.vtp")
     check(stack)
-    assert stack.small_components == ((1, 1, small.n_cells),)
+    assert stack.small_components == (SmallComponents(1, 1, small.n_cells),)
 
 
 def test_rounded_values_are_one_surface(tmp_path):

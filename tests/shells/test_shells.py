@@ -19,6 +19,7 @@ from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.hessian import radial_derivatives
 from iriftrace.shells.levels import index_levels, layers_between
 from iriftrace.shells.stack import Shell, ShellStack
+from iriftrace.shells.table import SmallComponents
 from validation.inputs.shell_fields import (
     AIR,
     AMBIENT,
@@ -226,7 +227,7 @@ def test_small_components_are_dropped_and_reported():
     without = contour_shells(field, layers=2, rule="midpoint", min_size_mm=1.5)
     assert complete.small_components == ()
     # Around a single point each of the 6 edges is cut: an octahedron of 8 triangles.
-    assert without.small_components == ((1, 1, 8), (2, 1, 8))
+    assert without.small_components == (SmallComponents(1, 1, 8), SmallComponents(2, 1, 8))
     for full, less in zip(complete.shells, without.shells, strict=True):
         assert len(full.faces) - len(less.faces) == 8
         assert less.vertices[:, 0].max() < 1.5 < 3.5 < full.vertices[:, 0].max()

@@ -87,7 +87,7 @@ def test_it_is_the_difference_to_a_scene_with_half_of_the_shells(tmp_path: Path)
         load_scene(written(tmp_path / str(k), FROM_THE_SIDE, shells))
         for k, shells in enumerate((stack, every_second(stack)))
     ]
-    assert [len(s.shells_table["shells"]) for s in scenes] == [13, 7]
+    assert [len(s.stated.shells) for s in scenes] == [13, 7]
     image = render_scene(scenes[0]).image
     good = image.status == 0
     assert 1000 < good.sum() < 5000

@@ -13,10 +13,12 @@ import pytest
 import pyvista as pv
 from attrs import evolve
 
+from iriftrace.air.refractivity import Air
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
+from iriftrace.field.source import FieldFacts, FieldKind
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
@@ -232,10 +234,11 @@ def test_a_correction_smaller_than_the_fits_uncertainty_is_said_to_be_so(
     assert "at least 1, or none for all points" in " ".join(capsys.readouterr().err.split())
 
 
-def with_origin(scene: LoadedScene, origin: str) -> LoadedScene:
-    """A scene whose field states another origin."""
-    source = dict(scene.shells_table["source"] or {}, origin=origin)
-    return evolve(scene, shells_table=scene.shells_table | {"source": source})
+def with_facts(scene: LoadedScene, facts: FieldFacts) -> LoadedScene:
+    """A scene whose field states these facts."""
+    source = scene.stated.source
+    assert source is not None
+    return evolve(scene, stated=evolve(scene.stated, source=evolve(source, facts=facts)))
 
 
 def test_air_from_formulas_has_no_uncertainty(
@@ -267,23 +270,22 @@ def test_air_from_formulas_has_no_uncertainty(
 
 
 @pytest.mark.parametrize(
-    ("origin", "unsteadiness"),
+    ("facts", "unsteadiness"),
     [
-        ("OpenFOAM, steady (heat flow varies by 0.1%, plume by 1 K)", 0.0),
-        ("OpenFOAM, NOT STEADY (heat flow varies by 12.0%, plume by 27 K)", 0.12 / np.sqrt(12)),
-        ("OpenFOAM, NOT STEADY (heat flow varies by 2.1%, plume by 180 K)", 0.2 / np.sqrt(12)),
-        ("another program, NOT STEADY", None),
-        ("", 0.0),
+        (FieldFacts(FieldKind.STEADY, 0.001, 1.0), 0.0),
+        (FieldFacts(FieldKind.UNSTEADY, 0.12, 27.0), 0.12 / np.sqrt(12)),
+        (FieldFacts(FieldKind.UNSTEADY, 0.021, 180.0), 0.2 / np.sqrt(12)),
+        (FieldFacts.in_words("another program, NOT STEADY"), None),
+        (FieldFacts(), 0.0),
     ],
 )
 def test_air_that_changes_in_time_is_uncertain(
-    three: LoadedScene, origin: str, unsteadiness: float | None
+    three: LoadedScene, facts: FieldFacts, unsteadiness: float | None
 ) -> None:
     """Of a range of 20 % the standard deviation is 20 % / root 12, as of a rectangular one."""
-    scene = with_origin(member(three, 2), origin)
-    shells = [row | {"temperature_k": 1193.15} for row in scene.shells_table["shells"]]
-    air = {"temperature_k": 293.15}
-    scene = evolve(scene, shells_table=scene.shells_table | {"shells": shells, "air": air})
+    scene = with_facts(member(three, 2), facts)
+    shells = [evolve(row, temperature_k=1193.15) for row in scene.stated.shells]
+    scene = evolve(scene, stated=evolve(scene.stated, shells=shells, air=Air(temperature_k=293.15)))
     assert field_state(scene).unsteadiness == pytest.approx(unsteadiness)
     found = correct(measure(scene).points, scene, field_uncertainty=0.05)
     assert found.u_contrast == pytest.approx(np.hypot(0.05, unsteadiness or 0.0))

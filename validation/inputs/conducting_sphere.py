@@ -10,7 +10,8 @@ from iriftrace.air.refractivity import Air
 from iriftrace.cfd.check.finding import FieldCheck
 from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.source import FieldSource
 from iriftrace.part.part import Part, part_of_mesh
 
 WALL, ROOM = 1373.15, 293.15

@@ -9,7 +9,8 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.air.refractivity import Air
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
+from iriftrace.field.source import FieldSource
 from iriftrace.shells.stack import ShellStack
 
 AIR = Air()

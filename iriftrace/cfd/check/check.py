@@ -22,7 +22,6 @@ from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.index_field import IndexField
-from iriftrace.field.origin import is_steady
 from iriftrace.field.part_fit import (
     LARGEST_BARE_SHARE,
     LARGEST_GAP_MM,
@@ -80,7 +79,7 @@ def check_field(
         field, part, wall_temperature_k, dict(region_temperatures_k or {}), transition_mm
     )
     if steady is None:
-        steady = is_steady(field.source.origin)
+        steady = field.source.steady
     findings = [
         temperature_finding(wall, set_k),
         _gap(fit.gap_median_mm, fit.gap_p95_mm),

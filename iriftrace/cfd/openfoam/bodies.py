@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,9 +60,8 @@ def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
             pv.PolyData.from_regular_faces(body.surface.vertices, faces).save(temporary)
 
 
-def bodies_beside(field: Path, origin: str | None) -> tuple[Path, ...]:
-    """Files of the bodies around which a field was solved, as its origin names them."""
-    names = set((origin or "").partition("around ")[2].split(", "))
+def bodies_beside(field: Path, names: Collection[str]) -> tuple[Path, ...]:
+    """Files beside a field of the bodies of these names around which it was solved."""
     files = sorted((field.parent / FOLDER).glob("*.stl"))
     return tuple(file for file in files if file.stem in names)
 

@@ -24,7 +24,8 @@ from iriftrace.cfd.openfoam.run import expected_seconds, last_time, pieces_of
 from iriftrace.cfd.openfoam.simulate import Display, check_solver, prepare, simulate
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-from iriftrace.field.origin import origin_of, state_origin
+from iriftrace.field.origin import facts_of, origin_of, state_origin
+from iriftrace.field.source import FieldFacts
 
 FAMILY = "family.json"
 """In the family's folder: its members, and how each of the finished ones was made."""
@@ -143,7 +144,8 @@ def write_image(member: Member, case: Case, folder: Path) -> None:
     if case.draught is not None:
         wind = case.draught.mirrored(member.across).text
         origin = origin_of(grid).replace(wind, case.draught.text)
-        state_origin(grid, f"{origin}, mirror image of {original.name}")
+        text = f"{origin}, mirror image of {original.name}"
+        state_origin(grid, text, facts_of(grid) or FieldFacts.in_words(origin))
     with whole_file(folder / member.file) as temporary:
         grid.save(temporary)
 

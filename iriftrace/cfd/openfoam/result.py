@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
+from attrs import evolve
 from scipy.spatial import cKDTree
 
 from iriftrace.air.thermophysics import heat_content, heat_content_slope, temperature_of_density
@@ -30,6 +31,7 @@ from iriftrace.field.flow import (
 )
 from iriftrace.field.origin import WALL_HEAT, state_origin
 from iriftrace.field.readers import openfoam as openfoam_case
+from iriftrace.field.source import FieldFacts, FieldKind
 
 _MM = 1000.0
 
@@ -92,14 +94,21 @@ def write_mean(
         raise SetupError(f"the case {folder} has no mean density at t = {moment:g} s.")
     density = as_float64(grid.point_data["rhoMean"])
     kelvin = temperature_of_density(density, case.pressure_pa)
-    state = "" if steadiness is None else f", {steadiness.text}"
+    state, facts = "", FieldFacts()
+    if steadiness is not None:
+        state = f", {steadiness.text}"
+        facts = FieldFacts(
+            FieldKind.STEADY if steadiness.steady else FieldKind.UNSTEADY,
+            steadiness.heat_variation,
+            steadiness.plume_swing_k,
+        )
     how = f"density averaged over {averaged:.3g} s up to t = {moment:.3g} s{state}"
     before = _at(folder, moment - averaged)
     carried = {} if before is None else mean_arrays(case, grid, before, averaged)
     whole = _whole(case, folder, grid, {"T": kelvin, **carried})
     if steadiness is not None:
         whole.field_data[WALL_HEAT] = [steadiness.heat_w]
-    _write(case, whole, file, how)
+    _write(case, whole, file, how, facts)
     return whole
 
 
@@ -118,7 +127,7 @@ def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Pa
         if len(heat):
             watts = np.interp(moment, heat[:, 0], heat[:, 1])
             whole.field_data[WALL_HEAT] = [float(watts) * 2 ** len(case.mirrors)]
-        _write(case, whole, target, f"snapshot at t = {moment:.4g} s")
+        _write(case, whole, target, f"snapshot at t = {moment:.4g} s", FieldFacts())
         files.append(target)
         entries.append(f'    <DataSet timestep="{moment:.9g}" part="0" file="{target.name}"/>')
     with whole_file(file) as temporary:
@@ -182,7 +191,7 @@ def _shortened(values: Float32Array) -> Float32Array:
     return rounded
 
 
-def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
+def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: FieldFacts) -> None:
     parts = [f"OpenFOAM {SOLVER}", case.size.name, how]
     if case.draught is not None:
         parts.append(case.draught.text)
@@ -202,6 +211,7 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str) -> None:
             output.point_data[name] = values if name == "T" else _shortened(values)
     for name in grid.field_data:
         output.field_data[name] = grid.field_data[name]
-    state_origin(output, ", ".join(parts))
+    names = tuple(body.name for body in case.bodies)
+    state_origin(output, ", ".join(parts), evolve(facts, bodies=names))
     with whole_file(file) as temporary:
         output.save(temporary)

@@ -14,9 +14,10 @@ from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
-from iriftrace.field.index_field import FieldSource, IndexField
+from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import state_origin
 from iriftrace.field.part_fit import fit_part_to_field
+from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
 
 
 def synthetic_grid(
@@ -33,7 +34,7 @@ def synthetic_grid(
     grid.point_data["T"] = temperature
     if gradient:
         grid.point_data["grad_T"] = slope
-    state_origin(grid, air.origin)
+    state_origin(grid, air.origin, FieldFacts(FieldKind.SYNTHETIC))
     return grid
 
 

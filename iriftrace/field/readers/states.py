@@ -13,6 +13,7 @@ from typing import Any
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
+from iriftrace.field.source import FieldFacts
 
 # In .vtu files COMSOL writes an underscore for every space: ``Temperature_@_t=0.5``.
 _STATE = re.compile(r"(?P<name>.*?\S)[\s_]*@[\s_]*(?P<state>\S.*)")
@@ -39,6 +40,7 @@ class Contents:
     units: Mapping[str, str] | None = None
     origin: str = ""  # what the file says of its own making, besides field data
     wall_heat_w: float | None = None  # heat from the whole part, W, where field data state it
+    facts: FieldFacts | None = None  # where field data state them
     scattered: bool = False  # the cells only fill the hull of scattered points, the part included
 
 

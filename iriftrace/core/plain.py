@@ -1,0 +1,85 @@
+"""Our classes as plain values of JSON files and headers, and back, by cattrs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from attrs import has
+
+if TYPE_CHECKING:
+    from cattrs import Converter
+
+T = TypeVar("T")
+
+_KINDS: dict[type, tuple[str, tuple[type, ...]]] = {
+    bool: ("truth value", (bool,)),
+    int: ("whole number", (int,)),
+    float: ("number", (int, float)),
+    str: ("text", (str,)),
+}
+
+
+def plain(value: object) -> Any:
+    """A value of ours as dictionaries, lists, numbers, texts and None."""
+    return _converter().unstructure(value)
+
+
+def structured(values: object, kind: type[T]) -> T:
+    """The value of a class of ours that plain values stand for; ValueError says what is wrong.
+
+    Further keys of a dictionary are not read.
+    """
+    from cattrs import BaseValidationError, transform_error
+
+    try:
+        return _converter().structure(values, kind)
+    except BaseValidationError as error:
+        faults = transform_error(error, format_exception=_fault)
+        raise ValueError("; ".join(faults)) from error
+    except (TypeError, AttributeError, LookupError) as error:
+        raise ValueError(f"{error}") from error
+
+
+@cache
+def _converter() -> Converter:
+    # Imported at the first need: it takes as long as all of the package's own modules.
+    from cattrs import Converter
+
+    converter = Converter(use_alias=True)
+    for kind, (name, taken) in _KINDS.items():
+        converter.register_structure_hook(kind, _strict(kind, name, taken))
+    converter.register_structure_hook_factory(has, _from_dictionary)
+    return converter
+
+
+def _from_dictionary(kind: type[T], converter: Converter) -> Callable[[Any, Any], T]:
+    """cattrs would take a list for a class whose attributes all have defaults."""
+    from cattrs.gen import make_dict_structure_fn
+
+    made = make_dict_structure_fn(kind, converter, _cattrs_use_alias=True)
+
+    def convert(value: Any, _: Any) -> T:
+        if not isinstance(value, dict):
+            raise ValueError(f"{value!r} is no object")
+        return made(value, kind)
+
+    return convert
+
+
+def _fault(error: BaseException, kind: type | None) -> str:
+    from cattrs.v import format_exception
+
+    return f"{error}" if isinstance(error, ValueError) else format_exception(error, kind)
+
+
+def _strict(kind: type, name: str, taken: tuple[type, ...]) -> Callable[[Any, Any], Any]:
+    """cattrs would make numbers of texts, texts of anything, and take NaN, which JSON has not."""
+
+    def convert(value: Any, _: Any) -> Any:
+        if type(value) not in taken or value != value:
+            raise ValueError(f"{value!r} is no {name}")
+        return kind(value)
+
+    return convert
