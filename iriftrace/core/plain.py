@@ -47,7 +47,7 @@ def _converter() -> Converter:
     # Imported at the first need: it takes as long as all of the package's own modules.
     from cattrs import Converter
 
-    converter = Converter(use_alias=True)
+    converter = Converter(use_alias=True, unstruct_collection_overrides={tuple: list})
     for kind, (name, taken) in _KINDS.items():
         converter.register_structure_hook(kind, _strict(kind, name, taken))
     converter.register_structure_hook_factory(has, _from_dictionary)

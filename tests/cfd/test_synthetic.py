@@ -17,9 +17,11 @@ from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir, laminar_boundary_layer_mm, synthetic_air
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.plain import structured
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import origin_of
 from iriftrace.field.read import read_field
+from iriftrace.field.source import FieldSource
 from iriftrace.image.aov_image import read_exr
 from iriftrace.part.part import Part, part_of_mesh
 from validation.inputs.parts import gear
@@ -330,7 +332,8 @@ def test_every_result_says_that_it_is_synthetic(written: Path) -> None:
 
     table = json.loads((written / "scene" / "shells" / "shells.json").read_text())
     assert table["source"]["origin"].startswith("synthetic: ")
-    assert load_field_file(written / "scene" / "field.npz").source == table["source"]
+    source = load_field_file(written / "scene" / "field.npz").source
+    assert source == structured(table["source"], FieldSource)
     assert "<!-- Field: synthetic: " in (written / "scene" / "scene.xml").read_text()
     header = read_exr(written / "out.exr").header
     assert header["field"] == table["source"]
