@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -149,22 +148,3 @@ def test_files_that_cannot_be_drawn(
     }.items():
         assert words in refusal(capsys, name, "-o", "figures")
     assert sorted(tmp_path.iterdir()) == before
-
-
-def test_options_that_make_no_sense(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    figures = tmp_path / "figures"
-    for options, words in (
-        (("--region=hat",), "no region 'hat'"),
-        (("--displacement=-1",), "weight of displacement"),
-        (("--percentile=0",), "percentile"),
-        (("--min-hits=100000000",), "None of the 9 poses"),
-        (("--resolution=nn3d",), "no value of"),
-        (("--statistic=mode",), "mode"),
-    ):
-        assert words in refusal(capsys, sweep, "-o", figures, *options)
-    assert "does not exist" in refusal(capsys, sweep, "-o", tmp_path / "no" / "figures")
-    shutil.copy(sweep, figures)
-    assert "is a file" in refusal(capsys, sweep, "-o", figures)
-    assert list(tmp_path.iterdir()) == [figures]
