@@ -19,7 +19,7 @@ from iriftrace.core.files import check_readable, whole_file
 from iriftrace.core.netcdf import check_netcdf
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
-from iriftrace.image.metrics import FEWEST_RAYS
+from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.scene.scene import Scene
 from iriftrace.shells.stack import ShellStack
 from iriftrace.studies.mode import Mode, check_modes, shells_of, through_cells, through_shells

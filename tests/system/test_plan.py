@@ -16,6 +16,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_files import read_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.cli import main
+from iriftrace.figures import report as report_module
 from iriftrace.planning.cover import ViewLimits
 from iriftrace.scene.load import load_scene
 from iriftrace.sweep.store import read_sweep
@@ -123,10 +124,21 @@ def test_a_complete_sweep_says_so(
     assert sweep.read_bytes() == before
 
 
+@pytest.fixture
+def without_charts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports without the charts, which take their time."""
+    monkeypatch.setattr(report_module, "sweep_charts", lambda _: {})
+
+
+@pytest.mark.usefixtures("without_charts")
 def test_a_pose_is_named_with_its_lens(
-    hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    hot: HotBlock,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Its matrix alone would not do: the scene's focal length is another."""
+    monkeypatch.setattr(report_module, "sweep_pictures", lambda *_: ({}, ()))
     file = tmp_path / "a.nc"
     options = ["--azimuth=0:90:2", "--elevation=30", "--focal-length=25mm,30mm"]
     assert main(["sweep", str(hot.scene), "-o", str(file), *options]) == 0
@@ -139,6 +151,7 @@ def test_a_pose_is_named_with_its_lens(
     assert f"Pose {best[1]} (focal length {best[2]} mm) is the best" in said
 
 
+@pytest.mark.usefixtures("without_charts")
 def test_other_shells_are_not_taken_for_those_of_the_sweep(
     hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
