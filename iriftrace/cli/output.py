@@ -16,7 +16,8 @@ from iriftrace.image.aov_image import Status
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.part_fit import Fit
-    from iriftrace.image.metrics import EnsembleMetrics, PoseMetrics
+    from iriftrace.image.metrics import PoseMetrics
+    from iriftrace.image.ray_statistics import EnsembleMetrics
     from iriftrace.part.part import Part
     from iriftrace.shells.report import ShellReport
     from iriftrace.shells.stack import ShellStack

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
-from iriftrace.cli.console import late_bar, out, say, working
+from iriftrace.cli.console import say
 from iriftrace.cli.options import (
     Angle,
     Interval,
@@ -24,20 +20,19 @@ from iriftrace.cli.options import (
     check_output,
     refuse_given,
 )
+from iriftrace.cli.plan_pairs import print_pairs, print_refined_pair, search_progress
+from iriftrace.cli.plan_tables import print_pose, print_table, setting_text
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import STANDARD, Criteria
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import ArrayLike
 
-    from iriftrace.core.arrays import FloatArray
     from iriftrace.planning.cover import ViewLimits, ViewSet
-    from iriftrace.planning.pairs import PairPlan
     from iriftrace.planning.refine import Refinement
-    from iriftrace.planning.summary import RankingTable, SweepSummary
-    from iriftrace.triangulation.scan import System
+    from iriftrace.planning.summary import SweepSummary
+    from iriftrace.planning.texts import RankingTable
 
 
 Ranking = Annotated[Criteria, Parameter(name="*", group=Group("Ranking", sort_key=1))]
@@ -139,7 +134,7 @@ def plan(
     """
     from iriftrace.planning.pose_plan import plan as plan_poses
     from iriftrace.planning.refine import check_evaluations, write_refined
-    from iriftrace.planning.summary import ranking_table
+    from iriftrace.planning.texts import ranking_table
     from iriftrace.sweep.store import read_sweep
 
     _refuse_without("--save-poses", save_poses is not None, {"--convention": convention})
@@ -160,11 +155,11 @@ def plan(
             "is about single poses; leave it out, or --pairs.",
         )
         measured = confirm is not False
-        pair_plan = _plan_pairs(dataset, ranking, system or "fringe", angle, feature, measured, top)
+        pair_plan = print_pairs(dataset, ranking, system or "fringe", angle, feature, measured, top)
         if refine:
-            _refine_pair(dataset, pair_plan, count, output)
+            print_refined_pair(dataset, pair_plan, count, output)
         return
-    with _search_progress(count) as progress:
+    with search_progress(count) as progress:
         found = plan_poses(
             dataset,
             ranking,
@@ -190,114 +185,6 @@ def plan(
         say(f"Ranked poses in {save_poses}")
 
 
-def _plan_pairs(
-    dataset: xr.Dataset,
-    criteria: Criteria,
-    system: Literal["fringe", "stereo", "laser"],
-    angles_deg: tuple[float, float] | None,
-    feature: str | None,
-    confirm: bool,
-    top: int,
-) -> PairPlan:
-    """Rank pairs of poses and print them."""
-    from iriftrace.planning.pairs import ANGLES_DEG, plan_pairs
-
-    with working("Ranking pairs of poses"):
-        found = plan_pairs(
-            dataset,
-            criteria,
-            system=system,
-            angles_deg=angles_deg or ANGLES_DEG,
-            feature=feature,
-            confirm=confirm,
-        )
-    error, bias = f"|e| {criteria.statistic}", "diameter" if feature else "median e"
-    exact = [f"{1e3 * value:.3g}" for value in found.exact_mm]
-    _print_table(
-        f"Best of {len(found.pairs)} pairs ({system}) for {feature or criteria.region}: errors in "
-        "um, e along the normal",
-        ("poses", "score", error, bias, "both see", "angle", "measured"),
-        (
-            (
-                f"{one}, {other}",
-                f"{found.score[row]:.3f}",
-                f"{1e3 * found.error_mm[row]:.3g}",
-                f"{1e3 * found.bias_mm[row]:.3g}",
-                f"{100 * found.coverage[row]:.1f} %",
-                f"{found.angle_deg[row]:.1f} deg",
-                *exact[row : row + 1],
-            )
-            for row, (one, other) in enumerate(found.pairs[:top])
-        ),
-    )
-    if exact:
-        what = "the diameter" if feature else error
-        through = "the field itself" if found.exact_engine == "cells" else "the shells"
-        say(f"Measured is {what} by the exact solver, through {through}.")
-    names = [f"{what}, pose {pose}" for what, pose in zip(_DEVICES, found.pairs[0], strict=True)]
-    chosen = dataset.isel(pose=found.pairs[0])
-    _print_pair(names, chosen["matrix"].values, chosen["distance"].values, system)
-    return found
-
-
-_DEVICES = ("Camera", "Second device")
-
-
-def _print_pair(
-    names: Iterable[str], matrices: FloatArray, distances_mm: FloatArray, system: System
-) -> None:
-    """Both poses of a pair, and how what they measure is simulated."""
-    from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
-
-    sensors = ("the first sensor", f'the second sensor (id="{DEVICE_OF_SYSTEM[system]}")')
-    for name, matrix, distance, sensor in zip(names, matrices, distances_mm, sensors, strict=True):
-        print_pose(name, matrix, float(distance), sensor)
-    say("With both sensors in the scene file, iriftrace measure simulates what they measure.")
-
-
-def _refine_pair(
-    dataset: xr.Dataset, plan: PairPlan, evaluations: int, output: Path | None
-) -> None:
-    """Search around the best pair and print what was gained."""
-    from iriftrace.planning.refine_pair import refine_pair, write_refined_pair
-
-    with _search_progress(evaluations) as progress:
-        found = refine_pair(dataset, plan, evaluations=evaluations, progress=progress)
-    one, other = plan.pairs[0].tolist()
-    end = "ended by itself" if found.converged else "ended with the evaluations"
-    say(
-        f"The search around poses {one} and {other} ({found.evaluations} pairs measured, {end}): "
-        f"score {found.best.score:.4f} instead of {found.start.score:.4f}."
-    )
-    values = (found.start, found.best)
-    statistic = f"|e| {plan.criteria.statistic} (um)"
-    bias = "diameter (um)" if plan.feature else "median e (um)"
-    _print_table(
-        "What they measure",
-        ("", "swept pair", "refined pair"),
-        (
-            (statistic, *(f"{1e3 * value.error_mm:.3g}" for value in values)),
-            (bias, *(f"{1e3 * value.bias_mm:.3g}" for value in values)),
-            ("both see", *(f"{100 * value.coverage:.1f} %" for value in values)),
-            ("angle", *(f"{value.angle_deg:.1f} deg" for value in values)),
-        ),
-    )
-    names = [f"Refined {what.lower()}" for what in _DEVICES]
-    _print_pair(names, found.best.matrices, found.best.distances_mm, plan.system)
-    if output is not None:
-        write_refined_pair(output, found, plan, dataset)
-        say(f"Refined pair in {output}")
-
-
-@contextmanager
-def _search_progress(evaluations: int) -> Iterator[Callable[[int, float], None]]:
-    from rich.progress import BarColumn, MofNCompleteColumn
-
-    columns = "Refining, best score {task.fields[score]:.4f}", BarColumn(), MofNCompleteColumn()
-    with late_bar(*columns, transient=True) as show:
-        yield lambda done, score: show(done, evaluations, score=score)
-
-
 def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None:
     from iriftrace.camera.pose_files import write_poses
     from iriftrace.camera.pose_set import PoseSet
@@ -316,7 +203,7 @@ def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
 
 def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     """The ranking, how sure it is, and the best pose."""
-    from iriftrace.planning.summary import (
+    from iriftrace.planning.texts import (
         alternative_text,
         front_text,
         other_statistics_text,
@@ -326,7 +213,7 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     )
 
     plan = summary.plan
-    _print_table(
+    print_table(
         f"Best poses for region {plan.criteria.region}: {summary.displacement.title.lower()}, "
         "coverage, resolution",
         ranking.short_headings,
@@ -356,40 +243,17 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
 
 
 def _print_swept(kind: str, summary: SweepSummary, pose: int) -> None:
-    name = f"{kind} {pose}{_setting(summary, pose)}"
+    name = f"{kind} {pose}{setting_text(summary, pose)}"
     print_pose(name, summary.matrices[pose], summary.distance[pose])
-
-
-def _setting(summary: SweepSummary, pose: int) -> str:
-    from iriftrace.sweep.diagnostics import setting_of
-
-    setting = setting_of(summary.varied, pose)
-    return f" ({setting})" if setting else ""
-
-
-def print_pose(
-    name: str, matrix: ArrayLike, distance_mm: float, sensor: str = "the sensor"
-) -> None:
-    """A pose as matrix, as look-at and as XML."""
-    from iriftrace.camera.pose import pose_text
-
-    text = pose_text(matrix, distance_mm)
-    say(f"{name}, camera to world (x right, y down, z forward; mm):")
-    for row in text.matrix:
-        say(f"  {row}")
-    say(f"Look-at: {text.look_at}")
-    say(f"In the scene file, inside {sensor}:")
-    for line in text.xml:
-        say(f"  {line}")
 
 
 def print_views(summary: SweepSummary, views: ViewSet, limits: ViewLimits) -> None:
     """Poses that together see the most, what each adds, and how good the choice is."""
-    from iriftrace.planning.summary import views_table, views_text, views_title
+    from iriftrace.planning.texts import views_table, views_text, views_title
 
     say(f"{views_title(summary, limits)}:")
     found = views_table(summary, views)
-    _print_table(None, found.short_headings, found.rows)
+    print_table(None, found.short_headings, found.rows)
     say(views_text(summary, views))
     for pose in views.poses.tolist():
         _print_swept("Pose", summary, pose)
@@ -413,16 +277,6 @@ def print_refined(summary: SweepSummary, refined: Refinement) -> None:
         factor = {"µm": 1e3, "%": 100.0, "mm": 1.0}[metric.unit]
         values = (refined.start_metrics[metric.key], refined.metrics[metric.key])
         rows.append((metric.label, *(f"{factor * value:.4g}" for value in values)))
-    _print_table("Metrics", ("", "swept pose", "refined pose"), rows)
-    name = f"Refined pose{_setting(summary, refined.start)}"
+    print_table("Metrics", ("", "swept pose", "refined pose"), rows)
+    name = f"Refined pose{setting_text(summary, refined.start)}"
     print_pose(name, refined.matrix, refined.distance_mm)
-
-
-def _print_table(title: str | None, headings: Iterable[str], rows: Iterable[Sequence[str]]) -> None:
-    # Without rules between the columns, so that numbers are not cut in a terminal 80 wide.
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 0, 0, 1))
-    for heading in headings:
-        table.add_column(heading, justify="right" if heading else "left")
-    for row in rows:
-        table.add_row(*row)
-    out.print(table)

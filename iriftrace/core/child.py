@@ -1,40 +1,177 @@
-"""Work in a child process, for readers that trust what a file says of itself."""
+"""Files read in a child process, whose crash, hang or memory overrun is a `ChildError`.
+
+Libraries trust what a file says of itself: a damaged one can end the process that reads it, keep it
+busy for ever or fill the memory. One server imports a reader's libraries and forks for each file,
+so that what one file does to the process is gone with it.
+"""
 
 from __future__ import annotations
 
+import atexit
+import json
 import os
 import resource
 import signal
+import socket
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from threading import Lock
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+_SECONDS, _BYTES_A_SECOND = 5, 1_000_000
+"""Processor time of a child: small files take 0.1 s, and text, the slowest, 10 MB a second."""
+
+_MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
+"""Address space of a child: VTK's libraries take 1 GB, and compression packs fields 3 to 20 times.
+
+What packs better than 64 times and is larger than 2 GB holds no field of a solver.
+"""
+
+_ARRAY = "\0"
+"""Key of an array's type and shape in JSON; no name in a file has it."""
 
 
 class ChildError(Exception):
     """Reason why a child process did not come to its end, as half a sentence."""
 
 
-def output_of(module: str, *arguments: str) -> bytes:
-    """Standard output of ``python -m module arguments``, a module that calls `run_limited`.
+def read_in_child(function: str, size: int, *arguments: Any) -> Any:
+    """Call a function in a child process.
 
-    ChildError if it failed, was ended by its limits or broke down.
+    Parameters
+    ----------
+    function : str
+        ``"module:name"``, a reader. It returns JSON values, among which can be arrays of numbers.
+    size : int
+        Bytes that it reads; they set the limits of time and memory.
+    arguments
+        JSON values.
+
+    Raises
+    ------
+    ChildError
+        If the function raises an error, is ended by its limits or breaks down.
     """
-    done = subprocess.run(
-        # -P: nothing of the working folder is taken for a module.
-        [sys.executable, "-P", "-m", module, *arguments],
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        check=False,
-    )
-    if done.returncode < 0:
-        raise ChildError(f"reading it ends with {signal.Signals(-done.returncode).name}")
-    if done.returncode:
-        lines = done.stderr.decode(errors="replace").split("\n")
-        raise ChildError(next(filter(None, reversed(lines)), "it is unreadable"))
-    return done.stdout
+    seconds, memory = _SECONDS + size // _BYTES_A_SECOND, _MEMORY + _MEMORY_A_BYTE * size
+    answer, status = _server.ask([function, arguments, memory, seconds])
+    if answer is None:
+        code = os.waitstatus_to_exitcode(status)
+        if code in (-signal.SIGXCPU, -signal.SIGKILL):
+            raise ChildError(f"its reader is still busy with it after {seconds} s")
+        name = signal.Signals(-code).name if code < 0 else f"exit status {code}"
+        raise ChildError(f"its reader broke down, {name}")
+    if "error" in answer:
+        raise ChildError(answer["error"])
+    return answer["value"]
 
 
-def limit_process(memory: int, seconds: int) -> None:
+class _Server:
+    """The process that forks; started when first needed, and again after a fork of this one."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._channel: socket.socket | None = None
+        self._owner = 0
+
+    def ask(self, request: Sequence[Any]) -> tuple[Any, int]:
+        """Answer, None if it is cut short, and the status with which the reading process ended."""
+        with self._lock:
+            channel = self._started()
+            try:
+                reading, writing = os.pipe()
+                with open(reading, "rb") as answer:
+                    try:
+                        socket.send_fds(channel, [json.dumps(request).encode()], [writing])
+                    finally:
+                        os.close(writing)
+                    found = _received(answer)
+                status = channel.recv(4)
+            except BaseException:
+                # What is still on its way must not be taken for the next answer.
+                self.stop()
+                raise
+            return found, int.from_bytes(status, "little")
+
+    def _started(self) -> socket.socket:
+        alive = self._process is not None and self._process.poll() is None
+        if self._channel is None or self._owner != os.getpid() or not alive:
+            self.stop()
+            self._channel, theirs = socket.socketpair()
+            with theirs:
+                self._process = subprocess.Popen(
+                    # -P: nothing of the working folder is taken for a module.
+                    [sys.executable, "-P", "-m", "iriftrace.core.child", str(theirs.fileno())],
+                    pass_fds=[theirs.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    # Ctrl-C is for the parent, which ends the child.
+                    start_new_session=True,
+                )
+            self._owner = os.getpid()
+        return self._channel
+
+    def stop(self) -> None:
+        """End the process and what it is reading."""
+        if self._process is not None and self._owner == os.getpid():
+            if self._process.poll() is None:
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+        if self._channel is not None:
+            self._channel.close()
+        self._process = self._channel = None
+
+
+_server = _Server()
+atexit.register(_server.stop)
+
+
+def _received(answer: BinaryIO) -> Any:
+    """What `_answer` wrote: a line of JSON, and the bytes of its arrays; None if cut short."""
+    arrays: list[NDArray[Any]] = []
+
+    def made(values: dict[str, Any]) -> Any:
+        if _ARRAY not in values:
+            return values
+        kind, shape = values[_ARRAY]
+        arrays.append(np.empty(shape, dtype=kind))
+        return arrays[-1]
+
+    line = answer.readline()
+    if not line.endswith(b"\n"):
+        return None
+    value = json.loads(line, object_hook=made)
+    for array in filter(np.size, arrays):
+        if answer.readinto(array.data.cast("B")) != array.nbytes:  # type: ignore[attr-defined]
+            return None
+    return value
+
+
+def _answer(out: BinaryIO, work: Callable[..., Any], arguments: Sequence[Any]) -> None:
+    arrays: list[NDArray[Any]] = []
+
+    def placeholder(array: NDArray[Any]) -> dict[str, Any]:
+        arrays.append(np.ascontiguousarray(array))
+        return {_ARRAY: [array.dtype.str, array.shape]}
+
+    try:
+        head = json.dumps({"value": work(*arguments)}, default=placeholder)
+    except Exception as error:  # libraries that read files let any through
+        arrays.clear()
+        said = " ".join(str(error).split())
+        head = json.dumps({"error": said or "it needs more memory than it may take"})
+    out.write(head.encode() + b"\n")
+    for array in filter(np.size, arrays):
+        out.write(array.data)
+
+
+def _limit(memory: int, seconds: int) -> None:
     """Limit this process to some address space (bytes) and processor time, and leave no core."""
     for kind, limit in (
         (resource.RLIMIT_AS, memory),
@@ -46,15 +183,30 @@ def limit_process(memory: int, seconds: int) -> None:
         resource.setrlimit(kind, (limit, limit))
 
 
-def run_limited(work: Callable[[], bytes], memory: int, seconds: int) -> None:
-    """Write what work returns to standard output, or its error to standard error, and end."""
-    limit_process(memory, seconds)
-    try:
-        written = work()
-    except Exception as error:  # libraries that read files let any through
-        sys.stderr.write(" ".join(str(error).split()))
-        os._exit(1)
-    sys.stdout.buffer.write(written)
-    sys.stdout.flush()
-    # Closing what is damaged can hang, too.
-    os._exit(0)
+def _serve(channel: socket.socket) -> None:
+    """Fork for each request, and say how its process ended."""
+    while True:
+        line, descriptors, _, _ = socket.recv_fds(channel, 1 << 16, 1)
+        if not line:
+            return
+        (function, arguments, memory, seconds), (descriptor,) = json.loads(line), descriptors
+        module, _, name = function.partition(":")
+        # Before the fork: libraries are imported once.
+        work = getattr(import_module(module), name)
+        child = os.fork()
+        if child == 0:
+            try:
+                _limit(memory, seconds)
+                with open(descriptor, "wb") as out:
+                    _answer(out, work, arguments)
+                # Without the clean-up of an interpreter that shares its parent's state.
+                os._exit(0)
+            finally:
+                os._exit(1)
+        os.close(descriptor)
+        _, status = os.waitpid(child, 0)
+        channel.sendall(status.to_bytes(4, "little"))
+
+
+if __name__ == "__main__":
+    _serve(socket.socket(fileno=int(sys.argv[1])))

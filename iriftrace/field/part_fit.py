@@ -19,7 +19,8 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.source import synthetic_mark
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.transform import apply, parse_transform
-from iriftrace.part.part import Part, is_unlikely_size
+from iriftrace.part.part import Part
+from iriftrace.part.soundness import is_unlikely_size
 
 LARGEST_GAP_MM = 0.2
 """A larger 95th percentile of the gap is worth a warning."""

@@ -24,7 +24,7 @@ from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask, lines_of_sight, signed_components
-from iriftrace.image.metrics import FEWEST_RAYS
+from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.sweep.faces import displacement_limits
 
 UM_PER_MM = 1000.0

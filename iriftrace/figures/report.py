@@ -21,7 +21,7 @@ from iriftrace.image.aov_image import Status
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.cover import NO_LIMITS, ViewLimits, plan_views
 from iriftrace.planning.stability import stability
-from iriftrace.planning.summary import (
+from iriftrace.planning.texts import (
     RankingTable,
     alternative_text,
     front_table,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from iriftrace.figures.style import (
     COLOURS,
@@ -64,53 +65,63 @@ def comparison_figure(dataset: xr.Dataset) -> Figure:
     """Draw a result of `iriftrace.studies.study.run_study` that compares hits."""
     (axis,) = set(dataset["rmse"].dims) - {"mode", "reference"}
     references = [str(name) for name in dataset["reference"].values]
-    modes = len(dataset["mode"])
     title = _COMPARISONS[dataset.attrs["study"]]
     subtitle = "Rays that are good in both runs; a ray that is good in one only is unmatched"
-    height = 9.2 + 0.18 * modes
+    height = 9.2 + 0.18 * len(dataset["mode"])
     figure, body = new_figure(4.4 * len(references) + 1.0, height, title, subtitle)
     grid = body.subplots(4, len(references), sharex=True, sharey="row", squeeze=False)
-    values = dataset[str(axis)].values
-    places = np.arange(len(values)) if values.dtype.kind not in "iuf" else values.astype(float)
     for column, reference in enumerate(references):
-        some = dataset.sel(reference=reference)
-        for row, (names, label) in enumerate(_ROWS):
-            axes = grid[row, column]
-            for mode in range(modes):
-                for name in names:
-                    values = 1e3 * some[name].values[mode]
-                    # A run compared with itself has no difference, and no logarithm.
-                    shown = np.where(values > 1e-9, values, np.nan)
-                    axes.plot(places, shown, **_line(mode, hollow=len(names) > 1 and name == "p95"))
-            axes.set_yscale("log")
-            axes.set_ylabel(label if column == 0 else "")
-            finish_axes(axes)
-        axes = grid[3, column]
-        for mode in range(modes):
-            lost = some["only_here"].values[mode] + some["only_reference"].values[mode]
-            known = some["matched"].values[mode] >= 0
-            axes.plot(places, np.where(known, lost, np.nan), clip_on=False, **_line(mode))
-        axes.set_yscale("symlog", linthresh=1.0)
-        axes.set_ylim(bottom=0)
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.yaxis.set_minor_locator(NullLocator())
-        axes.set_ylabel("unmatched rays" if column == 0 else "")
-        finish_axes(axes)
-        _name_places(axes, dataset, str(axis), places)
+        _draw_column(list(grid[:, column]), dataset.sel(reference=reference), dataset[str(axis)])
         grid[0, column].set_title(f"Against {reference_words(reference)}", fontsize=10)
-    for axes in grid[:3, 0]:
+    for axes, (_, label) in zip(grid[:3, 0], _ROWS, strict=True):
+        axes.set_ylabel(label)
         low, high = axes.get_ylim()
         ticks = round_ticks((low, high)).tolist()
         # The columns share their scales, so this labels them all.
         axes.set_yticks(ticks, labels=[number(tick) for tick in ticks])
         axes.set_yticks([], minor=True)
         axes.set_ylim(low, high)
+    grid[3, 0].set_ylabel("unmatched rays")
     entries = [
         Line2D([], [], label=str(text), **_line(mode))
         for mode, text in enumerate(dataset["mode_description"].values)
     ]
     legend_below(body, entries)
     return figure
+
+
+def _draw_column(rows: Sequence[Axes], against: xr.Dataset, along: xr.DataArray) -> None:
+    """Draw the differences from one reference, and below them the unmatched rays."""
+    numbers = along.values.dtype.kind in "iuf"
+    places = along.values.astype(float) if numbers else np.arange(len(along))
+    for axes, (names, _) in zip(rows, _ROWS, strict=False):
+        for mode in range(len(against["mode"])):
+            for name in names:
+                values = 1e3 * against[name].values[mode]
+                # A run compared with itself has no difference, and no logarithm.
+                shown = np.where(values > 1e-9, values, np.nan)
+                axes.plot(places, shown, **_line(mode, hollow=len(names) > 1 and name == "p95"))
+        axes.set_yscale("log")
+    last = rows[-1]
+    lost = (against["only_here"] + against["only_reference"]).where(against["matched"] >= 0)
+    for mode, counts in enumerate(lost.values):
+        last.plot(places, counts, clip_on=False, **_line(mode))
+    last.set_yscale("symlog", linthresh=1.0)
+    last.set_ylim(0, max(1.0, last.get_ylim()[1]))
+    last.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    last.set_yticks([], minor=True)
+    last.set_xlabel(along.attrs["long_name"])
+    if not numbers:
+        last.set_xticks(places, along.values.astype(str), rotation=25, ha="right")
+    elif places.min() > 0 and places.max() > 30:
+        last.set_xscale("log")
+        ticks = [n for n in (1, 2, 3, 5, 10, 20, 40, 80, 160, 320) if n <= places.max()]
+        last.set_xticks(ticks, [str(tick) for tick in ticks])
+        last.set_xticks([], minor=True)
+    else:
+        last.xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
+    for axes in rows:
+        finish_axes(axes)
 
 
 def _line(mode: int, hollow: bool = False) -> dict[str, Any]:
@@ -123,23 +134,6 @@ def _line(mode: int, hollow: bool = False) -> dict[str, Any]:
         "linewidth": 1.2,
         "linestyle": "--" if hollow else "-",
     }
-
-
-def _name_places(axes: Axes, dataset: xr.Dataset, axis: str, places: Any) -> None:
-    values = dataset[axis].values
-    axes.set_xlabel(dataset[axis].attrs["long_name"])
-    if values.dtype.kind not in "iuf":
-        axes.set_xticks(places, [str(value) for value in values], rotation=25, ha="right")
-        return
-    if places.min() > 0 and places.max() > 30:
-        axes.set_xscale("log")
-        ticks = [n for n in (1, 2, 3, 5, 10, 20, 40, 80, 160, 320) if n <= places.max()]
-        axes.xaxis.set_major_locator(FixedLocator(ticks))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.xaxis.set_minor_locator(NullLocator())
-    else:
-        axes.xaxis.set_major_locator(MaxNLocator(10, integer=True, steps=[1, 2, 5, 10]))
 
 
 def timing_figure(dataset: xr.Dataset) -> Figure:

@@ -8,8 +8,6 @@ knows it, and it removes the empty background.
 
 from __future__ import annotations
 
-import json
-import os
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +20,19 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
-from iriftrace.core.files import is_number, sha256_of, whole_file
+from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.image.exr_entries import (
+    PREFIX,
+    RGB,
+    RGB_ENTRY,
+    THREADS,
+    FloatImage,
+    colour_channels,
+    decoded,
+    encoded,
+    exr_content,
+    names_part,
+)
 from iriftrace.part.part import Part, read_part
 
 CHANNELS: tuple[str, ...] = (
@@ -64,22 +74,9 @@ SCATTER_CHANNELS: tuple[str, ...] = (
 SCHEMA = "iriftrace.aov/1"
 """Value of the header entry ``schema`` of the files this version writes and reads."""
 
-RGB = {
-    "displacement": ("displacement.X", "displacement.Y", "displacement.Z"),
-    "shift": ("shift.px.X", "shift.px.Y"),
-    "refracted": ("refracted.X", "refracted.Y", "refracted.Z"),
-}
-"""Channels that R, G and B may repeat, for programs that show no others; B of two is 0."""
 
-_PREFIX = "iriftrace."
-_RGB_ENTRY = "rgb"
-"""Key of the header that says what R, G and B repeat."""
 _NEEDED = ("part", "camera", "pose", "counts", "assumptions", "time_s")
 _KNOWN = (*CHANNELS, ERROR_CHANNEL, *SCATTER_CHANNELS)
-# More threads than this gain nothing for RLE: copying the pixels takes longer than packing them.
-_THREADS = min(4, os.cpu_count() or 1)
-
-FloatImage = NDArray[np.float32]
 
 
 class Status(IntEnum):
@@ -226,7 +223,7 @@ class AovImage:
         """
         self.require(*_NEEDED)
         named = self.header["part"]
-        if not _names_part(named):
+        if not names_part(named):
             raise InputError(
                 "The image's header does not say which part it shows; render the scene again."
             )
@@ -312,7 +309,7 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
         "compression": OpenEXR.RLE_COMPRESSION,
         "type": OpenEXR.scanlineimage,
     }
-    header.update({_PREFIX + key: _encode(key, value) for key, value in image.header.items()})
+    header.update({PREFIX + key: encoded(key, value) for key, value in image.header.items()})
     # OpenEXR replaces the arrays of the dictionary that it is given, so it gets one of its own.
     channels = {
         name: np.ascontiguousarray(image.channels[name])
@@ -320,22 +317,13 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
         if name in image.channels
     }
     if rgb is not None:
-        channels |= _colours(channels, rgb)
-        header[_PREFIX + _RGB_ENTRY] = "R, G, B repeat " + ", ".join(RGB[rgb])
+        channels |= colour_channels(channels, rgb)
+        header[PREFIX + RGB_ENTRY] = "R, G, B repeat " + ", ".join(RGB[rgb])
     with whole_file(path) as temporary:
         try:
-            OpenEXR.File(header, channels, num_threads=_THREADS).write(str(temporary))
+            OpenEXR.File(header, channels, num_threads=THREADS).write(str(temporary))
         except RuntimeError as error:
             raise InputError(f"cannot write {path}: {error}") from error
-
-
-def _colours(channels: dict[str, FloatImage], rgb: str) -> dict[str, FloatImage]:
-    """Channels R, G and B that repeat others."""
-    if rgb not in RGB:
-        raise InputError(f"R, G and B can repeat {', '.join(RGB)}, but not {rgb!r}; give one.")
-    planes = [channels[name].copy() for name in RGB[rgb]]
-    nothing = [np.zeros_like(planes[0])] * (3 - len(planes))
-    return dict(zip("RGB", [*planes, *nothing], strict=True))
 
 
 def read_exr(path: str | Path) -> AovImage:
@@ -353,9 +341,9 @@ def read_exr(path: str | Path) -> AovImage:
         name, "give the AOV EXR that a render wrote, or render it again"
     )
     header = {
-        key.removeprefix(_PREFIX): _decode(value)
+        key.removeprefix(PREFIX): decoded(value)
         for key, value in attributes.items()
-        if key.startswith(_PREFIX) and key != _PREFIX + _RGB_ENTRY
+        if key.startswith(PREFIX) and key != PREFIX + RGB_ENTRY
     }
     schema = header.get("schema")
     if schema != SCHEMA:
@@ -366,31 +354,6 @@ def read_exr(path: str | Path) -> AovImage:
     image = AovImage({key: channels[key] for key in _KNOWN if key in channels}, header)
     _refuse_not_finite(image, f"in {name} is damaged")
     return image
-
-
-def exr_content(name: str, remedy: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Header and channels of an OpenEXR file; an InputError with a remedy if it is damaged."""
-    if not OpenEXR.isOpenExrFile(name):
-        raise InputError(f"{name} is not an OpenEXR file; {remedy}.")
-    try:
-        with OpenEXR.File(name, separate_channels=True, num_threads=_THREADS) as file:
-            # Closing the file empties its dictionaries, so both are copied.
-            channels = {key: channel.pixels for key, channel in file.channels().items()}
-            return dict(file.header()), channels
-    except Exception as error:  # OpenEXR and its layer of Python let any through
-        raise InputError(f"{name} is damaged or incomplete ({error}); {remedy}.") from error
-
-
-def _names_part(named: Any) -> bool:
-    """True for a header entry with a part's file, checksum, unit and place."""
-    return (
-        isinstance(named, dict)
-        and all(isinstance(named.get(key), str) for key in ("path", "sha256", "length_unit"))
-        and isinstance(rows := named.get("to_world"), list)
-        and len(rows) == 4
-        and all(isinstance(row, list) and len(row) == 4 for row in rows)
-        and all(is_number(value) for row in rows for value in row)
-    )
 
 
 def _refuse_not_finite(image: AovImage, consequence: str) -> None:
@@ -404,20 +367,3 @@ def _refuse_not_finite(image: AovImage, consequence: str) -> None:
                 f"channel {name} {consequence}: {count} of its pixels are NaN or infinite, which "
                 "would spoil every mean; a quantity that does not exist is 0 with a status code."
             )
-
-
-def _encode(key: str, value: Any) -> str:
-    # What JSON cannot read comes back as it is.
-    if isinstance(value, str) and _decode(value) is value:
-        return value
-    try:
-        return json.dumps(value, allow_nan=False, ensure_ascii=False)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"header entry {key!r} is not plain JSON: {error}.") from error
-
-
-def _decode(text: Any) -> Any:
-    try:
-        return json.loads(text)
-    except (TypeError, ValueError):
-        return text

@@ -16,7 +16,7 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import array_in, sha256_of
-from iriftrace.image.aov_image import exr_content
+from iriftrace.image.exr_entries import exr_content
 
 COLUMNS = ("u", "v", "du", "dv")
 PAIRS = (("x", "y"), ("u", "v"), ("du", "dv"), ("dx", "dy"), ("r", "g"))

@@ -9,28 +9,29 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import asdict, fields, frozen, has
+from attrs import asdict, frozen, has
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
-from iriftrace.core.statistics import spread
 from iriftrace.image.aov_image import (
-    MEMBERS_CHANNEL,
-    WORST_CHANNEL,
-    WORST_NORM_CHANNEL,
     AovImage,
     Status,
 )
 from iriftrace.image.coverage import Coverage, pose_coverage
+from iriftrace.image.ray_statistics import (
+    FEWEST_RAYS,
+    UNKNOWN,
+    EnsembleMetrics,
+    RayCounts,
+    Statistics,
+    ensemble_metrics,
+)
 from iriftrace.image.rays import PoseRays, bending, rays_that_count
 from iriftrace.image.resolution import nearest_spacing, step_spacing
 from iriftrace.part.part import Part
-
-FEWEST_RAYS = 100
-"""A metric of fewer good rays is None, and a pose with fewer of them counts as empty."""
 
 SCHEMA = "iriftrace.pose/2"
 """Value of ``schema`` in the JSON."""
@@ -43,79 +44,6 @@ TIMES = (
 _RAYS_PER_FACE = 4
 
 
-@frozen
-class Statistics:
-    """Some values in seven numbers, all None when there are fewer than `FEWEST_RAYS` values.
-
-    A few silhouette rays jump by millimetres and rule the mean, so median and quartiles (`p25`,
-    `p75`) stand beside it.
-    """
-
-    mean: float | None = None
-    median: float | None = None
-    p95: float | None = None
-    max: float | None = None
-    rms: float | None = None
-    p25: float | None = None
-    p75: float | None = None
-
-    @classmethod
-    def of(cls, values: NDArray[np.floating[Any]]) -> Statistics:
-        """Statistics of an (n,) array."""
-        if len(values) < FEWEST_RAYS:
-            return cls()
-        return cls(**spread(values.astype(np.float64), [one.name for one in fields(cls)]))
-
-
-@frozen
-class RayCounts:
-    """Rays by what became of them."""
-
-    hit: int  # straight rays that end on the part (or the region)
-    # Of each `Status`; of a region those whose straight ray hits it.
-    good: int
-    missed: int
-    out_of_focus: int
-    refracted_missed: int
-    only_refracted: int
-    index_mismatch: int
-    gave_up: int
-    blocked: int
-    launched: int | None = None  # all rays; None for a region
-    open_boundary: int | None = None  # good ones that pass an open end of the data, where known
-
-    def of(self, status: Status) -> int:
-        """Rays of one status."""
-        return int(getattr(self, status.key))
-
-    @property
-    def lost(self) -> int:
-        """Rays whose refracted end is not known (`Status.lost`)."""
-        return sum(self.of(status) for status in Status if status.lost)
-
-    @property
-    def lost_fraction(self) -> float:
-        """Those per straight hit."""
-        return self.lost / max(self.hit, 1)
-
-
-@frozen
-class EnsembleMetrics:
-    """Scatter over the fields of an ensemble, whose bias is the displacement of the mean image.
-
-    The scatter is the standard deviation over the fields, of displacement (mm) and shift (px), in
-    statistics over the pixels. The bias can be corrected, the scatter cannot.
-    """
-
-    members: int  # number of fields
-    scatter_mm: Statistics
-    scatter_px: Statistics
-    rays_in_all: int  # pixels that count in all members
-    rays_in_some: int  # in some only
-    worst_mm: Statistics  # displacement by the member that is the worst in each pixel
-    worst_member: int | None  # that is the worst in most pixels; None without any
-
-
 @frozen(eq=False, kw_only=True, repr=False)
 class ViewMetrics:
     """Numbers of the part or of one of its regions in one pose.
@@ -125,11 +53,11 @@ class ViewMetrics:
     """
 
     rays: RayCounts
-    displacement_mm: Statistics = Statistics()
+    displacement_mm: Statistics = UNKNOWN
     # Means of the displacement's lengths across and along the line of sight.
     displacement_lateral_mm: float | None = None
     displacement_axial_mm: float | None = None
-    shift_px: Statistics = Statistics()  # of the shift in the picture
+    shift_px: Statistics = UNKNOWN  # of the shift in the picture
     # Mean step to the next pixel's hit, across and along the optical axis; with ``_nn3d`` and
     # ``_nnxy`` to the nearest neighbour, see `iriftrace.image.resolution`.
     lateral_resolution_mm: float | None = None
@@ -339,24 +267,6 @@ def pose_metrics(
         assumptions={**(image.header.get("assumptions") or {}), "included_rays": included},
         regions=regions,
         full_resolution=None if full is None else (int(full[0]), int(full[1])),
-    )
-
-
-def ensemble_metrics(image: AovImage, pixels: IntArray, hits: IntArray) -> EnsembleMetrics:
-    """Scatter at the row-major pixels (n,) whose rays count, among all (m,) on the part."""
-    members = int((image.header.get("ensemble") or {}).get("count") or 0)
-    counted = np.rint(image.channels[MEMBERS_CHANNEL].ravel()[hits]).astype(np.int64)
-    members = members or int(counted.max(initial=0))
-    shift = [image.channels[f"shift.px.std.{a}"].ravel()[pixels].astype(np.float64) for a in "XY"]
-    worst = np.rint(image.channels[WORST_CHANNEL].ravel()[pixels]).astype(np.int64)
-    return EnsembleMetrics(
-        members=members,
-        scatter_mm=Statistics.of(image.channels["displacement.std.norm"].ravel()[pixels]),
-        scatter_px=Statistics.of(np.hypot(*shift)),
-        rays_in_all=int(np.count_nonzero(counted == members)),
-        rays_in_some=int(np.count_nonzero((counted > 0) & (counted < members))),
-        worst_mm=Statistics.of(image.channels[WORST_NORM_CHANNEL].ravel()[pixels]),
-        worst_member=int(np.bincount(worst).argmax()) if len(worst) else None,
     )
 
 

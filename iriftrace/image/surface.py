@@ -10,7 +10,8 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.geometry.ply import write_ply_points
-from iriftrace.image.aov_image import AovImage, FloatImage
+from iriftrace.image.aov_image import AovImage
+from iriftrace.image.exr_entries import FloatImage
 from iriftrace.part.part import Part
 
 SUFFIXES = (".vtp", ".ply")

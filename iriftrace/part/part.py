@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from functools import cached_property
 from pathlib import Path
 
@@ -10,27 +9,27 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.units import ZERO_CELSIUS_K, length_factor
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.units import length_factor
 from iriftrace.geometry.face_blocks import FaceBlocks, nest_faces
 from iriftrace.geometry.query import Surface
-from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours, weld
+from iriftrace.geometry.topology import weld
 from iriftrace.geometry.transform import apply, checked_matrix
-from iriftrace.geometry.triangles import area_vectors, unit_vectors
-from iriftrace.part.duplicates import distinct_faces
+from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.files import load_mesh_file, write_mesh_file
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions, find_smooth_groups, name_regions
-
-PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
-"""Parts outside these sizes are rarely real; a metre read as a millimetre is common."""
-
-# As files name them, without the s of the plural.
-_SHORT_UNITS = {
-    **{"meter": "m", "millimeter": "mm", "centimeter": "cm"},
-    **{"inche": "inch", "micron": "um"},
-}
+from iriftrace.part.soundness import (
+    PLAUSIBLE_SIZE_MM,
+    SHORT_UNITS,
+    check_unit,
+    distinct_triangles,
+    is_unlikely_size,
+    oriented_outward,
+    signed_volume,
+    stated_growth,
+)
 
 FARTHEST_MM = 1e9
 """Coordinates beyond are damage: a thousand kilometres, of which even the cube fits in float32."""
@@ -144,7 +143,7 @@ class Part:
     @cached_property
     def volume(self) -> float:
         """Volume inside a closed part, mm^3: the sum of the tetrahedra from its middle."""
-        return abs(_signed_volume(self.vertices - self.centre, self.faces))
+        return abs(signed_volume(self.vertices - self.centre, self.faces))
 
     @cached_property
     def bounds(self) -> FloatArray:
@@ -231,13 +230,13 @@ def read_part(
     if length_unit is not None:
         length_factor(length_unit)  # refuses an unknown unit before the file is read
     file = load_mesh_file(path)
-    growth, factor = _growth(
+    growth, factor = stated_growth(
         path, file.growth, expansion, reference_temperature_k, hot_temperature_k
     )
-    stated = file.unit and _SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
+    stated = file.unit and SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
     length_unit = length_unit or stated or "mm"
     vertices = file.vertices * (length_factor(length_unit) * factor)
-    _check_unit(path, vertices, stated or length_unit, length_unit)
+    check_unit(path, vertices, stated or length_unit, length_unit)
     part = part_of_mesh(
         vertices,
         file.faces,
@@ -299,11 +298,11 @@ def part_of_mesh(
             f"part ({FARTHEST_MM:g} mm); export the part again."
         )
     welded = weld(points)
-    distinct = _distinct(name, welded[triangles])
+    distinct = distinct_triangles(name, welded[triangles])
     if not distinct.all():
         triangles = triangles[distinct]
         regions = regions and evolve(regions, of_face=regions.of_face[distinct])
-    triangles, neighbours = _oriented(name, points, triangles, welded)
+    triangles, neighbours = oriented_outward(name, points, triangles, welded)
     surface = Surface(points, triangles)
     if surface.areas.sum() <= 0:
         raise InputError(f"{name} has triangles but no area; export the part's surface again.")
@@ -344,55 +343,6 @@ def save_part(part: Part, path: str | Path) -> None:
     write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth)
 
 
-def _growth(
-    path: Path,
-    stated: Growth | None,
-    expansion: float | None,
-    reference_k: float,
-    hot_k: float | None,
-) -> tuple[Growth | None, float]:
-    """Growth of a part whose file states one or not, and by what its coordinates are enlarged."""
-    if expansion is None:
-        return stated, 1.0
-    if hot_k is None:
-        raise InputError(
-            "thermal expansion needs the part's hot temperature as well; give both or neither."
-        )
-    if stated is not None:
-        raise InputError(
-            f"{path} states that it is expanded to {stated.hot_k - ZERO_CELSIUS_K:g} degC already; "
-            "give the part as it was drawn, or leave out the expansion (--expansion)."
-        )
-    growth = Growth(expansion, reference_k, hot_k)
-    return growth, growth.factor
-
-
-def _check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> None:
-    """Warn when the unit is not the one that the file states, or makes an unlikely size."""
-    if stated != chosen:
-        warnings.warn(
-            f"{path} declares its unit as {stated} but is read as {chosen}; leave length_unit "
-            "(--length-unit) out if the file is right.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-        return
-    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    if is_unlikely_size(size):
-        warnings.warn(
-            f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
-            "measured part; check length_unit (--length-unit).",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-
-
-def is_unlikely_size(size_mm: float) -> bool:
-    """True for the diagonal, mm, of a box around a part that is hardly measured anywhere."""
-    smallest, largest = PLAUSIBLE_SIZE_MM
-    return size_mm < smallest or size_mm > largest  # not for NaN, which is refused later
-
-
 def refuse_unlikely_size(part: Part) -> None:
     """Refuse to make air around a part that was read in the wrong unit.
 
@@ -407,58 +357,3 @@ def refuse_unlikely_size(part: Part) -> None:
             f"for parts of {smallest:g} mm to {largest / 1000:g} m; give the file's unit with "
             "length_unit (--length-unit m, for example)."
         )
-
-
-def _distinct(path: str, welded: IntArray) -> BoolArray:
-    """Mask (m,) of the triangles that do not lie on others, with a warning that counts those."""
-    keep = distinct_faces(welded)
-    repeated = np.count_nonzero(~keep)
-    if repeated:
-        warnings.warn(
-            f"{path} has {repeated} triangles that lie exactly on others (a body that was exported "
-            "twice, both sides of a surface, or the wall between two bodies that touch); they are "
-            "left out.",
-            IriftraceWarning,
-            stacklevel=4,
-        )
-    return keep
-
-
-def _oriented(
-    path: str, vertices: FloatArray, faces: IntArray, welded: IntArray
-) -> tuple[IntArray, Neighbours]:
-    """Faces with one orientation, outward for a closed surface, and their pairs before that."""
-    neighbours = find_neighbours(welded[faces])
-    if not neighbours.opposed.all():
-        areas = np.linalg.norm(area_vectors(vertices, faces), axis=1)
-        flip = faces_to_flip(neighbours, areas)
-        faces = np.where(flip[:, None], faces[:, ::-1], faces)
-        warnings.warn(
-            f"{path} has {np.count_nonzero(flip)} triangles that face the other way than their "
-            "neighbours; they were turned over.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-    if neighbours.open_edges:
-        warnings.warn(
-            f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
-            "surface that is there, rays may pass through the holes, and what lies inside the part "
-            "cannot be told; rays through a hole count what they find behind it.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-        return faces, neighbours
-    if _signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
-        faces = faces[:, ::-1]
-        warnings.warn(
-            f"{path} has its inside out (negative volume); all triangles were turned over.",
-            IriftraceWarning,
-            stacklevel=3,
-        )
-    return faces, neighbours
-
-
-def _signed_volume(vertices: FloatArray, faces: IntArray) -> float:
-    """Sum of the tetrahedra between the triangles and the origin, mm^3."""
-    heights = np.einsum("ij,ij->", vertices[faces[:, 0]], area_vectors(vertices, faces))
-    return float(heights) / 3.0

@@ -15,8 +15,9 @@ from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
+from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.criteria import STANDARD, Criteria
-from iriftrace.planning.rank import limits_of, ranked_region
+from iriftrace.planning.rank import limits_of
 from iriftrace.sweep.reload import load_swept_scene, swept_camera, swept_part
 from iriftrace.sweep.store import WHOLE_PART
 from iriftrace.triangulation.feature_table import chosen_points, surface_kind

@@ -8,8 +8,9 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.planning.candidates import scatter_variable
 from iriftrace.planning.criteria import Criteria
-from iriftrace.planning.rank import Plan, scatter_variable
+from iriftrace.planning.rank import Plan
 
 if TYPE_CHECKING:
     import xarray as xr

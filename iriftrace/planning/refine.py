@@ -23,7 +23,8 @@ from iriftrace.camera.pose import look_at_of
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
-from iriftrace.planning.rank import Plan, metric_variables, scatter_variable, score_of
+from iriftrace.planning.candidates import metric_variables, scatter_variable
+from iriftrace.planning.rank import Plan, score_of
 from iriftrace.sweep.measures import ENSEMBLE, MEASURES, RIG
 from iriftrace.sweep.store import WHOLE_PART, attribute
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -16,8 +16,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
-from iriftrace.image.resolution import FRONTAL, seen_frontally
-from iriftrace.planning.cover import ViewLimits, ViewSet
+from iriftrace.image.resolution import seen_frontally
 from iriftrace.planning.criteria import METRICS, STANDARD, Criteria, Statistic
 from iriftrace.planning.quantities import (
     Quantity,
@@ -26,11 +25,10 @@ from iriftrace.planning.quantities import (
     score_quantity,
 )
 from iriftrace.planning.rank import Plan, pareto_front, rank_poses, ranked_quietly
-from iriftrace.planning.stability import close_alternative, far_apart, stability
 from iriftrace.sweep.diagnostics import Varied, series_of, varied_of
 from iriftrace.sweep.faces import faces_seen
 from iriftrace.sweep.store import WHOLE_PART, attribute, scene_of
-from iriftrace.sweep.warned import FLAGS, Flag, warned_of
+from iriftrace.sweep.warned import warned_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -294,78 +292,6 @@ def extreme_images(
         yield name, images[pose]
 
 
-@frozen
-class RankingTable:
-    """The best poses and their numbers, the best first."""
-
-    headings: tuple[str, ...]  # with units
-    short_headings: tuple[str, ...]  # fit into a terminal
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""  # what a number in the rows means, in sentences
-
-
-def ranking_table(summary: SweepSummary, top: int) -> RankingTable:
-    """Write down the best poses, at most `top`, which is at least 1."""
-    if top < 1:
-        raise InputError(f"A ranking of {top} rows shows no pose; give at least 1.")
-    return _table(summary, summary.plan.order[:top].tolist())
-
-
-def front_table(summary: SweepSummary) -> RankingTable:
-    """Write down the poses on the Pareto front, by rank; those without a rank come last."""
-    front = set(summary.front.tolist())
-    ranked = [pose for pose in summary.plan.order.tolist() if pose in front]
-    return _table(summary, [*ranked, *sorted(front - set(ranked))])
-
-
-def _table(summary: SweepSummary, poses: Sequence[int]) -> RankingTable:
-    ranks = {pose: str(rank) for rank, pose in enumerate(summary.plan.order.tolist(), start=1)}
-    flags = _flags_met(np.asarray(summary.warned[list(poses)].any(axis=0)))
-    rows = [
-        (
-            ranks.get(pose, ""),
-            str(pose),
-            f"{summary.azimuth[pose]:.1f}",
-            f"{summary.elevation[pose]:.1f}",
-            *(one.values[pose] for one in summary.varied),
-            f"{summary.score.values[pose]:.3f}" if pose in ranks else "",
-            *(summary.value_text(quantity, pose) for quantity in summary.metrics),
-            *(("".join(f.letter for f in _flags_met(summary.warned[pose])),) if flags else ()),
-        )
-        for pose in poses
-    ]
-    criteria = summary.plan.criteria
-    error = {"normal": f"|e| {criteria.statistic}", "features": "|d|"}
-    short = (error.get(criteria.criterion or "", criteria.statistic), "cover", "axial", "lat.")
-    notes = []
-    if any(map(summary.sees_frontally, poses)):
-        notes.append(f"Axial resolution 0: {FRONTAL}.")
-    if flags:
-        notes.append(f"Warned of: {', '.join(f'{flag.letter} {flag.text}' for flag in flags)}.")
-    return RankingTable(
-        (
-            *("rank", "pose", "azimuth (°)", "elevation (°)"),
-            *(one.name for one in summary.varied),
-            "score",
-            *(quantity.label for quantity in summary.metrics),
-            *(("warned",) if flags else ()),
-        ),
-        (
-            *("rank", "pose", "az. °", "el. °"),
-            *(one.short_name for one in summary.varied),
-            "score",
-            *(f"{name} {metric.unit}" for name, metric in zip(short, summary.metrics, strict=True)),
-            *(("warn",) if flags else ()),
-        ),
-        tuple(rows),
-        " ".join(notes),
-    )
-
-
-def _flags_met(given: BoolArray) -> list[Flag]:
-    return [flag for flag, met in zip(FLAGS, given.tolist(), strict=True) if met]
-
-
 def devices_text(dataset: xr.Dataset, criteria: Criteria) -> str | None:
     """Of how many devices the ranking is, one sentence; None for one camera."""
     if "error_normal_p95" not in dataset:
@@ -376,129 +302,3 @@ def devices_text(dataset: xr.Dataset, criteria: Criteria) -> str | None:
             "they measure (--criterion normal or features)."
         )
     return "Both devices move together, and the coverage is that of points that both see."
-
-
-def stability_text(summary: SweepSummary) -> str:
-    """Ranks of the best pose with other weights, one sentence."""
-    varied = stability(summary.plan)
-    rivals = len(varied.rivals)
-    return (
-        f"When one weight varies by +-50 %, the best pose ranks {varied.worst_rank} at worst; "
-        f"when all do, {rivals} other {'pose' if rivals == 1 else 'poses'} can beat it."
-    )
-
-
-def other_statistics_text(summary: SweepSummary) -> str | None:
-    """Winners by other statistics of the displacement, one sentence; None if they are the same."""
-    others = [
-        f"by its {STATISTICS[statistic]} pose {pose}"
-        for statistic, pose in summary.other_winners.items()
-        if pose != summary.plan.best
-    ]
-    if not others:
-        return None
-    return (
-        f"Scored with the {STATISTICS[summary.plan.criteria.statistic]} of the "
-        f"{'displacement' if summary.of_camera else 'error along the normal'} pose "
-        f"{summary.plan.best} is the best, {' and '.join(others)} (--statistic)."
-    )
-
-
-def robust_text(summary: SweepSummary) -> str | None:
-    """Between which poses the members differ least and most, one sentence; None of one field."""
-    if summary.scatter is None:
-        return None
-    values = summary.scatter.values
-    least, most = int(np.nanargmin(values)), int(np.nanargmax(values))
-    places = [
-        f"{values[pose]:.3g} um in pose {pose} (azimuth {summary.azimuth[pose]:.0f}, elevation "
-        f"{summary.elevation[pose]:.0f} degrees)"
-        for pose in (least, most)
-    ]
-    factor = summary.plan.criteria.robust
-    added = f"{factor:g} times it is added" if factor else "it does not count"
-    return (
-        f"From member to member the {summary.scatter.title.lower()} is {places[0]} to {places[1]}; "
-        f"{added} (--robust)."
-    )
-
-
-def warned_text(summary: SweepSummary) -> str | None:
-    """Warnings of the best pose, one sentence; None if there are none."""
-    found = [flag.text for flag in _flags_met(summary.warned[summary.plan.best])]
-    return f"The sweep warns of the best pose: {'; '.join(found)}." if found else None
-
-
-def alternative_text(summary: SweepSummary) -> str | None:
-    """That the winner is not clear, or sees little, one sentence; None if neither."""
-    found = close_alternative(summary.plan)
-    if found is None:
-        coverage = summary.plan.metrics["coverage"][summary.plan.order]
-        if not far_apart(coverage[0], coverage.max()):
-            return None
-        return (
-            f"The best pose sees {100 * coverage[0]:.1f} % of {_region(summary)}, another one "
-            f"{100 * coverage.max():.1f} %; ask for a --min-coverage if more has to be seen."
-        )
-    return (
-        f"The winner is not clear: pose {found.pose} scores only {found.behind:.3f} more and sees "
-        f"{100 * found.coverage:.1f} % of {_region(summary)} instead of "
-        f"{100 * found.best_coverage:.1f} %; choose by what has to be measured, change the "
-        "weights or ask for a --min-coverage."
-    )
-
-
-def views_table(summary: SweepSummary, views: ViewSet) -> RankingTable:
-    """Write down poses that together see the most, and what each adds."""
-    shares = 100.0 * np.column_stack((views.added, np.cumsum(views.added)))
-    rows = tuple(
-        (
-            str(number),
-            str(pose),
-            f"{summary.azimuth[pose]:.1f}",
-            f"{summary.elevation[pose]:.1f}",
-            *(f"{share:.2f}" for share in shares[number - 1]),
-        )
-        for number, pose in enumerate(views.poses.tolist(), start=1)
-    )
-    columns = ("adds %", "together %")
-    return RankingTable(
-        ("view", "pose", "azimuth (°)", "elevation (°)", *columns),
-        ("view", "pose", "azim. °", "elev. °", *columns),
-        rows,
-    )
-
-
-def views_text(summary: SweepSummary, views: ViewSet) -> str:
-    """What poses see together, and how good the choice is, one sentence."""
-    proof = (
-        "no other choice of as many poses sees more (exact)."
-        if views.exact
-        else f"another choice might see up to {100 * views.gap:.2f} % of its area more (gap)."
-    )
-    return (
-        f"Together they see {100 * views.covered:.2f} % of the area of {_region(summary)}, of "
-        f"{100 * views.coverable:.2f} % that all poses see within the limits; {proof}"
-    )
-
-
-def views_title(summary: SweepSummary, limits: ViewLimits) -> str:
-    """Title of `views_table`, half a sentence."""
-    return (
-        f"Poses that together see the most of {_region(summary)}; a face counts that is seen "
-        f"{limits.text}"
-    )
-
-
-def front_text(summary: SweepSummary) -> str:
-    """The poses on the Pareto front, one sentence."""
-    error = "displacement" if summary.of_camera else "error"
-    return (
-        f"Not beaten in {error}, coverage and resolution at once (Pareto front): poses "
-        f"{', '.join(map(str, summary.front.tolist()))}."
-    )
-
-
-def _region(summary: SweepSummary) -> str:
-    region = summary.plan.criteria.region
-    return "the part" if region == WHOLE_PART else f"region {region}"

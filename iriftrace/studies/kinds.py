@@ -1,8 +1,6 @@
-"""The studies: what each varies, in which scene, and what it is compared with.
+"""The studies: what each varies and what it is compared with.
 
-Each gets a scene, whose air is replaced, fields by name, coarse to fine, and the modes. References
-are ``"cells"``, ``"linear cells"`` (see `study.CELLS`), a number of shells of
-the finest field in the case's own mode, or ``"same mode"`` for as many as `layers`.
+Each gets a scene, whose air is replaced, fields by name, coarse to fine, and the modes.
 
 Against a stack of 20 shells with facet normals, the difference has a local maximum at six shells,
 which is no property of six. By the outer rule shell k of N lies at the fraction k / N of the index
@@ -13,9 +11,8 @@ at 6, 8 and 12, and against the cells engine, or with gradient normals, there ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TypedDict
 
 import numpy as np
 from attrs import evolve
@@ -26,19 +23,11 @@ from iriftrace.scene.scene import Scene
 from iriftrace.shells.decimate import FEWEST, decimate
 from iriftrace.shells.edit import smooth_taubin, subdivide_midpoint
 from iriftrace.shells.stack import ShellStack
-from iriftrace.studies.mode import Mode, check_modes, shells_of, through_cells, through_shells
+from iriftrace.studies.mode import Mode, check_modes, shells_of
 from iriftrace.studies.split_cells import as_tetrahedra, split_tetrahedra
-from iriftrace.studies.study import BY_CELLS, CELLS, SAME_MODE, Study
+from iriftrace.studies.study import BY_CELLS, SAME_MODE, Axis, Study
 
 Fields = Mapping[str, IndexField]
-
-
-class _Compared(TypedDict):
-    """Arguments of a `Study` that compares hits."""
-
-    references: tuple[str, ...]
-    reference: Callable[[Mode, str], Scene | None]
-
 
 THE_PAPERS = "20"
 """Shells of the reference of Kern et al. (2025)."""
@@ -58,24 +47,19 @@ def layers_study(
     """Compare numbers of shells with references.
 
     By default 20 shells in the case's own mode, as in the paper, and the cells engine.
-
-    Raises
-    ------
-    InputError
-        If a number of shells is below 1, or a reference is unknown.
+    InputError if a number of shells is below 1.
     """
     if any(count < 1 for count in layers):
         raise InputError(f"{min(layers)} shells bend no ray; give numbers of at least 1.")
-    check_modes(modes, 1)
     (field,) = fields.values()
     return Study(
         "layers",
-        *("layers", tuple(layers), "number of shells"),
-        tuple(modes),
+        Axis("layers", layers, "number of shells"),
         scene,
-        lambda mode, n: _through(scene, shells_of(field, layers[n], mode), mode),
-        fields=(field,),
-        **_compared(scene, fields, references or (THE_PAPERS, BY_CELLS)),
+        fields,
+        modes,
+        lambda mode, n: shells_of(field, layers[n], mode),
+        references=references or (THE_PAPERS, BY_CELLS),
     )
 
 
@@ -96,28 +80,27 @@ def smoothing_study(
     By default the references are the finest field in the case's own mode, as in the paper, and the
     cells engine.
     """
-    coarse, finest = fields.values()
-    check_modes(modes, 2, layers)
+    coarse, _ = fields.values()
 
     @lru_cache(maxsize=len(modes))
     def unsmoothed(mode: Mode) -> ShellStack | None:
-        return shells_of(coarse, layers, mode, number=0, index_range=_range(finest))
+        return study.shells(coarse, layers, mode, 0)
 
-    def smooth(mode: Mode, position: int) -> Scene | None:
-        before = unsmoothed(mode)
-        stack = None if before is None else smoothed(before, iterations[position])
-        return _through(scene, stack, mode)
+    def varied(mode: Mode, position: int) -> ShellStack | None:
+        stack = unsmoothed(mode)
+        return None if stack is None else smoothed(stack, iterations[position])
 
-    return Study(
+    study = Study(
         "smoothing",
-        *("iterations", tuple(iterations), "Taubin smoothing iterations"),
-        tuple(modes),
+        Axis("iterations", iterations, "Taubin smoothing iterations"),
         scene,
-        smooth,
-        fields=(coarse, finest),
-        more={"layers": layers},
-        **_compared(scene, fields, references or (SAME_MODE, BY_CELLS), layers),
+        fields,
+        modes,
+        varied,
+        layers=layers,
+        references=references or (SAME_MODE, BY_CELLS),
     )
+    return study
 
 
 def mesh_study(
@@ -135,10 +118,7 @@ def mesh_study(
     (`TETRAHEDRA` is put after the name), and after these were split into eight (`SPLIT`). Between
     the last two only coplanar triangles are added.
 
-    Raises
-    ------
-    InputError
-        If there is one field only, or a name to split is none of theirs.
+    InputError if there is one field only, or a name to split is none of theirs.
     """
     names, given = list(fields), list(fields.values())
     if len(names) < 2:
@@ -149,10 +129,8 @@ def mesh_study(
         if name not in fields:
             listed = ", ".join(names)
             raise InputError(f"There is no field {name} to split; the study has {listed}.")
-    check_modes(modes, len(names), layers)
-    # Name, number of the field and what is done to it.
     cases = [
-        (name + suffix, number, suffix)
+        (number, suffix)
         for number, name in enumerate(names)
         for suffix in (("", TETRAHEDRA, SPLIT) if name in split else ("",))
     ]
@@ -160,27 +138,23 @@ def mesh_study(
     # A split field can need gigabytes.
     @lru_cache(maxsize=1)
     def cut(position: int) -> IndexField:
-        _, number, suffix = cases[position]
+        number, suffix = cases[position]
         if not suffix:
             return given[number]
         tetrahedra = as_tetrahedra(given[number])
         return tetrahedra if suffix == TETRAHEDRA else split_tetrahedra(tetrahedra)
 
-    def through(mode: Mode, position: int) -> Scene | None:
-        number, levels = cases[position][1], _range(given[-1])
-        stack = shells_of(cut(position), layers, mode, number=number, index_range=levels)
-        return _through(scene, stack, mode)
-
-    return Study(
+    study = Study(
         "mesh",
-        *("field", tuple(case for case, _, _ in cases), "field, coarse to fine"),
-        tuple(modes),
+        Axis("field", [names[n] + suffix for n, suffix in cases], "field, coarse to fine"),
         scene,
-        through,
-        fields=tuple(given),
-        more={"layers": layers},
-        **_compared(scene, fields, references or (SAME_MODE, BY_CELLS), layers),
+        fields,
+        modes,
+        lambda mode, n: study.shells(cut(n), layers, mode, cases[n][0]),
+        layers=layers,
+        references=references or (SAME_MODE, BY_CELLS),
     )
+    return study
 
 
 def rays_study(
@@ -193,33 +167,25 @@ def rays_study(
 ) -> Study:
     """Time the stages of one picture at several factors on the camera's resolution.
 
-    Raises
-    ------
-    InputError
-        If two scales give the same number of rays.
+    InputError if two scales give the same number of rays.
     """
     (field,) = fields.values()
-    cameras = [scene.camera.scaled(scale) for scale in scales]
+    cameras = tuple(scene.camera.scaled(scale) for scale in scales)
     rays = [camera.resolution[0] * camera.resolution[1] for camera in cameras]
     if not rays or len(set(rays)) < len(rays):
         raise InputError(
             f"The scales {', '.join(f'{scale:g}' for scale in scales) or 'none'} give "
             f"{', '.join(map(str, rays)) or 'no'} rays; give at least one, each different."
         )
-    check_modes(modes, 1, layers)
-
-    def scaled(mode: Mode, position: int) -> Scene | None:
-        seen = evolve(scene, camera=cameras[position])
-        return _through(seen, shells_of(field, layers, mode), mode)
-
     return Study(
         "rays",
-        *("launched", tuple(rays), "rays launched"),
-        tuple(modes),
+        Axis("launched", rays, "rays launched"),
         scene,
-        scaled,
-        fields=(field,),
-        more={"layers": layers},
+        fields,
+        modes,
+        lambda mode, _: shells_of(field, layers, mode),
+        layers=layers,
+        cameras=cameras,
     )
 
 
@@ -239,12 +205,7 @@ def polygons_study(
 
     Shells begin with a mean of `smallest` triangles, by default as Kern et al. (2025), for which
     they are thinned out, and are divided while they have no more than `largest` (4.8 million in
-    Kern et al.).
-
-    Raises
-    ------
-    InputError
-        If the limits are not in order.
+    Kern et al.). InputError if the limits are not in order.
     """
     if not FEWEST <= smallest <= largest:
         raise InputError(
@@ -259,55 +220,23 @@ def polygons_study(
         stack = shells_of(field, layers, mode)
         return None if stack is None else decimate(stack, smallest * len(stack.shells))
 
+    def divided(mode: Mode, position: int) -> ShellStack | None:
+        stack = start(mode)
+        return None if stack is None else subdivide_midpoint(stack, position)
+
     first, steps = start(modes[0]), 0.0
     if first is not None:
         steps = np.log(largest * len(first.shells) / first.triangles) / np.log(4) + 1e-9
-
-    def divided(mode: Mode, position: int) -> Scene | None:
-        stack = start(mode)
-        finer = None if stack is None else subdivide_midpoint(stack, position)
-        return _through(scene, finer, mode)
-
     return Study(
         "polygons",
-        *("subdivisions", tuple(range(max(0, int(steps)) + 1)), "midpoint subdivisions"),
-        tuple(modes),
+        Axis("subdivisions", range(max(0, int(steps)) + 1), "midpoint subdivisions"),
         scene,
+        fields,
+        modes,
         divided,
-        fields=(field,),
-        more={"layers": layers, "smallest": smallest},
+        layers=layers,
+        more={"smallest": smallest},
     )
-
-
-def _through(scene: Scene, stack: ShellStack | None, mode: Mode) -> Scene | None:
-    return None if stack is None else through_shells(scene, stack, mode)
-
-
-def _range(finest: IndexField) -> tuple[float, float]:
-    """n - 1 of the ambient and the hottest air, which give all fields the same levels."""
-    return finest.ambient_refractivity, finest.hottest_refractivity
-
-
-def _compared(
-    scene: Scene, fields: Fields, references: Sequence[str], layers: int | None = None
-) -> _Compared:
-    known = [*CELLS, *([] if layers is None else [SAME_MODE])]
-    for name in references:
-        if name not in known and not (name.isdecimal() and int(name) > 0):
-            raise InputError(
-                f'"{name}" is no reference; give {", ".join(known)} or a number of shells, such as '
-                f"{THE_PAPERS}."
-            )
-    finest = list(fields.values())[-1]
-
-    def reference(mode: Mode, name: str) -> Scene | None:
-        if name in CELLS:
-            return through_cells(scene, finest, CELLS[name])
-        count = layers if name == SAME_MODE and layers is not None else int(name)
-        stack = shells_of(finest, count, mode, number=len(fields) - 1, index_range=_range(finest))
-        return _through(scene, stack, mode)
-
-    return {"references": tuple(references), "reference": reference}
 
 
 def smoothed(stack: ShellStack, iterations: int) -> ShellStack:

@@ -10,16 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from attrs import asdict, field, frozen
+from attrs import asdict, evolve, field, frozen
+from numpy.typing import NDArray
 
+from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, whole_file
 from iriftrace.core.netcdf import check_netcdf
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
-from iriftrace.image.metrics import FEWEST_RAYS
+from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.scene.scene import Scene
-from iriftrace.studies.mode import Mode
+from iriftrace.shells.stack import ShellStack
+from iriftrace.studies.mode import Mode, check_modes, shells_of, through_cells, through_shells
 from iriftrace.studies.times import COUNTS, REPEATS, STAGES, rendered, times
 from iriftrace.sweep.journal import Journal, Piece, Progress, Work
 from iriftrace.sweep.pose import fingerprint
@@ -36,7 +39,7 @@ CELLS = {BY_CELLS: "gradient", "linear cells": "facet"}
 """References: shells of the finest field in a case's own mode, the cells engine, and the same
 with one gradient in each cell, to which facet normals converge."""
 
-Variables = Mapping[str, tuple[str, type, str]]
+Variables = dict[str, tuple[str, type, str]]
 """Unit, type and description by name; counts that do not exist are -1, other numbers NaN."""
 
 DIFFERENCES: Variables = {
@@ -64,6 +67,15 @@ TIMES: Variables = {
 }
 
 
+@frozen
+class Axis:
+    """What is varied: dimension in the file, numbers or names, and its name in figures."""
+
+    name: str
+    values: tuple[Any, ...] = field(converter=tuple[Any, ...])
+    text: str
+
+
 @frozen(eq=False)
 class Study:
     """Cases along an axis, in each mode.
@@ -71,39 +83,47 @@ class Study:
     Attributes
     ----------
     name : str
-    axis, values, long_name : str, tuple, str
-        What is varied: dimension in the file, numbers or names, and its name in figures.
+    axis : Axis
+    scene : Scene
+        Its part, camera, variant and notes; its air is replaced.
+    fields : mapping of IndexField
+        By name, coarse to fine.
     modes : tuple of Mode
-    template : Scene
-        Its part, camera, variant and notes are in the file.
-    scene : callable
-        From a mode and a position on the axis to the scene, or None where no shell is left.
-    fields : tuple of IndexField
-    more : mapping
-        Options of the study for the file.
+    varied : callable
+        From a mode and a position on the axis to the shells, or None where none is left.
+    layers : int, optional
+        Number of shells, where it is not what is varied.
+    cameras : tuple of Camera
+        The camera at each position, where it is not that of the scene.
     references : tuple of str
-        Hits are compared with these; without them times are measured.
-    reference : callable
-        From a mode and the name of a reference to its scene, or None where no shell is left.
+        Hits are compared with these: one of `CELLS`, `SAME_MODE`, or a number of shells of the
+        finest field in the case's own mode. Without them times are measured.
+    more : mapping
+        Other options of the study for the file.
+
+    Raises
+    ------
+    InputError
+        If modes, values or references are missing or given twice, a reference is unknown, or a
+        mode leaves no shell or is about another number of fields.
     """
 
     name: str
-    axis: str
-    values: tuple[Any, ...]
-    long_name: str
-    modes: tuple[Mode, ...]
-    template: Scene
-    scene: Callable[[Mode, int], Scene | None]
-    fields: tuple[IndexField, ...]
+    axis: Axis
+    scene: Scene
+    fields: Mapping[str, IndexField]
+    modes: tuple[Mode, ...] = field(converter=tuple[Mode, ...])
+    varied: Callable[[Mode, int], ShellStack | None]
+    layers: int | None = None
+    cameras: tuple[Camera, ...] = ()
+    references: tuple[str, ...] = field(default=(), converter=tuple[str, ...])
     more: Mapping[str, Any] = field(factory=dict)
-    references: tuple[str, ...] = ()
-    reference: Callable[[Mode, str], Scene | None] = lambda mode, name: None
 
     def __attrs_post_init__(self) -> None:
-        """Refuse what would be compared with nothing."""
+        """Refuse what cannot be compared or leaves nothing to trace."""
         for what, some, fewest in (
             ("modes", [mode.name for mode in self.modes], 1),
-            (self.axis, list(self.values), 1),
+            (self.axis.name, list(self.axis.values), 1),
             ("references", list(self.references), 0),
         ):
             if len(some) < fewest or len(set(some)) != len(some):
@@ -111,21 +131,54 @@ class Study:
                     f"The study's {what} are {', '.join(map(str, some)) or 'none'}; give at least "
                     "one, each once."
                 )
+        known = [*CELLS, *([] if self.layers is None else [SAME_MODE])]
+        for name in self.references:
+            if name not in known and not (name.isdecimal() and int(name) > 0):
+                raise InputError(
+                    f'"{name}" is no reference; give {", ".join(known)} or a number of shells, '
+                    "such as 20."
+                )
+        check_modes(self.modes, len(self.fields), self.layers)
+
+    @property
+    def finest(self) -> IndexField:
+        """The last field."""
+        return list(self.fields.values())[-1]
+
+    def shells(self, field: IndexField, layers: int, mode: Mode, number: int) -> ShellStack | None:
+        """Field ``number``, from 0, cut at the levels of the finest one."""
+        levels = self.finest.ambient_refractivity, self.finest.hottest_refractivity
+        return shells_of(field, layers, mode, number=number, index_range=levels)
+
+    def case(self, mode: Mode, position: int) -> Scene | None:
+        """Scene at a position on the axis, or None where no shell is left."""
+        stack = self.varied(mode, position)
+        scene = evolve(self.scene, camera=self.cameras[position]) if self.cameras else self.scene
+        return None if stack is None else through_shells(scene, stack, mode)
+
+    def reference(self, mode: Mode, name: str) -> Scene | None:
+        """Scene of a reference, or None where no shell is left."""
+        if name in CELLS:
+            return through_cells(self.scene, self.finest, CELLS[name])
+        layers = self.layers if name == SAME_MODE and self.layers else int(name)
+        stack = self.shells(self.finest, layers, mode, len(self.fields) - 1)
+        return None if stack is None else through_shells(self.scene, stack, mode)
 
     @property
     def source(self) -> dict[str, Any]:
         """Where the study comes from, as plain JSON values."""
-        air = self.fields[0].air
+        fields = list(self.fields.values())
         return {
             "version": version("iriftrace"),
-            "fields": [asdict(one.source) for one in self.fields],
-            "part": {"path": str(self.template.part.path), "sha256": self.template.part.sha256},
-            "air": asdict(air),
-            "wavelength_nm": air.wavelength_nm,
-            "camera": self.template.camera.as_dict(),
-            "notes": dict(self.template.air.notes),
-            "variant": self.template.variant,
+            "fields": [asdict(each.source) for each in fields],
+            "part": {"path": str(self.scene.part.path), "sha256": self.scene.part.sha256},
+            "air": asdict(fields[0].air),
+            "wavelength_nm": fields[0].air.wavelength_nm,
+            "camera": self.scene.camera.as_dict(),
+            "notes": dict(self.scene.air.notes),
+            "variant": self.scene.variant,
             "length_unit": "mm",
+            **({} if self.layers is None else {"layers": self.layers}),
             **self.more,
         }
 
@@ -161,7 +214,7 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
     """
     identity = {
         "study": study.name,
-        "axis": [study.axis, list(study.values)],
+        "axis": [study.axis.name, list(study.axis.values)],
         "modes": [asdict(mode) for mode in study.modes],
         "references": list(study.references),
         **study.source,
@@ -171,7 +224,7 @@ def run_study(study: Study, path: str | Path, progress: Progress | None = None) 
         parts="files or options",
         output=Path(path),
         request=fingerprint(version("iriftrace"), identity),
-        total=len(study.values) * len(study.modes),
+        total=len(study.axis.values) * len(study.modes),
     )
     measure = _compared(study) if study.references else _timed(study)
 
@@ -197,19 +250,20 @@ def picture(scene: Scene) -> Hits:
     return hits_of(rendered(scene).image, len(stack.shells), stack.triangles)
 
 
-Measure = Callable[[Mode, int], dict[str, Any]]
+Entry = dict[str, Any]
+"""Numbers of a case by the names of `SIZES` and `DIFFERENCES` (by reference), or of `TIMES`."""
 
 
-def _compared(study: Study) -> Measure:
+def _compared(study: Study) -> Callable[[Mode, int], Entry]:
     @cache
     def reference(mode: Mode, name: str) -> Hits | None:
         scene = study.reference(mode, name)
         return None if scene is None else picture(scene)
 
-    def measure(mode: Mode, position: int) -> dict[str, Any]:
-        scene = study.scene(mode, position)
+    def measure(mode: Mode, position: int) -> Entry:
+        scene = study.case(mode, position)
         if scene is None:
-            return {"values": None, "differences": [None for _ in study.references]}
+            return {}
         hits = picture(scene)
         del scene
         good, rays = int(hits.good.sum()), len(hits.good)
@@ -223,80 +277,70 @@ def _compared(study: Study) -> Measure:
         others = [
             reference(study.modes[0] if name in CELLS else mode, name) for name in study.references
         ]
-        differences = [
-            None if other is None else compare(hits, other).as_dict() for other in others
-        ]
-        return {"values": own_size(hits), "differences": differences}
+        pairs = [{} if other is None else compare(hits, other).as_dict() for other in others]
+        return own_size(hits) | {name: [pair.get(name) for pair in pairs] for name in DIFFERENCES}
 
     return measure
 
 
-def _timed(study: Study) -> Measure:
-    def measure(mode: Mode, position: int) -> dict[str, Any]:
+def _timed(study: Study) -> Callable[[Mode, int], Entry]:
+    def measure(mode: Mode, position: int) -> Entry:
         free_memory()
-        scene = study.scene(mode, position)
+        scene = study.case(mode, position)
         if scene is None:
             raise InputError(
                 f"The mode '{mode.name}' leaves no shell that the field reaches; give more layers, "
                 "or leave fewer inner ones out."
             )
-        return {"values": times(scene), "differences": []}
+        return dict(times(scene))
 
     return measure
 
 
-def _dataset(study: Study, entries: Sequence[dict[str, Any]]) -> xr.Dataset:
+def _dataset(study: Study, entries: Sequence[Entry]) -> xr.Dataset:
+    """One dataset over mode and axis; attributes that are no numbers or strings become JSON."""
     import xarray as xr
 
-    shape = (len(study.values), len(study.modes))
-    texts = any(isinstance(value, str) for value in study.values)
-
-    def variables(
-        known: Variables, rows: Sequence[Mapping[str, Any] | None], over: Sequence[str]
-    ) -> dict[str, Any]:
-        columns = {
-            name: [(-1 if kind is int else np.nan) if row is None else row[name] for row in rows]
-            for name, (_, kind, _) in known.items()
-        }
-        sizes = (*shape, len(study.references))[: len(over)]
-        return {
-            name: (
-                over,
-                np.array(columns[name], dtype=kind).reshape(sizes),
-                {"units": unit, "long_name": text},
-            )
-            for name, (unit, kind, text) in known.items()
-        }
-
-    over = (study.axis, "mode")
-    cases = [entry["values"] for entry in entries]
-    pairs = [pair for entry in entries for pair in entry["differences"]]
-    values = np.array(study.values, dtype=object if texts else None)
-    described = np.array([mode.describe() for mode in study.modes], dtype=object)
-    coords: dict[str, Any] = {
-        "mode": np.array([mode.name for mode in study.modes], dtype=object),
-        "mode_description": ("mode", described),
-        study.axis: (
-            study.axis,
-            values,
-            {"long_name": study.long_name, **({} if texts else {"units": "1"})},
+    axis = study.axis
+    texts = any(isinstance(value, str) for value in axis.values)
+    places = np.array(axis.values, dtype=object if texts else None)
+    modes = np.array([(mode.name, mode.describe()) for mode in study.modes], dtype=object)
+    coords = {
+        "mode": modes[:, 0],
+        "mode_description": ("mode", modes[:, 1]),
+        axis.name: (
+            axis.name,
+            places,
+            {"long_name": axis.text} | ({} if texts else {"units": "1"}),
         ),
     }
-    attrs: dict[str, Any] = {
-        "study": study.name,
-        "modes": json.dumps([asdict(mode) for mode in study.modes]),
-    }
+    attrs = {"study": study.name, "modes": [asdict(mode) for mode in study.modes], **study.source}
     if study.references:
         coords["reference"] = np.array(study.references, dtype=object)
-        columns = variables(SIZES, cases, over) | variables(
-            DIFFERENCES, pairs, (*over, "reference")
-        )
     else:
         attrs["repeats"] = REPEATS
-        columns = variables(TIMES, cases, over)
-    for key, value in study.source.items():
-        attrs[key] = value if isinstance(value, str | int | float) else json.dumps(value)
-    return xr.Dataset(columns, coords, attrs).transpose("mode", study.axis, ...)
+    plain = {
+        key: value if isinstance(value, str | int | float) else json.dumps(value)
+        for key, value in attrs.items()
+    }
+    known = SIZES | DIFFERENCES if study.references else TIMES
+    columns = {name: _column(study, entries, name, *known[name]) for name in known}
+    return xr.Dataset(columns, coords, plain).transpose("mode", axis.name, ...)
+
+
+def _column(
+    study: Study, entries: Sequence[Entry], name: str, unit: str, kind: type, text: str
+) -> tuple[list[str], NDArray[Any], dict[str, str]]:
+    """Dimensions, values and attributes of a variable; what a case does not have is NaN or -1."""
+    sizes = {study.axis.name: len(study.axis.values), "mode": len(study.modes)}
+    if name in DIFFERENCES:
+        sizes["reference"] = len(study.references)
+    # None of a case without shells stands for all references.
+    rows = [np.full(list(sizes.values())[2:], entry.get(name), dtype=float) for entry in entries]
+    values = np.reshape(rows, list(sizes.values()))
+    if kind is int:
+        values = np.where(np.isnan(values), -1, values).astype(int)
+    return list(sizes), values, {"units": unit, "long_name": text}
 
 
 def read_study(path: str | Path) -> xr.Dataset:
@@ -340,10 +384,9 @@ def is_study(path: str | Path) -> bool:
 
 def reference_words(reference: str) -> str:
     """Name of a reference in figures and tables."""
-    if reference.isdecimal():
-        return f"{reference} shells of the same mode"
-    return {
+    words = {
         SAME_MODE: "the finest field, same mode",
         BY_CELLS: "the cells engine",
         "linear cells": "the cells engine, linear cells",
-    }[reference]
+    }
+    return words.get(reference, f"{reference} shells of the same mode")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.image.metrics import FEWEST_RAYS
+from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.sweep.journal import Journal, Progress, Work

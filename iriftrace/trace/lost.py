@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.image.metrics import RayCounts
+from iriftrace.image.ray_statistics import RayCounts
 
 LIMIT = 0.005
 """Fraction of a view's hits from which on it is warned of."""

@@ -213,7 +213,7 @@ def _on_device(vectors: FloatArray) -> Any:
     """Coordinates one after the other (Float64), of which Dr.Jit gathers vectors."""
     import mitsuba as mi
 
-    from iriftrace.plugins.kernels.tables import aligned
+    from iriftrace.plugins.kernels.vertex_table import aligned
 
     return mi.Float64(aligned(vectors.ravel()))
 

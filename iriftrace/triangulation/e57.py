@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import sys
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,13 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.core.child import ChildError, output_of, run_limited
+from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-
-_SECONDS, _BYTES_A_SECOND = 5, 1_000_000
-_MEMORY, _MEMORY_A_BYTE = 3 << 30, 64
-"""Limits of the child: imports take half a second and less than 1 GB of address space."""
 
 _COLUMNS = {
     "intensity": ("intensity", np.float32),
@@ -50,15 +44,14 @@ def read_e57(path: Path) -> tuple[FloatArray, dict[str, NDArray[Any]]]:
     """
     check_e57(path)
     try:
-        written = output_of(__name__, str(path), str(path.stat().st_size))
+        columns = read_in_child(f"{__name__}:read_scan", path.stat().st_size, str(path))
     except ChildError as error:
         raise InputError(f"{path} cannot be read ({error}); export the cloud again.") from error
-    with np.load(io.BytesIO(written), allow_pickle=False) as arrays:
-        columns = {name: arrays[name] for name in arrays.files}
     return columns.pop("points"), columns
 
 
-def _points(path: str) -> bytes:
+def read_scan(path: str) -> dict[str, NDArray[Any]]:
+    """Columns of `read_e57`, the points among them; in the child."""
     import pye57
 
     try:
@@ -83,9 +76,7 @@ def _points(path: str) -> bytes:
     # Not measured, like (0, 0, 0) in a file without poses.
     rows[(rows == origin).all(axis=1)] = np.nan
     further = {name: scan[theirs] for name, (theirs, _) in _COLUMNS.items() if theirs in scan}
-    written = io.BytesIO()
-    np.savez(written, points=rows, **further)
-    return written.getvalue()
+    return {"points": rows, **further}
 
 
 def write_e57(
@@ -107,12 +98,3 @@ def write_e57(
         data["cartesianInvalidState"] = (~measured).astype(np.int8)
     with whole_file(path) as partial, pye57.E57(str(partial), mode="w") as file:
         file.write_scan_raw(data)
-
-
-if __name__ == "__main__":
-    _size = int(sys.argv[2])
-    run_limited(
-        lambda: _points(sys.argv[1]),
-        _MEMORY + _MEMORY_A_BYTE * _size,
-        _SECONDS + _size // _BYTES_A_SECOND,
-    )

@@ -14,7 +14,7 @@ import numpy as np
 from iriftrace.plugins.kernels.march import RefractedHits
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import HIT_PART
-from iriftrace.plugins.kernels.tables import aligned
+from iriftrace.plugins.kernels.vertex_table import aligned
 
 LINES = 9
 """Lines by which the layer at a hit is counted where one along the normal speaks against it."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from iriftrace.plugins.kernels.layers import Passage, onto_plane
+from iriftrace.plugins.kernels.between import onto_plane
+from iriftrace.plugins.kernels.layers import Passage
 from iriftrace.plugins.kernels.queries import (
     ESCAPED,
     GAVE_UP,
@@ -23,7 +24,8 @@ from iriftrace.plugins.kernels.queries import (
     settled,
 )
 from iriftrace.plugins.kernels.snell import distance_to_plane
-from iriftrace.plugins.kernels.tables import BLOCKER, PART, SHELL, SceneTables
+from iriftrace.plugins.kernels.tables import BLOCKER, PART, SceneTables
+from iriftrace.plugins.kernels.vertex_table import SHELL
 
 GRAZING_COSINE = 1e-3
 """A ray that leaves a triangle at a smaller cosine is queried from a little beyond its plane."""

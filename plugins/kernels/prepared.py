@@ -15,14 +15,8 @@ from numpy.typing import NDArray
 
 from iriftrace.core.sampling import r2_sequence
 from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
-from iriftrace.plugins.kernels.tables import (
-    PART,
-    SHELL,
-    SceneTables,
-    aligned,
-    shell_indices,
-    surface_index,
-)
+from iriftrace.plugins.kernels.tables import PART, SceneTables, shell_indices, surface_index
+from iriftrace.plugins.kernels.vertex_table import SHELL, aligned
 
 MOST_STEPS = 30_000
 """Crossings of a straight line after which it is not followed any farther."""

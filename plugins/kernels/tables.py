@@ -9,196 +9,24 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.tessellation import MOST_FACES
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
 from iriftrace.plugins.kernels.snell import Triangle, facet_normal
-from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
-
-
-def has_derivatives(shape: Any) -> bool:
-    """True if a shell has the derivatives of the index at its vertices, False if it has none.
-
-    InputError for some of them, or under other names: they would be ignored in silence.
-    """
-    import mitsuba as mi
-
-    values, count = mi.traverse(shape), shape.vertex_count()
-    given = {
-        name: len(values[name]) // count
-        for name, _ in values
-        if name.startswith("vertex_") and ("gradient" in name.lower() or "hessian" in name.lower())
-    }
-    expected = {f"vertex_{name}": size for name, size in PLY_COLUMNS.items()}
-    if given and given != expected:
-        raise InputError(
-            f"Shell '{shape.id()}' has the vertex attributes {_listed(given)}, but the derivatives "
-            f"of the index are {_listed(expected)}; give all of them by these names, or none "
-            "(a PLY's columns gradient_1, gradient_2, gradient_3 become vertex_gradient)."
-        )
-    return bool(given)
-
-
-def _listed(attributes: dict[str, int]) -> str:
-    return ", ".join(f"{name} ({size})" for name, size in sorted(attributes.items()))
-
-
-def shell_derivatives(
-    shape: Any, normals: NDArray[np.floating], step: float
-) -> tuple[FloatArray, FloatArray]:
-    """Normals, (n, 3), and derivatives of the index, (n, 7), at the vertices of a shell with them.
-
-    Normals are along the gradient, as the mesh's own vertex normals (n, 3) are but for single
-    precision, or these where there is no gradient or the mesh was turned. Derivatives are the
-    magnitude of the gradient, 1/mm, and the Hessian xx, yy, zz, yz, xz, xy, 1/mm^2. The step is the
-    index outside less that inside; the file counts in these steps, so a shell without one bends
-    nothing.
-    """
-    import mitsuba as mi
-
-    values = mi.traverse(shape)
-    gradient, *others = (
-        np.nan_to_num(np.array(values[f"vertex_{name}"], dtype=np.float64).reshape(-1, size))
-        for name, size in PLY_COLUMNS.items()
-    )
-    hessian = np.hstack(others)
-    length = np.linalg.norm(gradient, axis=1, keepdims=True)
-    found = np.divide(gradient, length, out=np.array(normals, dtype=np.float64), where=length > 0)
-    if np.abs(gradient - length * normals).sum() > 1e-5 * length.sum():
-        hessian = _rotated(hessian, _rotation(gradient, normals))
-        found = np.asarray(normals, dtype=np.float64)
-    return found, step * np.hstack((length, hessian))
-
-
-def _rotation(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Rotation (3, 3) that takes vectors into unit vectors, in least squares (Kabsch 1976).
-
-    A mesh's ``to_world`` turns its normals, but not what else its file knows.
-    """
-    left, _, right = np.linalg.svd(after.T @ before)
-    sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
-    rotation: FloatArray = left @ np.diag((1.0, 1.0, sign)) @ right
-    return rotation
-
-
-def _rotated(hessian: FloatArray, rotation: FloatArray) -> FloatArray:
-    """Hessians, (n, 6) in the file's order, after a rotation."""
-    full = np.empty((len(hessian), 3, 3))
-    for column, (i, j) in enumerate(HESSIAN_AXES.values()):
-        full[:, i, j] = full[:, j, i] = hessian[:, column]
-    full = rotation @ full @ rotation.T
-    return np.stack([full[:, i, j] for i, j in HESSIAN_AXES.values()], axis=1)
-
-
-BYTES = 128
-"""The widest vector that Dr.Jit loads: 16 numbers of 8 bytes."""
-
-
-def aligned(values: NDArray[Any]) -> NDArray[Any]:
-    """Copy an array of one dimension to memory that starts at a multiple of 128 bytes.
-
-    Dr.Jit reads NumPy's own memory where it can, and writes into the kernel whether an address is
-    aligned. NumPy's addresses are so by chance, and each other combination compiles a kernel anew.
-    """
-    copy = aligned_zeros(len(values), values.dtype)
-    copy[:] = values
-    return copy
-
-
-def aligned_zeros(count: int, dtype: Any) -> NDArray[Any]:
-    """Array (count,) of zeros in such memory, to be filled in."""
-    size = count * np.dtype(dtype).itemsize
-    memory = np.zeros(size + BYTES, dtype=np.uint8)
-    start = -memory.ctypes.data % BYTES
-    return memory[start : start + size].view(dtype)
-
-
-_PLAIN, _WITH_DERIVATIVES = 2, 4
-"""Rows per vertex without and with the derivatives of the index."""
-
-
-class VertexTable:
-    """Triangles of many meshes, and what is known at their corners; zero where a mesh lacks it.
-
-    A vertex's rows are x, y, z, 0; the normal and the gradient's magnitude; xx, yy, zz, yz; and xz,
-    xy, 0, 0 of the Hessian. Without ``derivatives`` there are the first two.
-    """
-
-    def __init__(self, meshes: list[_Described], derivatives: bool) -> None:
-        import mitsuba as mi
-
-        per_vertex = _WITH_DERIVATIVES if derivatives else _PLAIN
-        vertices = sum(mesh.shape.vertex_count() for mesh in meshes)
-        self.face_count = sum(mesh.face_count for mesh in meshes)
-        # Filled in mesh by mesh: copies of all of them would take as much again.
-        rows = aligned_zeros(4 * per_vertex * vertices, np.float32)
-        corners = aligned_zeros(4 * self.face_count, np.uint32)
-        rest, faces_left = rows.reshape(-1, 4 * per_vertex), corners.reshape(-1, 4)
-        first_vertex = 0
-        for mesh in meshes:
-            shape, count = mesh.shape, mesh.shape.vertex_count()
-            own, rest = rest[:count], rest[count:]
-            own[:, 0:3] = np.array(shape.vertex_positions_buffer()).reshape(-1, 3)
-            if mesh.smooth:
-                # Mitsuba turns a (0, 0, 0) normal into NaN; zero makes the tracer take the facet's.
-                normals = np.nan_to_num(np.array(shape.vertex_normals_buffer()).reshape(-1, 3))
-                own[:, 4:7] = normals
-                if derivatives and mesh.kind == SHELL:
-                    outside, inside = mesh.sides
-                    own[:, 4:7], own[:, 7:14] = shell_derivatives(shape, normals, outside - inside)
-            faces = np.array(shape.faces_buffer()).reshape(-1, 3)
-            # The first of a corner's rows.
-            faces_left[: mesh.face_count, :3] = per_vertex * (faces + first_vertex)
-            faces_left = faces_left[mesh.face_count :]
-            first_vertex += count
-        self._rows = mi.Float(rows)
-        self._corners = mi.UInt32(corners)
-
-    def triangle(self, face: Any, active: Any) -> Triangle:
-        """Corners of triangles (Point3d, mm)."""
-        import mitsuba as mi
-
-        return Triangle(*(mi.Point3d(row.xyz) for row in self._gather(0, face, active)))
-
-    def normals(self, face: Any, active: Any) -> Triangle:
-        """Vertex normals of triangles (Vector3d); zero where a mesh has none."""
-        import mitsuba as mi
-
-        return Triangle(*(mi.Vector3d(row.xyz) for row in self._gather(1, face, active)))
-
-    def gradients(self, face: Any, direction: Any, active: Any) -> tuple[Triangle, Triangle]:
-        """Gradient of the index at corners, 1/mm, and its change along a direction, 1/mm^2.
-
-        All vectors are Vector3f.
-        """
-        x, y, z = direction
-        gradients, changes = [], []
-        known = zip(*(self._gather(row, face, active) for row in (1, 2, 3)), strict=True)
-        for normal, (xx, yy, zz, yz), (xz, xy, _, _) in known:
-            gradients.append(normal.xyz * normal.w)
-            changes.append(
-                type(direction)(
-                    xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
-                )
-            )
-        return Triangle(*gradients), Triangle(*changes)
-
-    def _gather(self, row: int, face: Any, active: Any) -> list[Any]:
-        """One row of each corner of triangles (three Vector4f)."""
-        import drjit as dr
-        import mitsuba as mi
-
-        *corners, _ = dr.gather(mi.Vector4u, self._corners, face, active)
-        return [dr.gather(mi.Vector4f, self._rows, corner + row, active) for corner in corners]
-
-
-SHELL, PART, BLOCKER = 0, 1, 2
+from iriftrace.plugins.kernels.vertex_table import (
+    BLOCKER,
+    PART,
+    SHELL,
+    Described,
+    VertexTable,
+    aligned,
+    has_derivatives,
+)
 
 PART_ID = "part"
 
@@ -257,18 +85,6 @@ def _runs_against_its_normals(shape: Any) -> bool:
     return bool(dr.sum(dr.select(dr.isfinite(facing), facing, 0))[0] < 0)
 
 
-class _Described(NamedTuple):
-    """One shape, as the tables have it."""
-
-    shape: Any
-    kind: int
-    sides: tuple[float, float]  # index outside and inside
-    level: float  # index of the air on it
-    smooth: bool  # it has normals at its vertices
-    derived: bool  # and the derivatives of the index, as a shell's file has them
-    face_count: int  # 0 for what only blocks the view
-
-
 def _part_of(shapes: list[Any]) -> tuple[Any, int]:
     """The measured part, and its place in a scene's list."""
     parts = [i for i, shape in enumerate(shapes) if shape.id() == PART_ID]
@@ -294,11 +110,11 @@ def _part_of(shapes: list[Any]) -> tuple[Any, int]:
     return part, parts[0]
 
 
-def _described(shape: Any, is_part: bool) -> _Described:
+def _described(shape: Any, is_part: bool) -> Described:
     """A shape's row of the tables; InputError for a shell that cannot be traced."""
     sides = shell_indices(shape.bsdf())
     if sides is None and not is_part:
-        return _Described(shape, BLOCKER, (1.0, 1.0), 1.0, False, False, 0)
+        return Described(shape, BLOCKER, (1.0, 1.0), 1.0, False, False, 0)
     if sides is not None and not shape.is_mesh():
         raise InputError(
             f"Shell '{shape.id()}' is no triangle mesh, so its index steps cannot be traced in "
@@ -318,9 +134,9 @@ def _described(shape: Any, is_part: bool) -> _Described:
         )
     count = shape.face_count()
     if sides is None:
-        return _Described(shape, PART, (1.0, 1.0), 1.0, smooth, False, count)
+        return Described(shape, PART, (1.0, 1.0), 1.0, smooth, False, count)
     derived = smooth and has_derivatives(shape)
-    return _Described(shape, SHELL, sides, surface_index(shape.bsdf()), smooth, derived, count)
+    return Described(shape, SHELL, sides, surface_index(shape.bsdf()), smooth, derived, count)
 
 
 class SceneTables:

@@ -18,9 +18,9 @@ from scipy.spatial import KDTree
 from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.path_data import FieldCells
 from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
-from iriftrace.plugins.kernels.layers import length_gain
+from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
-from iriftrace.plugins.kernels.tables import aligned
+from iriftrace.plugins.kernels.vertex_table import aligned
 
 NO_FACE = 4
 """In the place of a face's number: the tetrahedron was not entered through one of its faces."""

@@ -1,15 +1,61 @@
-"""Child processes run nothing that lies in the working folder."""
+"""Child processes: what they hand over, how they end, and that they run nothing of the folder."""
 
 from __future__ import annotations
 
+import os
+import signal
 from pathlib import Path
 
 import h5netcdf
+import numpy as np
 import pytest
 import pyvista as pv
 
+from iriftrace.core import child
+from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.netcdf import check_netcdf
-from iriftrace.field.readers import vtk_process
+from iriftrace.field.readers.vtk_process import read_file
+
+
+def test_values_and_arrays_come_back_as_they_were() -> None:
+    rows = read_in_child("numpy:eye", 0, 2, 3)
+    np.testing.assert_array_equal(rows, np.eye(2, 3))
+    assert rows.dtype == np.float64
+    assert read_in_child("numpy:zeros", 0, [0, 3], "i4").shape == (0, 3)
+    # Not contiguous, and two in a list.
+    parts = read_in_child("numpy:unravel_index", 0, [22, 41], [7, 6])
+    np.testing.assert_array_equal(parts, np.unravel_index([22, 41], (7, 6)))
+    np.testing.assert_array_equal(read_in_child("numpy:transpose", 0, [[1, 2]]), [[1], [2]])
+    values = {"a": [None, "b", 1.5, True], "\N{GREEK SMALL LETTER MU}": {}}
+    assert read_in_child("copy:copy", 0, values) == values
+
+
+@pytest.mark.parametrize(
+    ("function", "argument", "reason"),
+    [
+        ("json:loads", "{", "Expecting property name"),
+        ("builtins:bytearray", 1 << 40, "more memory than it may take"),
+        ("math:factorial", 10**8, "still busy with it after 1 s"),
+        ("os:_exit", 0, "broke down, exit status 0"),
+        ("signal:raise_signal", signal.SIGABRT, "broke down, SIGABRT"),
+    ],
+)
+def test_each_end_has_its_reason(
+    function: str, argument: object, reason: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child, "_SECONDS", 1)
+    with pytest.raises(ChildError, match=reason):
+        read_in_child(function, 0, argument)
+    assert read_in_child("builtins:abs", 0, -1) == 1
+
+
+def test_a_killed_server_is_started_again() -> None:
+    read_in_child("builtins:abs", 0, -1)
+    process = child._server._process
+    assert process is not None
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert read_in_child("builtins:abs", 0, -2) == 2
 
 
 def test_modules_of_the_working_folder_are_not_run(
@@ -25,7 +71,7 @@ def test_modules_of_the_working_folder_are_not_run(
         file.create_variable("v", ("x",), data=[1.0])
     pv.Sphere().save(tmp_path / "good.vtp")
     monkeypatch.chdir(tmp_path)
-    vtk_process._child.stop()
+    child._server.stop()
     check_netcdf(tmp_path / "good.nc")
-    assert vtk_process.read_file(tmp_path / "good.vtp").n_points > 0
+    assert read_file(tmp_path / "good.vtp").n_points > 0
     assert not marker.exists()

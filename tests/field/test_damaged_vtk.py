@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +9,7 @@ import pytest
 import pyvista as pv
 from numpy.testing import assert_array_equal
 
+from iriftrace.core import child
 from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
 from iriftrace.field.readers import vtk_child, vtk_process
@@ -58,46 +57,11 @@ def test_a_reader_that_dies_is_one_sentence(
 ) -> None:
     """Its arrays need new memory; the next file is read as if nothing had been."""
     air(30).save(tmp_path / "air.vtu")
-    monkeypatch.setattr(vtk_process, "_MEMORY", 1 << 20)
+    monkeypatch.setattr(child, "_MEMORY", 1 << 20)
     with pytest.raises(InputError, match=r"air\.vtu cannot be read \(.*\); is it a complete file"):
         read_file(tmp_path / "air.vtu")
     monkeypatch.undo()
     assert read_file(tmp_path / "air.vtu").n_cells == air(30).n_cells
-
-
-def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "endless.vtu").write_text("<VTKFile>")
-    monkeypatch.setattr(vtk_process, "_CHILD", "endless")
-    (tmp_path / "endless.py").write_text(_ENDLESS)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(vtk_process, "_child", vtk_process._Child())
-    monkeypatch.setattr(vtk_process, "_SECONDS", 1)
-    with pytest.raises(InputError, match="still busy with it after 1 s"):
-        read_file(tmp_path / "endless.vtu")
-    vtk_process._child.stop()
-
-
-_ENDLESS = """
-import socket, sys
-from iriftrace.field.readers import vtk_child
-
-def forever(request):
-    while True:
-        pass
-
-vtk_child._READERS["file"] = forever
-vtk_child.serve(socket.socket(fileno=int(sys.argv[1])))
-"""
-
-
-def test_a_killed_child_is_started_again(tmp_path: Path) -> None:
-    air(4).save(tmp_path / "air.vtu")
-    read_file(tmp_path / "air.vtu")
-    process = vtk_process._child._process
-    assert process is not None
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    assert read_file(tmp_path / "air.vtu").n_cells == air(4).n_cells
 
 
 @pytest.mark.parametrize("wrong", [-1, 10**6])
@@ -133,17 +97,22 @@ def test_entities_in_a_series_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("kind", "fits"), [(pv.CellType.TETRA, True), (42, False)])
 def test_empty_faces_are_none_where_there_are_no_polyhedra(kind: int, fits: bool) -> None:
     """VTK's reader of .pvtu hands them over at random; a polyhedron needs faces."""
-    values = (np.eye(4, 3), [0, 4], range(4), [kind], [0], [])
-    arrays = [np.array(v, dtype=None if k == 0 else np.int64) for k, v in enumerate(values)]
-    told = {"kind": "unstructured", "points": 0, "cells": [1, 2], "types": 3, "faces": [4, 5]}
-    told |= {"face_places": [4, 5], "point": {}, "cell": {}, "field": {}}
+    empty = [np.zeros(1, dtype=np.int64), np.zeros(0)]
+    grid = {
+        "kind": "unstructured",
+        "points": np.eye(4, 3),
+        "cells": [np.array([0, 4]), np.arange(4)],
+        "types": np.array([kind]),
+        **{"faces": empty, "face_places": empty},
+        **{"point": {}, "cell": {}, "field": {}},
+    }
     if fits:
-        assert vtk_process._Checked(arrays).data(told).n_cells == 1
+        assert vtk_process._checked(grid).n_cells == 1
         return
     with pytest.raises(vtk_process._Damage, match="faces of its polyhedra"):
-        vtk_process._Checked(arrays).data(told)
+        vtk_process._checked(grid)
 
 
 def test_the_child_needs_no_pyvista() -> None:
     """Importing it would take longer than reading most files."""
-    assert "pyvista" not in Path(vtk_child.__file__).read_text().replace("of pyvista is", "")
+    assert "pyvista" not in Path(vtk_child.__file__).read_text().replace("of pyvista:", "")

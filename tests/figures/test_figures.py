@@ -12,20 +12,17 @@ from typing import Literal
 import numpy as np
 import pytest
 import pyvista as pv
-import xarray as xr
 from matplotlib.collections import LineCollection
-from matplotlib.colors import LogNorm
 
 from iriftrace.air.refractivity import Air
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.figures import space
-from iriftrace.figures.pose import STATUS_COLOURS, displacement_figure
+from iriftrace.figures.pose import displacement_figure
 from iriftrace.figures.result import plot
 from iriftrace.figures.scene import (
     celsius_of,
-    drawn_shells,
     scene_figure,
     temperature_norm,
     temperature_ticks,
@@ -143,14 +140,6 @@ def test_signed_components_diverge_from_0(
     assert list(plot(image, component=component, name="a").figures) == [f"a_{component}"]
 
 
-def test_unknown_components_are_refused() -> None:
-    with pytest.raises(InputError, match="no component 'up'"):
-        displacement_figure(synthetic_image(), component="up")  # type: ignore[arg-type]
-    study = xr.Dataset(attrs={"study": "layers"})
-    with pytest.raises(InputError, match="drawn of one pose"):
-        plot(study, component="along")
-
-
 def test_included_status_is_plotted_too() -> None:
     """`include` counts as it does for the metrics, so that both describe the same rays."""
     image = synthetic_image()
@@ -158,30 +147,6 @@ def test_included_status_is_plotted_too() -> None:
     image.channels["path.length"][20, 20] = 100.0
     plotted = displacement_figure(image, (0, 5)).axes[0].images[-1].get_array()
     assert plotted[20, 20] == pytest.approx(7.0)
-
-
-def test_colours_end_at_the_percentiles_of_good_rays() -> None:
-    """Colours are logarithmic from the 1st to the 99th percentile, and the bar says more exists."""
-    image = synthetic_image()
-    picture = displacement_figure(image).axes[0].images[-1]
-    low, high = np.percentile(good_um(image), [1, 99])
-    assert isinstance(picture.norm, LogNorm)
-    assert picture.get_clim() == pytest.approx((low, high), rel=1e-12)
-    assert picture.colorbar.extend == "both"
-    assert picture.colorbar.ax.get_ylabel() == "Displacement (µm)"
-
-
-@pytest.mark.parametrize("scale_mm", [1e-9, 1e-4, 0.003, 2.0])
-def test_colour_bar_has_a_few_round_numbers(scale_mm: float) -> None:
-    """From 3 to 9 labels, all within the colours, each a plain number equal to its tick."""
-    picture = displacement_figure(synthetic_image(scale_mm=scale_mm)).axes[0].images[-1]
-    ticks = picture.colorbar.get_ticks()
-    texts = [text.get_text() for text in picture.colorbar.ax.get_yticklabels()]
-    labels = [text.replace("\N{MINUS SIGN}", "-") for text in texts]
-    low, high = picture.get_clim()
-    assert 3 <= len(ticks) <= 9
-    assert np.all((ticks >= low) & (ticks <= high))
-    np.testing.assert_allclose([float(label) for label in labels], ticks, rtol=1e-5)
 
 
 @pytest.mark.parametrize("value_mm", [0.0, 0.004])
@@ -203,54 +168,6 @@ def test_rays_without_displacement_are_drawn() -> None:
     colours = picture.to_rgba(picture.get_array())
     np.testing.assert_array_equal(colours[..., 3] > 0, image.status == 0)
     np.testing.assert_allclose(colours[25, 40], picture.cmap(0.0))
-
-
-def test_titles_give_the_statistics_and_the_origin() -> None:
-    """The title agrees with NumPy; the second line names file, wavelength, normals and engine."""
-    image = synthetic_image()
-    figure = displacement_figure(image)
-    median, p95 = np.percentile(good_um(image), [50, 95])
-    assert figure.get_suptitle() == (
-        f"Displacement by hot air: median {median:.1f} µm, 95th percentile {p95:.1f} µm"
-    )
-    second = figure.axes[0].get_title()
-    assert all(
-        text in second for text in ("plume.vtu", "633 nm", "gradient normals", "engine: shells")
-    )
-    assert "somewhere" not in second
-
-
-def test_titles_of_few_rays_give_no_statistics() -> None:
-    """As in the metrics, numbers rest on at least 100 good rays."""
-    image = synthetic_image()
-    status = image.channels["status.code"]
-    good = np.flatnonzero(status == 0)
-    status.ravel()[good[99:]] = Status.OUT_OF_FOCUS
-    title = displacement_figure(image).get_suptitle()
-    assert title == "Displacement by hot air: fewer than 100 good rays, so no numbers"
-    status.ravel()[good[99]] = Status.GOOD
-    assert "median" in displacement_figure(image).get_suptitle()
-
-
-def test_legend_counts_the_pixels_without_displacement() -> None:
-    """40 of the 24 x 40 pixels on the part are out of focus and one has a mismatch; no other."""
-    legend = displacement_figure(synthetic_image()).legends[0]
-    assert [text.get_text() for text in legend.get_texts()] == [
-        "Out of focus: 40 px (4.2 %)",
-        "Inconsistent deflection: 1 px (0.1 %)",
-    ]
-
-
-def test_greys_lie_on_their_pixels_and_differ() -> None:
-    """Each status has a grey of its own, and the background stays white."""
-    image = synthetic_image()
-    greys = displacement_figure(image).axes[0].images[0]
-    colours = greys.to_rgba(greys.get_array())
-    status = image.status
-    shown = colours[..., 3] > 0
-    np.testing.assert_array_equal(shown, np.isin(status, [2, 5]))
-    assert len(np.unique(colours[shown], axis=0)) == 2
-    assert len(set(STATUS_COLOURS.values())) == len(Status) - 2
 
 
 def test_silhouettes_are_the_outline_and_the_step_in_depth() -> None:
@@ -293,15 +210,6 @@ def test_no_good_ray_is_an_error_and_leaves_no_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no good ray"):
         write_figure(displacement_figure(image), tmp_path / "none.png")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_other_formats_and_missing_folders_are_refused(tmp_path: Path) -> None:
-    """A PNG under the name of a JPEG would not open."""
-    figure = displacement_figure(synthetic_image())
-    with pytest.raises(InputError, match=r"\.png"):
-        write_figure(figure, tmp_path / "figure.jpg")
-    with pytest.raises(InputError, match="does not exist"):
-        write_figure(figure, tmp_path / "nowhere" / "figure.png")
 
 
 def a_camera(**values: object) -> Camera:
@@ -372,28 +280,6 @@ def test_scene_picture_has_its_size_and_all_that_is_asked_for(cube: Part, tmp_pa
     # Pixel for pixel: else lines and labels of the picture would be resampled.
     np.testing.assert_allclose(picture.shape[1::-1], scene.bbox.size, atol=1e-6)
     assert orange_share(picture) > 0.01
-
-
-def test_the_second_device_is_drawn_with_its_name(cube: Part) -> None:
-    camera = a_camera()
-    beside = camera.at(look_at((80.0, -100.0, 60.0), (0.0, 0.0, 0.0)))
-    figure = scene_figure(cube, spheres(2), camera, beside, "projector")
-    texts = [text.get_text() for text in figure.axes[0].texts]
-    assert {"Camera", "Projector"} <= set(texts)
-    assert any("camera and projector" in text.get_text() for text in figure.texts)
-
-
-def test_of_many_shells_twenty_are_drawn_the_outermost_and_innermost_among_them() -> None:
-    drawn = drawn_shells(spheres(50).shells)
-    assert len(drawn) == len(set(drawn)) == 20
-    assert (drawn[0], drawn[-1]) == (0, 49)
-
-
-def test_far_focus_behind_the_scene_is_left_out(cube: Part) -> None:
-    """An unlimited focus has no outline, and a very far one would make the part tiny."""
-    for far in (5000.0, np.inf):
-        figure = scene_figure(cube, spheres(2), a_camera(focus_mm=(0, far)))
-        assert not any("focus" in text.get_text() for text in figure.axes[0].texts)
 
 
 def test_orthographic_and_vertical_views_can_be_drawn(cube: Part, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from iriftrace.figures import report as report_module
 from iriftrace.figures.report import report_content, write_report
 from iriftrace.image.aov_image import Status
 from iriftrace.planning.criteria import Criteria
-from iriftrace.planning.summary import front_text, ranking_table, stability_text
+from iriftrace.planning.texts import front_text, ranking_table, stability_text
 from validation.inputs.sweep_tables import summary_of, sweep_table, with_faces
 from validation.oracles.html_page import Page, read_page
 

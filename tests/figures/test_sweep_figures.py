@@ -15,7 +15,6 @@ import xarray as xr
 from attrs import evolve
 from matplotlib import colormaps
 from matplotlib.collections import QuadMesh
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from iriftrace.camera.orbit import Orbit, fibonacci_poses, orbit_poses
@@ -23,16 +22,15 @@ from iriftrace.camera.pose import look_at
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.figures.result import Plots
 from iriftrace.figures.style import write_figure
-from iriftrace.figures.sweep import sweep_charts, view_name
+from iriftrace.figures.sweep import sweep_charts
 from iriftrace.figures.sweep_charts import (
     histogram_figure,
     normalised_figure,
     pareto_figure,
     rays_figure,
 )
-from iriftrace.figures.sweep_maps import _ticks, map_figure
+from iriftrace.figures.sweep_maps import map_figure
 from iriftrace.figures.sweep_space import (
     best_at_each_place,
     sweep_face_figure,
@@ -151,12 +149,6 @@ def test_values_come_in_readable_units(summary: SweepSummary) -> None:
         assert np.flatnonzero(~quantity.known).tolist() == list(EMPTY)
 
 
-def test_lengths_of_centimetres_are_read_in_mm() -> None:
-    data = sweep()
-    data["lateral_resolution"] *= 100.0
-    assert summary_of(data).lateral.unit == "mm"
-
-
 def test_limits_are_those_of_the_plan(summary: SweepSummary) -> None:
     low, high = summary.displacement.limits
     known = np.setdiff1d(np.arange(len(GRID)), EMPTY)
@@ -235,47 +227,6 @@ def test_a_map_shows_every_pose_in_its_cell(summary: SweepSummary) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("angles", "ticks"),
-    [
-        (np.arange(-85.0, 86.0, 10.0), [-85, -55, -25, 5, 35, 65]),
-        (np.arange(0.0, 360.0, 10.0), [0, 60, 120, 180, 240, 300]),
-        (np.arange(0.0, 91.0, 9.0), [0, 18, 36, 54, 72, 90]),
-        (np.array([3.0, 4.5]), [3, 4.5]),
-    ],
-)
-def test_many_angles_get_some_ticks(angles: np.ndarray, ticks: list[float]) -> None:
-    """At a round step where there is one, and always at angles that poses have."""
-    assert _ticks(angles).tolist() == ticks
-
-
-def test_angles_of_many_digits_get_round_ticks() -> None:
-    """30 poses over 90 degrees: a label 12.4138 would say less than 15."""
-    assert _ticks(np.linspace(0, 90, 30)) is None
-
-
-def test_a_view_says_which_pose_it_is(summary: SweepSummary) -> None:
-    """Pose 6 is the second at elevation 0."""
-    assert view_name(summary, 6) == "Pose 6, azimuth 30°, elevation 0°"
-
-
-def test_a_map_marks_poses_without_a_number(summary: SweepSummary) -> None:
-    """Four cells of the pole, one in the middle, and a legend that counts poses and not cells."""
-    figure = map_figure(summary, summary.score)
-    (open_marks,) = [
-        line for line in all_axes(figure)[0].lines if line.get_markerfacecolor() == "none"
-    ]
-    assert sorted(open_marks.get_xdata()) == [0, 30, 30, 60, 90]
-    assert "Without a number: 2 poses" in legend_of(figure)
-
-
-def test_colours_end_at_the_limits_and_say_so(summary: SweepSummary) -> None:
-    axes = all_axes(map_figure(summary, summary.displacement))[0]
-    mesh = axes.collections[0]
-    assert isinstance(mesh.norm, LogNorm)
-    assert mesh.get_clim() == pytest.approx(summary.displacement.limits)
-
-
 def test_a_constant_metric_can_be_drawn() -> None:
     data = sweep()
     data["coverage"][:] = 0.25
@@ -316,17 +267,6 @@ def test_the_pareto_front_is_ringed(summary: SweepSummary) -> None:
     assert "Without a number, not shown: 2" in legend_of(figure)
 
 
-def test_poses_of_much_the_same_coverage_are_told_apart() -> None:
-    """A sphere shows as much from everywhere: the axis shows the differences, and all of them."""
-    data = sweep()
-    data["coverage"] = 0.35 + 0.03 * data["coverage"]
-    axes = all_axes(pareto_figure(summary_of(data)))[0]
-    values = 100 * data["coverage"].sel(region="part").to_numpy()
-    low, high = axes.get_ylim()
-    assert low < np.nanmin(values) < np.nanmax(values) < high
-    assert np.nanmax(values) - np.nanmin(values) > 0.8 * (high - low)
-
-
 def test_no_text_is_cut_off_or_overlaps(summary: SweepSummary) -> None:
     """Labels, titles and tick labels of each figure lie inside it and apart from each other."""
     figures = [map_figure(summary, quantity) for quantity in summary.quantities]
@@ -358,17 +298,6 @@ def test_no_text_is_cut_off_or_overlaps(summary: SweepSummary) -> None:
             assert not any(box.overlaps(other) for other in boxes[:i])
 
 
-def test_all_figures_are_written_as_png_and_pdf(summary: SweepSummary, tmp_path: Path) -> None:
-    charts = sweep_charts(summary)
-    written = Plots(charts, frozenset(charts)).save(tmp_path)
-    assert sorted(written) == sorted(tmp_path.iterdir())
-    assert {path.suffix for path in written} == {".png", ".pdf"}
-    assert len({path.stem for path in written}) == 9
-    for path in written:
-        start = b"\x89PNG" if path.suffix == ".png" else b"%PDF"
-        assert path.read_bytes().startswith(start)
-
-
 # Series and faces --------------------------------------------------------------------------------
 
 
@@ -386,22 +315,6 @@ def test_other_focal_lengths_get_panels_of_their_own() -> None:
             mesh.get_array(), found.displacement.values[found.grid(members)]
         )
     assert (first.get_title(), second.get_title()) == tuple(found.series)
-
-
-def test_what_does_not_differ_is_not_mentioned() -> None:
-    data = sweep()
-    data["focal_length"] = ("pose", np.full(14, 8.0))
-    data["stand_off"] = ("pose", np.full(14, np.nan))
-    data["scene"] = ("pose", np.array(["a/scene.xml"] * 14, dtype=object))
-    found = summary_of(data)
-    assert found.varied == ()
-    assert list(found.series) == [""]
-
-
-def test_scenes_are_told_apart() -> None:
-    data = sweep()
-    data["scene"] = ("pose", np.array(["x/hot/scene.xml", "x/cold/scene.xml"] * 7, dtype=object))
-    assert set(summary_of(data).varied[0].values) == {"hot", "cold"}
 
 
 def test_of_several_at_one_place_the_best_is_shown() -> None:

@@ -19,7 +19,8 @@ from iriftrace.image.aov_image import Status
 from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
 from iriftrace.planning.rank import pareto_front, rank_poses, score_of
 from iriftrace.planning.stability import close_alternative, stability
-from iriftrace.planning.summary import alternative_text, other_statistics_text, summarise
+from iriftrace.planning.summary import summarise
+from iriftrace.planning.texts import alternative_text, other_statistics_text
 from validation.inputs.sweep_tables import sweep_table, two_regions
 
 # Five poses A to E. NumPy's linear percentile of five values lies at position 0.95 * 4 = 3.8, that

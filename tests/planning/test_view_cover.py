@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 from numpy.testing import assert_allclose
@@ -102,6 +102,7 @@ def cases(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, int]:
     return seen, areas.astype(float), draw(st.integers(1, 4))
 
 
+@settings(max_examples=50)
 @given(cases())
 def test_small_cases_are_exact(case: tuple[np.ndarray, np.ndarray, int]) -> None:
     seen, areas, k = case
@@ -117,6 +118,7 @@ def test_small_cases_are_exact(case: tuple[np.ndarray, np.ndarray, int]) -> None
 
 
 @pytest.mark.parametrize(("small", "large"), [(0, 10**6), (0, 0)])
+@settings(max_examples=30)
 @given(case=cases())
 def test_the_gap_of_large_cases_holds(
     case: tuple[np.ndarray, np.ndarray, int], small: int, large: int

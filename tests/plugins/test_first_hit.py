@@ -16,7 +16,7 @@ from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.aov_integrator import camera_of
 from iriftrace.plugins.calibrated_camera import sensor_of
 from iriftrace.plugins.kernels.projection import flip_axes
-from iriftrace.plugins.kernels.tables import BYTES, aligned
+from iriftrace.plugins.kernels.vertex_table import BYTES, aligned
 from validation.inputs.small_scenes import (
     camera,
     camera_in_numpy,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from iriftrace.plugins.kernels.layers import (
+from iriftrace.plugins.kernels.between import (
     DIRECTION_ERROR,
     AtShell,
     beside_part,

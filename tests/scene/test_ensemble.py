@@ -30,7 +30,7 @@ from iriftrace.image.aov_image import (
     read_exr,
     write_exr,
 )
-from iriftrace.image.metrics import Statistics, ensemble_metrics
+from iriftrace.image.ray_statistics import Statistics, ensemble_metrics
 from iriftrace.part.part import save_part
 from iriftrace.scene import load as loaded_members
 from iriftrace.scene.ensemble import read_members

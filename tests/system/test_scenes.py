@@ -26,8 +26,15 @@ def expected_counts() -> dict[str, dict[str, int]]:
     }
 
 
+# The others take as long and show the same; each has tests of its own.
+QUICK = ("cylinder", "slab", "bevel_gear")
+
+
 @pytest.mark.filterwarnings("ignore:Hits of this view")
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in names()],
+)
 @pytest.mark.usefixtures("variant")
 def test_rays_by_status_are_those_of_the_readme(name: str) -> None:
     metrics = render_scene(load_scene(folder_of(name) / "scene.xml", engine="shells")).metrics

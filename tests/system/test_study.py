@@ -19,7 +19,8 @@ import xarray as xr
 from rich.console import Console
 
 from iriftrace.cli import main
-from iriftrace.cli.study import print_comparison, study
+from iriftrace.cli.study import study
+from iriftrace.cli.study_tables import print_comparison
 from iriftrace.studies.study import read_study
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
@@ -156,7 +157,7 @@ def test_numbers_of_a_study_are_never_cut(
         },
     )
     console = Console(width=width, file=io.StringIO())
-    monkeypatch.setattr("iriftrace.cli.study.out", console)
+    monkeypatch.setattr("iriftrace.cli.study_tables.out", console)
     print_comparison(dataset)
     said = console.file.getvalue()
     assert "Difference from 20 shells of the same mode / um" in " ".join(said.split())

@@ -9,8 +9,8 @@ import numpy as np
 
 from iriftrace.plugins.kernels.curve import curved_hits
 from iriftrace.plugins.kernels.queries import straight_hits
-from iriftrace.plugins.kernels.tables import aligned
 from iriftrace.plugins.kernels.tetrahedra import Entrance, Passage
+from iriftrace.plugins.kernels.vertex_table import aligned
 from validation.inputs.small_scenes import scene
 
 Field = Callable[[Any], tuple[Any, Any]]

@@ -49,7 +49,7 @@ def naive_hits(scene: LoadedScene, rays: Any) -> tuple[NDArray[np.float64], NDAr
 def _lines(folder: Path) -> list[Line]:
     import mitsuba as mi
 
-    from iriftrace.plugins.kernels.tables import aligned
+    from iriftrace.plugins.kernels.vertex_table import aligned
 
     scene = load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.25}, engine="shells")
     camera: Camera = scene.camera

@@ -19,7 +19,7 @@ from iriftrace.field.read import read_field
 from iriftrace.field.tetrahedra import tetrahedra_of
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.part.part import read_part
-from iriftrace.plugins.kernels.layers import length_gain
+from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of

@@ -18,7 +18,7 @@ from iriftrace.field.read import read_field
 from iriftrace.geometry.triangles import polydata
 from iriftrace.image.aov_image import Status
 from iriftrace.image.differences import Differences, Hits, compare, hits_of, own_size
-from iriftrace.image.metrics import RayCounts
+from iriftrace.image.ray_statistics import RayCounts
 from iriftrace.part.part import read_part
 from iriftrace.runtime.variant import ensure
 from iriftrace.scene.hot_air import HotAir

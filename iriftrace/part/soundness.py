@@ -1,0 +1,130 @@
+"""Size, growth and orientation of a part's mesh: what is refused, warned of or repaired."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.geometry.topology import Neighbours, faces_to_flip, find_neighbours
+from iriftrace.geometry.triangles import area_vectors
+from iriftrace.part.duplicates import distinct_faces
+from iriftrace.part.growth import Growth
+
+PLAUSIBLE_SIZE_MM = (1.0, 10_000.0)
+"""Parts outside these sizes are rarely real; a metre read as a millimetre is common."""
+
+
+# As files name them, without the s of the plural.
+SHORT_UNITS = {
+    **{"meter": "m", "millimeter": "mm", "centimeter": "cm"},
+    **{"inche": "inch", "micron": "um"},
+}
+
+
+def stated_growth(
+    path: Path,
+    stated: Growth | None,
+    expansion: float | None,
+    reference_k: float,
+    hot_k: float | None,
+) -> tuple[Growth | None, float]:
+    """Growth of a part whose file states one or not, and by what its coordinates are enlarged."""
+    if expansion is None:
+        return stated, 1.0
+    if hot_k is None:
+        raise InputError(
+            "thermal expansion needs the part's hot temperature as well; give both or neither."
+        )
+    if stated is not None:
+        raise InputError(
+            f"{path} states that it is expanded to {stated.hot_k - ZERO_CELSIUS_K:g} degC already; "
+            "give the part as it was drawn, or leave out the expansion (--expansion)."
+        )
+    growth = Growth(expansion, reference_k, hot_k)
+    return growth, growth.factor
+
+
+def check_unit(path: Path, vertices: FloatArray, stated: str, chosen: str) -> None:
+    """Warn when the unit is not the one that the file states, or makes an unlikely size."""
+    if stated != chosen:
+        warnings.warn(
+            f"{path} declares its unit as {stated} but is read as {chosen}; leave length_unit "
+            "(--length-unit) out if the file is right.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+        return
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if is_unlikely_size(size):
+        warnings.warn(
+            f"{path} is {size:.3g} mm across when read as {chosen}, which is unlikely for a "
+            "measured part; check length_unit (--length-unit).",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+
+
+def is_unlikely_size(size_mm: float) -> bool:
+    """True for the diagonal, mm, of a box around a part that is hardly measured anywhere."""
+    smallest, largest = PLAUSIBLE_SIZE_MM
+    return size_mm < smallest or size_mm > largest  # not for NaN, which is refused later
+
+
+def distinct_triangles(path: str, welded: IntArray) -> BoolArray:
+    """Mask (m,) of the triangles that do not lie on others, with a warning that counts those."""
+    keep = distinct_faces(welded)
+    repeated = np.count_nonzero(~keep)
+    if repeated:
+        warnings.warn(
+            f"{path} has {repeated} triangles that lie exactly on others (a body that was exported "
+            "twice, both sides of a surface, or the wall between two bodies that touch); they are "
+            "left out.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    return keep
+
+
+def oriented_outward(
+    path: str, vertices: FloatArray, faces: IntArray, welded: IntArray
+) -> tuple[IntArray, Neighbours]:
+    """Faces with one orientation, outward for a closed surface, and their pairs before that."""
+    neighbours = find_neighbours(welded[faces])
+    if not neighbours.opposed.all():
+        areas = np.linalg.norm(area_vectors(vertices, faces), axis=1)
+        flip = faces_to_flip(neighbours, areas)
+        faces = np.where(flip[:, None], faces[:, ::-1], faces)
+        warnings.warn(
+            f"{path} has {np.count_nonzero(flip)} triangles that face the other way than their "
+            "neighbours; they were turned over.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    if neighbours.open_edges:
+        warnings.warn(
+            f"{path} is not closed ({neighbours.open_edges} open edges): coverage refers to the "
+            "surface that is there, rays may pass through the holes, and what lies inside the part "
+            "cannot be told; rays through a hole count what they find behind it.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+        return faces, neighbours
+    if signed_volume(vertices - vertices.mean(axis=0), faces) < 0.0:
+        faces = faces[:, ::-1]
+        warnings.warn(
+            f"{path} has its inside out (negative volume); all triangles were turned over.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
+    return faces, neighbours
+
+
+def signed_volume(vertices: FloatArray, faces: IntArray) -> float:
+    """Sum of the tetrahedra between the triangles and the origin, mm^3."""
+    heights = np.einsum("ij,ij->", vertices[faces[:, 0]], area_vectors(vertices, faces))
+    return float(heights) / 3.0

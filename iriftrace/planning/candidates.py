@@ -1,0 +1,159 @@
+"""Poses of a sweep that can be ranked, and the variables that they are ranked by."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import evolve
+
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.planning.criteria import Criteria
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ROBUST = 2.0
+"""Standard deviations over an ensemble's members that are added by default."""
+
+
+_DIMENSIONS = {"pose", "region"}
+
+
+def name_of(name: str, criteria: Criteria) -> str:
+    """One of `METRICS` as messages call it."""
+    errors = {"normal": "error along the normal", "features": "error of diameters"}
+    return errors.get(criteria.criterion or "", name) if name == "displacement" else name
+
+
+def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
+    """The criteria with the criterion that a sweep is ranked by.
+
+    InputError for one about two devices where the sweep has one camera.
+    """
+    rig = "error_normal_p95" in dataset
+    if criteria.criterion in ("normal", "features") and not rig:
+        raise InputError(
+            f"The criterion {criteria.criterion} is about what two devices measure, and the sweep "
+            "is of one camera; sweep a scene with two (iriftrace scene --second), or leave it out."
+        )
+    members = "scatter_p95" in dataset
+    if criteria.robust and not members:
+        raise InputError(
+            "The sweep is of a single field, so there is no scatter to rank by (--robust); sweep "
+            "a scene of several states of the air (iriftrace scene --member), or leave it out."
+        )
+    robust = (ROBUST if members else 0.0) if criteria.robust is None else criteria.robust
+    criterion = criteria.criterion or ("normal" if rig else "displacement")
+    return evolve(criteria, criterion=criterion, robust=robust)
+
+
+def metric_variables(criteria: Criteria) -> dict[str, str]:
+    """Names of the variables of a sweep that hold each of `METRICS`, by criteria in force."""
+    reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
+    error = {
+        "normal": f"error_normal_{criteria.statistic}",
+        "features": "size_error",
+    }.get(criteria.criterion or "", f"displacement_{criteria.statistic}")
+    return {
+        "displacement": error,
+        "coverage": "coverage" if criteria.criterion == "displacement" else "coverage_measured",
+        "axial": f"axial_resolution{reading}",
+        "lateral": f"lateral_resolution{reading}",
+    }
+
+
+def scatter_variable(criteria: Criteria) -> str:
+    """Variable of an ensemble's sweep with the scatter of what ranks, by criteria in force."""
+    if criteria.criterion == "features":
+        return "size_scatter"
+    start = "error_normal_scatter" if criteria.criterion == "normal" else "scatter"
+    return f"{start}_{criteria.statistic}"
+
+
+def rankable(
+    dataset: xr.Dataset, criteria: Criteria, needed: Collection[str]
+) -> tuple[dict[str, FloatArray], BoolArray, dict[int, str]]:
+    """Metrics of all poses (mm; 0..1), mask of those that can be compared, and why others cannot.
+
+    A pose without a value of each of `needed` cannot. Reasons are by number of the pose.
+    """
+    region, min_hits, min_coverage = criteria.region, criteria.min_hits, criteria.min_coverage
+    variables = metric_variables(criteria)
+    column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
+    metrics = {name: np.abs(values_of(dataset, v, column)) for name, v in variables.items()}
+    if criteria.robust:
+        scatter = values_of(dataset, scatter_variable(criteria), column)
+        metrics["displacement"] += criteria.robust * scatter
+    good_rays = values_of(dataset, "rays_good", column)
+    count = len(good_rays)
+    failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else [""] * count
+    together = criteria.criterion != "displacement"
+    points = values_of(dataset, "points_measured", column).tolist() if together else None
+    reasons = {}
+    seen = metrics["coverage"].tolist()
+    for pose, (failure, rays) in enumerate(zip(failures, good_rays.tolist(), strict=True)):
+        # Text that was never written comes back from some writers as NaN or None.
+        if failure and isinstance(failure, str):
+            reasons[pose] = f"failed: {failure}"
+        elif not rays >= 0:
+            reasons[pose] = "not traced"
+        elif rays < min_hits:
+            reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
+        elif points is not None and points[pose] < min_hits:
+            reasons[pose] = (
+                f"{points[pose]:.0f} points that both devices see, fewer than {min_hits}"
+            )
+        elif seen[pose] < min_coverage:
+            reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
+    rich = np.ones(count, dtype=np.bool_)
+    rich[list(reasons)] = False
+    if not rich.any():
+        pose, reason = next(iter(reasons.items()))
+        raise InputError(
+            f"None of the {count} poses can be ranked for {region} (pose {pose}: {reason}); "
+            "check where the cameras stand and look, or rank another region."
+        )
+    eligible = rich.copy()
+    for name in needed:
+        known = np.isfinite(metrics[name])
+        if not np.any(known & rich):
+            raise InputError(
+                f"The sweep has no value of {variables[name]} for {region}, so poses cannot be "
+                "compared by it; choose another reading or sweep again with this one."
+            )
+        for pose in np.flatnonzero(rich & ~known).tolist():
+            called = name_of(name, criteria)
+            reasons[pose] = (
+                f"{reasons[pose]}, {called}" if pose in reasons else f"no value of {called}"
+            )
+        eligible &= known
+    if not eligible.any():
+        raise InputError(
+            f"None of the {count} poses has all of {', '.join(needed)} for {region}, so none "
+            "can be ranked; give the weight 0 to what is not known."
+        )
+    return metrics, eligible, reasons
+
+
+def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int:
+    """Number of a region in a sweep, which must have some variables of poses and regions."""
+    missing = [v for v in variables if v not in dataset or set(dataset[v].dims) != _DIMENSIONS]
+    if missing or "region" not in dataset.coords:
+        raise InputError(
+            f"This is not a sweep of iriftrace: {missing[0] if missing else 'region'} is missing; "
+            "give the file that `iriftrace sweep` wrote."
+        )
+    if dataset.sizes["pose"] == 0:
+        raise InputError("The sweep has no poses, so there is nothing to rank; run it again.")
+    names = [str(name) for name in dataset["region"].to_numpy()]
+    if region not in names:
+        raise InputError(f"The sweep has no region '{region}'; it has {', '.join(names)}.")
+    return names.index(region)
+
+
+def values_of(dataset: xr.Dataset, variable: str, region: int) -> FloatArray:
+    values = np.asarray(dataset[variable].isel(region=region).to_numpy(), dtype=np.float64)
+    return np.where(np.isfinite(values), values, np.nan)
