@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import Enum
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -51,6 +52,7 @@ def _converter() -> Converter:
     for kind, (name, taken) in _KINDS.items():
         converter.register_structure_hook(kind, _strict(kind, name, taken))
     converter.register_structure_hook_factory(has, _from_dictionary)
+    converter.register_unstructure_hook(Enum, lambda value: value.value)
     return converter
 
 
