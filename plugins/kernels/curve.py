@@ -16,24 +16,25 @@ from iriftrace.plugins.kernels.nystrom import nystrom_step
 from iriftrace.plugins.kernels.queries import HIT_BLOCKER, HIT_PART, query_error, settled
 from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import PART, SceneTables
+from iriftrace.plugins.kernels.types import Bool, Float, Float64, Point3d, UInt32, Vector3d
 from iriftrace.plugins.kernels.walk import INSIDE, Walk, WalkState
 
 
 class CurvedHits(NamedTuple):
     """Ends of rays along curved paths, and what they met on the way."""
 
-    point: Any  # Point3d, mm, world
-    direction: Any  # Vector3d, at the end
-    path_length: Any  # Float64, mm, geometric
-    outcome: Any  # UInt32: ESCAPED, HIT_PART, HIT_BLOCKER or GAVE_UP
-    face: Any  # UInt32: row of the part's face in the tables
-    crossings: Any  # UInt32: pieces of the medium that were passed
-    entry_index: Any  # Float64: index where the ray came into the data; 0 if it did not
-    index_sum: Any  # Float64: index at the end less that
-    error: Any  # Float64, mm: estimated error of the hit
-    opened: Any  # Bool: it came or went through a boundary where the index is not the ambient one
-    relocations: Any  # UInt32: times its piece had to be sought
-    contrast: Any  # Float: most by which n differs from the ambient air's
+    point: Point3d  # mm, world
+    direction: Vector3d  # at the end
+    path_length: Float64  # mm: geometric
+    outcome: UInt32  # ESCAPED, HIT_PART, HIT_BLOCKER or GAVE_UP
+    face: UInt32  # row of the part's face in the tables
+    crossings: UInt32  # pieces of the medium that were passed
+    entry_index: Float64  # index where the ray came into the data; 0 if it did not
+    index_sum: Float64  # index at the end less that
+    error: Float64  # mm: estimated error of the hit
+    opened: Bool  # it came or went through a boundary where the index is not the ambient one
+    relocations: UInt32  # times its piece had to be sought
+    contrast: Float  # most by which n differs from the ambient air's
 
 
 def curved_hits(

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from iriftrace.plugins.kernels.types import Point3d, Vector3d
+
 
 class Step(NamedTuple):
     """End of a step."""
 
-    point: Any  # Point3d, mm
-    velocity: Any  # Vector3d: index times direction
-    velocity_error: Any  # Vector3d: difference of the velocity to a rule of order 2
-    middle: Any  # Point3d, mm
+    point: Point3d  # mm
+    velocity: Vector3d  # index times direction
+    velocity_error: Vector3d  # difference of the velocity to a rule of order 2
+    middle: Point3d  # mm
 
 
 def nystrom_step(point: Any, velocity: Any, acceleration: Callable[[Any], Any], time: Any) -> Step:

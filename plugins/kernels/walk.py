@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.nystrom import nystrom_step
 from iriftrace.plugins.kernels.queries import (
     ESCAPED,
@@ -40,101 +41,95 @@ that arrive need 5 at most; others go round in circles."""
 class WalkState(NamedTuple):
     """Where rays are, and what is known of the way so far and of that ahead."""
 
-    point: Any
-    velocity: Any
-    path_length: Any
-    outcome: Any
-    shape: Any  # number of the shape that was hit
-    primitive: Any  # and of its triangle
-    crossings: Any
-    entry_index: Any
-    position_error: Any  # Vector3f, mm: estimate of what the gradient's error does to the point
-    velocity_error: Any  # Vector3f: and to the velocity
-    step_position_error: Any  # Float, mm: the same of the steps, without a direction
-    step_velocity_error: Any
-    opened: Any
-    relocations: Any
-    contrast: Any
-    place: Any
-    mode: Any
-    ahead: Any  # outside: from where to query; seeking: how far the place is ahead
-    free: Any  # Float64, mm: straight way ahead that is known to be free of opaque shapes
-    deflection: Any  # Float, rad: change of the direction since that was asked
-    lateral_offset: Any  # Float, mm: lateral offset from that straight way
-    retreat: Any  # Float64, mm: how far it has gone back, through cells turned inside out
-    last: Any  # Float64, mm: length of the last piece, as single precision has it
-    count: Any
-    active: Any
+    point: dt.Point3d
+    velocity: dt.Vector3d
+    path_length: dt.Float64
+    outcome: dt.UInt32
+    shape: dt.UInt32  # number of the shape that was hit
+    primitive: dt.UInt32  # and of its triangle
+    crossings: dt.UInt32
+    entry_index: dt.Float64
+    position_error: dt.Vector3f  # mm: estimate of what the gradient's error does to the point
+    velocity_error: dt.Vector3f  # and to the velocity
+    step_position_error: dt.Float  # mm: the same of the steps, without a direction
+    step_velocity_error: dt.Float
+    opened: dt.Bool
+    relocations: dt.UInt32
+    contrast: dt.Float
+    place: dt.UInt32
+    mode: dt.UInt32
+    ahead: dt.Float64  # outside: from where to query; seeking: how far the place is ahead
+    free: dt.Float64  # mm: straight way ahead that is known to be free of opaque shapes
+    deflection: dt.Float  # rad: change of the direction since that was asked
+    lateral_offset: dt.Float  # mm: lateral offset from that straight way
+    retreat: dt.Float64  # mm: how far it has gone back, through cells turned inside out
+    last: dt.Float64  # mm: length of the last piece, as single precision has it
+    count: dt.UInt32
+    active: dt.Bool
 
 
 class _Way(NamedTuple):
     """The next piece of a ray's way, if nothing opaque stands in it; masks of rays are Bool."""
 
-    speed: Any  # Float64: the index
-    heading: Any  # Vector3d
-    outside: Any
-    inside: Any
-    seeking: Any
+    speed: dt.Float64  # the index
+    heading: dt.Vector3d
+    outside: dt.Bool
+    inside: dt.Bool
+    seeking: dt.Bool
     entrance: Any  # of the data's boundary, ahead
     cell: Any  # the piece of the medium
-    place: Any
+    place: dt.UInt32
     passage: Any  # of a ray through the cell
-    length: Any  # Float64, mm: of the piece; infinite where it has no end
-    gap: Any  # Float64, mm: up to where the ray comes in
-    back: Any  # Float64, mm: left of the way back to a seeking ray
-    enters: Any
-    leaves: Any
-    again: Any  # it met the boundary face that it has just come through
-    astray: Any  # it came to a boundary from inside without knowing its piece
-    lost: Any
-    walks: Any
-    arrives: Any
-    steps_back: Any
-    came_in: Any  # the way back came to the boundary: there the ray came in, unnoticed
+    length: dt.Float64  # mm: of the piece; infinite where it has no end
+    gap: dt.Float64  # mm: up to where the ray comes in
+    back: dt.Float64  # mm: left of the way back to a seeking ray
+    enters: dt.Bool
+    leaves: dt.Bool
+    again: dt.Bool  # it met the boundary face that it has just come through
+    astray: dt.Bool  # it came to a boundary from inside without knowing its piece
+    lost: dt.Bool
+    walks: dt.Bool
+    arrives: dt.Bool
+    steps_back: dt.Bool
+    came_in: dt.Bool  # the way back came to the boundary: there the ray came in, unnoticed
 
 
 class _Sight(NamedTuple):
     """Opaque shapes in the way."""
 
-    ended: Any  # Bool: one stands in this piece
+    ended: dt.Bool  # one stands in this piece
     hit: Any  # preliminary intersection
-    rough: Any  # Float64, mm: distance to it, in single precision
-    free: Any  # of `WalkState`, from the piece's beginning
-    deflection: Any  # likewise
-    lateral_offset: Any
+    rough: dt.Float64  # mm: distance to it, in single precision
+    free: dt.Float64  # of `WalkState`, from the piece's beginning
+    deflection: dt.Float  # likewise
+    lateral_offset: dt.Float
 
 
 class _Move(NamedTuple):
     """A piece of the way that was passed."""
 
-    passes: Any  # Bool: through a cell, by the ray equation
-    enters: Any
-    came_in: Any
-    starts: Any  # Bool: it is in the data for the first time
-    leaves_data: Any
-    point: Any
-    velocity: Any
-    gain: Any  # Vector3d: of velocity
-    refractivity: Any  # at the point
-    time: Any  # Float64, mm: length over index
-    skipped: Any  # Float64, mm: straight on where it leaves the data after it had gone back
-    retreat: Any
-    way: Any  # Float64, mm
-    gradient_error: Any  # Vector3f: what the gradient's error does to the velocity
-    step_error: Any  # Float: and the step's
+    passes: dt.Bool  # through a cell, by the ray equation
+    enters: dt.Bool
+    came_in: dt.Bool
+    starts: dt.Bool  # it is in the data for the first time
+    leaves_data: dt.Bool
+    point: dt.Point3d
+    velocity: dt.Vector3d
+    gain: dt.Vector3d  # of velocity
+    refractivity: dt.Float64  # at the point
+    time: dt.Float64  # mm: length over index
+    skipped: dt.Float64  # mm: straight on where it leaves the data after it had gone back
+    retreat: dt.Float64
+    way: dt.Float64  # mm
+    gradient_error: dt.Vector3f  # what the gradient's error does to the velocity
+    step_error: dt.Float  # and the step's
 
 
 class Walk:
     """Rays on their way through a medium between opaque shapes."""
 
     def __init__(
-        self,
-        opaque: Any,
-        tables: SceneTables,
-        medium: Any,
-        coherent: bool,
-        max_steps: int,
-        step: float,
+        self, opaque: Any, tables: SceneTables, medium: Any, coherent: bool, most: int, step: float
     ) -> None:
         import drjit as dr
         import mitsuba as mi
@@ -142,7 +137,7 @@ class Walk:
         self.opaque, self.tables, self.medium = opaque, tables, medium
         self.coherent = coherent
         self.smallest_step = dr.opaque(mi.Float64, step)
-        self.limit = dr.opaque(mi.UInt32, max_steps)
+        self.limit = dr.opaque(mi.UInt32, most)
         self.boundary = medium.boundary_beside(opaque)
         self.ambient = dr.opaque(mi.Float64, medium.ambient)
         self.open_step = dr.opaque(mi.Float64, medium.open_step)
@@ -168,31 +163,23 @@ class Walk:
 
         width = dr.width(origin, direction)
         kinds = {
-            **dict.fromkeys(("path_length", "entry_index", "free", "retreat", "last"), mi.Float64),
-            **dict.fromkeys(("position_error", "velocity_error"), mi.Vector3f),
-            **dict.fromkeys(
-                (
-                    "step_position_error",
-                    "step_velocity_error",
-                    "contrast",
-                    "deflection",
-                    "lateral_offset",
-                ),
-                mi.Float,
-            ),
-            "opened": mi.Bool,
+            mi.Float64: "path_length entry_index free retreat last",
+            mi.Vector3f: "position_error velocity_error",
+            mi.Float: "step_position_error step_velocity_error contrast deflection lateral_offset",
+            mi.UInt32: "shape primitive crossings relocations place count",
+            mi.Bool: "opened",
         }
-        zero = {name: dr.zeros(kinds.get(name, mi.UInt32), width) for name in WalkState._fields}
+        zero = {
+            name: dr.zeros(kind, width) for kind, names in kinds.items() for name in names.split()
+        }
         return WalkState(
-            **{
-                **zero,
-                "point": mi.Point3d(origin),
-                "velocity": mi.Vector3d(direction),
-                "outcome": dr.full(mi.UInt32, ESCAPED, width),
-                "mode": dr.full(mi.UInt32, OUTSIDE, width),
-                "ahead": self._step_at(mi.Point3d(origin)),
-                "active": dr.full(mi.Bool, True, width),
-            }
+            point=mi.Point3d(origin),
+            velocity=mi.Vector3d(direction),
+            outcome=dr.full(mi.UInt32, ESCAPED, width),
+            mode=dr.full(mi.UInt32, OUTSIDE, width),
+            ahead=self._step_at(mi.Point3d(origin)),
+            active=dr.full(mi.Bool, True, width),
+            **zero,
         )
 
     def _step_at(self, point: Any) -> Any:
