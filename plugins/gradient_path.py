@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from iriftrace.field.path_data import FieldCells, load_field_file
 from iriftrace.image.aov_image import CHANNELS, ERROR_CHANNEL
-from iriftrace.plugins.aov_integrator import Window, integrator_class
+from iriftrace.plugins.aov_integrator import integrator_class
+from iriftrace.plugins.film import Window
 from iriftrace.plugins.kernels.bundle import Trace
 from iriftrace.plugins.kernels.curve import CurvedHits, curved_hits
 from iriftrace.plugins.kernels.prepared import PreparedScene

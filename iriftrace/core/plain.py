@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import Enum
+from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,7 +18,7 @@ _KINDS: dict[type, tuple[str, tuple[type, ...]]] = {
     bool: ("truth value", (bool,)),
     int: ("whole number", (int,)),
     float: ("number", (int, float)),
-    str: ("text", (str,)),
+    str: ("text", (str,)),  # enumerations of texts are texts, in JSON, too
 }
 
 
@@ -52,7 +52,6 @@ def _converter() -> Converter:
     for kind, (name, taken) in _KINDS.items():
         converter.register_structure_hook(kind, _strict(kind, name, taken))
     converter.register_structure_hook_factory(has, _from_dictionary)
-    converter.register_unstructure_hook(Enum, lambda value: value.value)
     return converter
 
 
@@ -80,7 +79,7 @@ def _strict(kind: type, name: str, taken: tuple[type, ...]) -> Callable[[Any, An
     """cattrs would make numbers of texts, texts of anything, and take NaN, which JSON has not."""
 
     def convert(value: Any, _: Any) -> Any:
-        if type(value) not in taken or value != value:
+        if not (type(value) in taken or isinstance(value, StrEnum)) or value != value:
             raise ValueError(f"{value!r} is no {name}")
         return kind(value)
 

@@ -309,7 +309,7 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
     runtime.refuse_foreign_plugins(path.parent)
     import mitsuba as mi
 
-    from iriftrace.plugins.aov_integrator import camera_of
+    from iriftrace.plugins.film import camera_of
 
     started = time.perf_counter()
     file = read_scene_file(path, values)
@@ -414,7 +414,7 @@ def _check_meshes(files: Iterable[Path]) -> None:
 
 def _camera(sensor: Any) -> Camera:
     """The camera that a sensor is, of its film's crop window alone."""
-    from iriftrace.plugins.aov_integrator import camera_of
+    from iriftrace.plugins.film import camera_of
 
     camera = Camera.from_dict(camera_of(sensor).description())
     (left, top), (width, height) = sensor.film().crop_offset(), sensor.film().crop_size()

@@ -25,6 +25,7 @@ from iriftrace.plugins.kernels.queries import (
 )
 from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import BLOCKER, PART, SceneTables
+from iriftrace.plugins.kernels.types import Bool, Float, Float64, Point3d, UInt32, Vector3d
 from iriftrace.plugins.kernels.vertex_table import SHELL
 
 GRAZING_COSINE = 1e-3
@@ -44,17 +45,17 @@ LEAST_STEP = 0.02
 class RefractedHits(NamedTuple):
     """Ends of refracted rays, and what they met on the way."""
 
-    point: Any  # Point3d, mm, world
-    direction: Any  # Vector3d, at the end
-    path_length: Any  # Float64, mm, geometric
-    outcome: Any  # UInt32
-    face: Any  # UInt32: row of the part's face in the tables
-    crossings: Any  # UInt32
-    entry_index: Any  # Float64: index of the layer before the first crossing; 0 without crossing
-    index_sum: Any  # Float64: sum of the index steps
+    point: Point3d  # mm, world
+    direction: Vector3d  # at the end
+    path_length: Float64  # mm: geometric
+    outcome: UInt32
+    face: UInt32  # row of the part's face in the tables
+    crossings: UInt32
+    entry_index: Float64  # index of the layer before the first crossing; 0 without crossing
+    index_sum: Float64  # sum of the index steps
     # Float: most by which n differs from the ambient air's in the layers that were crossed and
     # those next to them; infinite where shells know ratios only.
-    contrast: Any
+    contrast: Float
 
 
 def refracted_hits(
@@ -77,146 +78,223 @@ def refracted_hits(
     `max_crossings` give up, and with `drop_inside_hits` those that meet a shell from its inside.
     `bending` is AtShells or InLayers; `coherent` and `step` as for :func:`straight_hits`.
     """
-    import drjit as dr
-    import mitsuba as mi
+    march = _March(
+        scene, tables, bending, coherent, max_crossings, step, drop_inside_hits=drop_inside_hits
+    )
+    end = march.to_the_end(origin, direction)
+    marched = march.hits(end)
+    hits = _back_on_front(opaque, tables, marched, end.segment, coherent, step)
+    length = end.segment + (hits.path_length - marched.path_length)
+    return settled(tables, _put_right(bending, tables, hits, end.memory, length))
 
-    smallest_step = dr.opaque(mi.Float64, step)
-    limit = dr.opaque(mi.UInt32, max_crossings)
-    ambient = dr.opaque(mi.Float64, tables.ambient)
-    nothing = mi.UInt32(0xFFFFFFFF)
 
-    def step_at(point: Any) -> Any:
-        # Single precision is finer near the origin, and so may be the step.
-        return dr.maximum(RELATIVE_STEP * dr.max(dr.abs(point)), LEAST_STEP * smallest_step)
+class _State(NamedTuple):
+    """Rays behind their last crossing."""
 
-    class State(NamedTuple):
-        point: Any
-        direction: Any
-        path_length: Any
-        outcome: Any
-        face: Any
-        crossings: Any
-        entry_index: Any
-        index_sum: Any
-        contrast: Any
-        segment: Any
-        shape: Any
-        outward: Any
-        start: Any  # of the next query
-        memory: Any
-        active: Any
+    point: Point3d
+    direction: Vector3d
+    path_length: Float64
+    outcome: UInt32
+    face: UInt32
+    crossings: UInt32
+    entry_index: Float64
+    index_sum: Float64
+    contrast: Float
+    segment: Float64  # mm: length of the last way
+    shape: UInt32  # number of the shell that was crossed last
+    outward: Bool  # and whether it was from its inside
+    start: Point3d  # of the next query
+    memory: Any  # of the rule that bends
+    active: Bool
 
-    def advance(*values: Any) -> tuple[Any, ...]:
-        s = State(*values)
-        preliminary = ray_query(scene, s.start, s.direction, coherent, s.active)
+
+class _Met(NamedTuple):
+    """What a ray meets next."""
+
+    shape: UInt32
+    face: UInt32
+    triangle: Any
+    normal: Vector3d
+    on_shell: Bool
+    on_part: Bool
+    blocked: Bool
+    again: Bool  # the shell that was crossed last; then look again from further along
+    outward: Bool  # from its inside
+    distance: Float64  # mm
+    step: Float64  # mm: from the crossing to where the query began
+
+
+class _March:
+    """Rays on their way from shell to shell."""
+
+    def __init__(
+        self,
+        scene: Any,
+        tables: SceneTables,
+        bending: Any,
+        coherent: bool,
+        max_crossings: int,
+        step: float,
+        *,
+        drop_inside_hits: bool,
+    ) -> None:
+        import drjit as dr
+        import mitsuba as mi
+
+        self.scene, self.tables, self.bending = scene, tables, bending
+        self.coherent, self.drop_inside_hits = coherent, drop_inside_hits
+        self.smallest_step = dr.opaque(mi.Float64, step)
+        self.limit = dr.opaque(mi.UInt32, max_crossings)
+        self.ambient = dr.opaque(mi.Float64, tables.ambient)
+
+    def to_the_end(self, origin: Any, direction: Any) -> _State:
+        """Advance rays, (Point3d, mm) and (Vector3d), until all have ended."""
+        import drjit as dr
+
+        return _State(
+            *dr.while_loop(
+                tuple(self._start(origin, direction)),
+                lambda *s: s[-1],
+                lambda *s: tuple(self._advance(_State(*s))),
+                labels=_State._fields,
+                compress=False,
+                label="march",
+            )
+        )
+
+    def hits(self, end: _State) -> RefractedHits:
+        """Ends as the march left them, before `_back_on_front` and `_put_right`."""
+        import drjit as dr
+        import mitsuba as mi
+
+        step = dr.inf if self.tables.stock_shells else 2 * self.tables.open_step
+        return RefractedHits(*end[:8], contrast=end.contrast + dr.opaque(mi.Float, step))
+
+    def _start(self, origin: Any, direction: Any) -> _State:
+        import drjit as dr
+        import mitsuba as mi
+
+        width = dr.width(origin, direction)
+        nothing = mi.UInt32(0xFFFFFFFF)
+        return _State(
+            point=mi.Point3d(origin),
+            direction=mi.Vector3d(direction),
+            path_length=dr.zeros(mi.Float64, width),
+            outcome=dr.full(mi.UInt32, ESCAPED, width),
+            face=mi.UInt32(nothing),
+            crossings=dr.zeros(mi.UInt32, width),
+            entry_index=dr.zeros(mi.Float64, width),
+            index_sum=dr.zeros(mi.Float64, width),
+            contrast=dr.zeros(mi.Float, width),
+            segment=dr.zeros(mi.Float64, width),
+            shape=mi.UInt32(nothing),
+            outward=dr.full(mi.Bool, False, width),
+            start=mi.Point3d(origin),
+            memory=self.bending.start(width),
+            active=dr.full(mi.Bool, True, width),
+        )
+
+    def _met(self, s: _State) -> _Met:
+        """Ask for the next triangle, and compute where its plane is met."""
+        import drjit as dr
+        import mitsuba as mi
+
+        tables = self.tables
+        preliminary = ray_query(self.scene, s.start, s.direction, self.coherent, s.active)
         found = s.active & preliminary.is_valid()
         shape = tables.shape_number(preliminary, found)
         kind = tables.kind(shape, found)
         on_shell, on_part = found & (kind == SHELL), found & (kind == PART)
-        blocked = found & (kind == BLOCKER)
         flat = on_shell | on_part
         face = tables.face(shape, preliminary.prim_index, flat)
         triangle, normal = tables.plane(face, flat)
         outward = dr.dot(s.direction, normal) > 0
         step = dr.dot(s.start - s.point, s.direction)
         rough = mi.Float64(preliminary.t) + step
-        same = same_crossing(shape, outward, s.shape, s.outward, rough, smallest_step)
-        # Then look again from further along.
-        again = on_shell & ((face == s.face) | same)
-        crossed = on_shell & ~again
-
-        tolerance = query_error(s.point, smallest_step)
-        distance = dr.select(
-            flat,
-            distance_to_plane(s.point, s.direction, triangle, normal, rough, tolerance),
-            rough,
+        same = same_crossing(shape, outward, s.shape, s.outward, rough, self.smallest_step)
+        tolerance = query_error(s.point, self.smallest_step)
+        exact = distance_to_plane(s.point, s.direction, triangle, normal, rough, tolerance)
+        return _Met(
+            shape=shape,
+            face=face,
+            triangle=triangle,
+            normal=normal,
+            on_shell=on_shell,
+            on_part=on_part,
+            blocked=found & (kind == BLOCKER),
+            again=on_shell & ((face == s.face) | same),
+            outward=outward,
+            distance=dr.select(flat, exact, rough),
+            step=step,
         )
-        moves = found & ~again
-        point = dr.select(moves, s.point + s.direction * distance, s.point)
 
-        outside, inside = tables.sides(shape, crossed)
-        near = dr.select(outward, inside, outside)
-        far = dr.select(outward, outside, inside)
-        bent, reflected, memory = bending.cross(
+    def _advance(self, s: _State) -> _State:
+        """Go to what is met, and through it where it is a shell."""
+        import drjit as dr
+        import mitsuba as mi
+
+        met = self._met(s)
+        crossed = met.on_shell & ~met.again
+        moves = crossed | met.on_part | met.blocked
+        point = dr.select(moves, s.point + s.direction * met.distance, s.point)
+        outside, inside = self.tables.sides(met.shape, crossed)
+        near = dr.select(met.outward, inside, outside)
+        far = dr.select(met.outward, outside, inside)
+        bent, reflected, memory = self.bending.cross(
             s.memory,
             Passage(
                 direction=s.direction,
-                length=distance,
+                length=met.distance,
                 first=s.crossings == 0,
                 point=point,
-                outward=outward,
-                face=face,
-                triangle=triangle,
-                facet=normal,
-                shape=shape,
+                outward=met.outward,
+                face=met.face,
+                triangle=met.triangle,
+                facet=met.normal,
+                shape=met.shape,
                 near=near,
                 far=far,
                 crossed=crossed,
             ),
         )
-
-        leaving = dr.dot(bent, normal)
-        beyond = dr.select(outward ^ reflected, normal, -normal)
-        clear = crossed & (dr.abs(leaving) < GRAZING_COSINE)
-        ahead = dr.select(crossed, bent, s.direction)
-        small = step_at(point)
-        start = point + ahead * small + beyond * dr.select(clear, CLEARANCE_STEPS * small, 0)
-        start = dr.select(again, s.start + s.direction * (3 * step), start)
-
-        farthest = dr.maximum(dr.abs(near - ambient), dr.abs(far - ambient))
         crossings = s.crossings + dr.select(crossed, mi.UInt32(1), 0)
-        gave_up = crossed & (crossings >= limit)
-        if drop_inside_hits:
-            gave_up |= crossed & outward
-        outcome = dr.select(on_part, mi.UInt32(HIT_PART), s.outcome)
-        outcome = dr.select(blocked, mi.UInt32(HIT_BLOCKER), outcome)
-        outcome = dr.select(gave_up, mi.UInt32(GAVE_UP), outcome)
-        return (
-            point,
-            ahead,
-            s.path_length + dr.select(moves, distance, 0),
-            outcome,
-            dr.select(flat, face, s.face),
-            crossings,
-            dr.select(crossed & (s.crossings == 0), near, s.entry_index),
-            s.index_sum + dr.select(crossed & ~reflected, far - near, 0),
-            dr.maximum(s.contrast, mi.Float(dr.select(crossed, farthest, 0))),
-            dr.select(moves, distance, s.segment),
-            dr.select(crossed, shape, s.shape),
-            dr.select(crossed, outward, s.outward),
-            start,
-            memory,
-            on_shell & ~gave_up,
+        gave_up = crossed & (crossings >= self.limit)
+        if self.drop_inside_hits:
+            gave_up |= crossed & met.outward
+        outcome = dr.select(met.on_part, mi.UInt32(HIT_PART), s.outcome)
+        outcome = dr.select(met.blocked, mi.UInt32(HIT_BLOCKER), outcome)
+        farthest = dr.maximum(dr.abs(near - self.ambient), dr.abs(far - self.ambient))
+        return _State(
+            point=point,
+            direction=dr.select(crossed, bent, s.direction),
+            path_length=s.path_length + dr.select(moves, met.distance, 0),
+            outcome=dr.select(gave_up, mi.UInt32(GAVE_UP), outcome),
+            face=dr.select(met.on_shell | met.on_part, met.face, s.face),
+            crossings=crossings,
+            entry_index=dr.select(crossed & (s.crossings == 0), near, s.entry_index),
+            index_sum=s.index_sum + dr.select(crossed & ~reflected, far - near, 0),
+            contrast=dr.maximum(s.contrast, mi.Float(dr.select(crossed, farthest, 0))),
+            segment=dr.select(moves, met.distance, s.segment),
+            shape=dr.select(crossed, met.shape, s.shape),
+            outward=dr.select(crossed, met.outward, s.outward),
+            start=self._next_start(s, met, crossed, point, bent, reflected),
+            memory=memory,
+            active=met.on_shell & ~gave_up,
         )
 
-    width = dr.width(origin, direction)
-    state = (
-        mi.Point3d(origin),
-        mi.Vector3d(direction),
-        dr.zeros(mi.Float64, width),
-        dr.full(mi.UInt32, ESCAPED, width),
-        mi.UInt32(nothing),
-        dr.zeros(mi.UInt32, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float64, width),
-        dr.zeros(mi.Float, width),
-        dr.zeros(mi.Float64, width),
-        mi.UInt32(nothing),
-        dr.full(mi.Bool, False, width),
-        mi.Point3d(origin),
-        bending.start(width),
-        dr.full(mi.Bool, True, width),
-    )
-    end = State(
-        *dr.while_loop(
-            state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="march"
-        )
-    )
-    next_layer = dr.opaque(mi.Float, dr.inf if tables.stock_shells else 2 * tables.open_step)
-    marched = RefractedHits(*end[:8], contrast=end.contrast + next_layer)
-    hits = _back_on_front(opaque, tables, marched, end.segment, coherent, step)
-    length = end.segment + (hits.path_length - marched.path_length)
-    return settled(tables, _put_right(bending, tables, hits, end.memory, length))
+    def _next_start(
+        self, s: _State, met: _Met, crossed: Any, point: Any, bent: Any, reflected: Any
+    ) -> Any:
+        """A small step beyond the crossing; from a plane that is grazed, also off it."""
+        import drjit as dr
+
+        # Single precision is finer near the origin, and so may be the step.
+        small = dr.maximum(RELATIVE_STEP * dr.max(dr.abs(point)), LEAST_STEP * self.smallest_step)
+        beyond = dr.select(met.outward ^ reflected, met.normal, -met.normal)
+        clear = crossed & (dr.abs(dr.dot(bent, met.normal)) < GRAZING_COSINE)
+        ahead = dr.select(crossed, bent, s.direction)
+        start = point + ahead * small + beyond * dr.select(clear, CLEARANCE_STEPS * small, 0)
+        return dr.select(met.again, s.start + s.direction * (3 * met.step), start)
 
 
 def _put_right(

@@ -13,8 +13,8 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS
-from iriftrace.plugins.aov_integrator import camera_of
 from iriftrace.plugins.calibrated_camera import sensor_of
+from iriftrace.plugins.film import camera_of
 from iriftrace.plugins.kernels.projection import flip_axes
 from iriftrace.plugins.kernels.vertex_table import BYTES, aligned
 from validation.inputs.small_scenes import (

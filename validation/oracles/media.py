@@ -13,7 +13,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.plugins.kernels.curve import nystrom_step
+from iriftrace.plugins.kernels.nystrom import nystrom_step
 from validation.oracles.closed_forms import parabola_um
 
 FloatArray = NDArray[np.float64]

@@ -1,0 +1,91 @@
+"""Films that our integrators can fill: their size, their pixels, and the camera behind them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from iriftrace.core.errors import InputError
+from iriftrace.plugins.stock_sensor import StockSensor
+from iriftrace.runtime.variant import cuda_state, current_variant
+
+BYTES_PER_PIXEL = 170
+"""Least memory of a picture: channels, straight rays, their state and the metrics.
+
+Measured where a fifth of the rays hit the part; more hits need more.
+"""
+
+MOST_VALUES = 2**32 - 1
+"""Entries of one of Dr.Jit's arrays, such as all channels of a picture."""
+
+_LIMIT_OF_CONTAINER = Path("/sys/fs/cgroup/memory.max")
+
+
+def memory_bytes() -> float:
+    """Memory of the GPU, machine or container; infinite where the system does not say."""
+    if (current_variant() or "").startswith("cuda"):
+        return cuda_state().memory_bytes or float("inf")
+    try:
+        installed = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, ValueError, OSError):
+        installed = float("inf")
+    try:
+        # "max" where there is no limit.
+        return min(installed, float(_LIMIT_OF_CONTAINER.read_text()))
+    except (OSError, ValueError):
+        return installed
+
+
+def check_picture_size(width: int, height: int, channels: int) -> None:
+    """Refuse a picture that is larger than memory, or than an array can be.
+
+    Parameters
+    ----------
+    width, height : int
+        Pixels that are traced.
+    channels : int
+
+    Raises
+    ------
+    InputError
+    """
+    pixels = width * height
+    advice = "lower the resolution (-D scale=...), or crop the film"
+    needed, there = BYTES_PER_PIXEL * pixels, memory_bytes()
+    if needed > there:
+        raise InputError(
+            f"A picture of {width} x {height} pixels needs at least {needed:,} bytes of memory, "
+            f"but this machine has {int(there):,}; {advice}."
+        )
+    if channels * pixels > MOST_VALUES:
+        raise InputError(
+            f"A picture of {width} x {height} pixels has {channels * pixels:,} values in "
+            f"{channels} channels ({4 * channels * pixels:,} bytes), but one array holds at most "
+            f"{MOST_VALUES:,}; {advice}."
+        )
+
+
+Window = tuple[tuple[int, int], tuple[int, int]]
+"""Left upper and right lower corner of a part of the picture, px."""
+
+
+def check_film(film: Any) -> None:
+    """Refuse films that would smear or round the channels."""
+    text = str(film)
+    if film.class_name() != "HDRFilm" or "component_format = float32" not in text:
+        raise InputError(
+            "The film must be an hdrfilm with component_format float32: half precision (its "
+            'default) rounds millimetres to 0.06; add <string name="component_format" '
+            'value="float32"/>.'
+        )
+    if not film.rfilter().is_box_filter():
+        raise InputError(
+            "The film's reconstruction filter mixes neighbouring pixels, so hits and misses would "
+            'run into each other; use <rfilter type="box"/>.'
+        )
+
+
+def camera_of(sensor: Any) -> Any:
+    """The sensor itself if it gives rays in double precision, else an adapter."""
+    return sensor if hasattr(sensor, "rays64") else StockSensor(sensor)
