@@ -38,3 +38,8 @@ class Bending(StrEnum):
     def at_shells_alone(self) -> bool:
         """Whether rays run straight between shells."""
         return self in (Bending.SHELLS, Bending.SHELLS_WITHOUT_DERIVATIVES)
+
+
+def may_use_cells(engine: str) -> bool:
+    """Whether a scene that is traced with this engine may need the field beside it."""
+    return engine != "shells"

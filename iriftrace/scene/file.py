@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import check_readable
 from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.geometry.ply import read_ply
 from iriftrace.scene.wavelength import WAVELENGTH, of_the_file
 from iriftrace.shells.hessian import PLY_COLUMNS
 
@@ -278,3 +279,15 @@ def _has_normals(mesh: Path) -> bool:
         # Mitsuba also says so of what is no PLY.
         return head is None or b" nx" in head
     return kind == ".obj" and b"\nvn " in mesh.read_bytes()
+
+
+def check_meshes(files: Iterable[Path]) -> None:
+    """Refuse damaged meshes, whose corners Mitsuba takes as they are."""
+    for mesh in files:
+        if mesh.suffix.lower() != ".ply":
+            continue
+        check_readable(mesh)
+        try:
+            read_ply(mesh)
+        except Exception as error:  # the reader lets any error through that a damaged file causes
+            raise InputError(f"{mesh} is damaged ({error}); write the scene again.") from error

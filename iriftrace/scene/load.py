@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 import weakref
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -17,33 +17,32 @@ from numpy.typing import NDArray
 
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
-from iriftrace.core.engines import AUTO, ENGINES, Bending
+from iriftrace.core.engines import AUTO, Bending
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.files import check_readable
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE, FieldCells
 from iriftrace.field.source import FieldSource
-from iriftrace.geometry.ply import read_ply
 from iriftrace.part.part import Part, read_part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.air import (
     air_statement_of,
     other_shells,
-    stated_bending,
-    stated_index_rule,
-    stated_normals,
-    statement_of_field,
     warn_of_another_part,
 )
 from iriftrace.scene.ensemble import (
     MEMBER,
     FieldMember,
-    is_ensemble,
-    member_folder,
     members_of,
     weights_of,
 )
-from iriftrace.scene.file import read_scene_file, readable
+from iriftrace.scene.file import check_meshes, read_scene_file, readable
+from iriftrace.scene.integrators import (
+    field_file,
+    found_of_field,
+    found_of_shells,
+    integrator_for,
+    set_wavelength,
+)
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.wavelength import WAVELENGTH, of_the_file, set_shells
 from iriftrace.shells.table import AirStatement
@@ -177,15 +176,15 @@ class LoadedScene:
         started = time.perf_counter()
         with runtime.using(self.variant):
             if self.path is not None:
-                field_file = _field_file(self.path, self.variables)
-                integrator = _integrator(self.integrator, "cells", self.name, field_file)
-                _set_wavelength(integrator, self.variables)
+                file = field_file(self.path, self.variables)
+                integrator = integrator_for(self.integrator, "cells", self.name, file)
+                set_wavelength(integrator, self.variables)
             else:
                 assert self._cells is not None
-                integrator = _integrator(self.integrator, "cells", self.name, Path(FIELD_FILE))
+                integrator = integrator_for(self.integrator, "cells", self.name, Path(FIELD_FILE))
                 integrator.use(self._cells())
             integrator.prepare_as(self.integrator)
-            found = _found_of_field(integrator, self.stated, self.name)
+            found = found_of_field(integrator, self.stated, self.name)
         return evolve(
             self,
             wanted_engine="cells",
@@ -313,7 +312,7 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
 
     started = time.perf_counter()
     file = read_scene_file(path, values)
-    _check_meshes(file.file_paths)
+    check_meshes(file.file_paths)
     try:
         scene = mi.load_file(
             str(path),
@@ -324,13 +323,13 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
         runtime.refuse_gpu_without_optix(error)
         raise InputError(readable(error)) from error
     loaded = time.perf_counter()
-    integrator = _integrator(scene.integrator(), engine, str(path), _field_file(path, values))
+    integrator = integrator_for(scene.integrator(), engine, str(path), field_file(path, values))
     sensors = scene.sensors()
     if not sensors:
         raise InputError(f"{path} has no sensor, so there is nothing to look through; add one.")
     stated = air_statement_of(file)
     if integrator.engine == "cells":
-        _set_wavelength(integrator, values)
+        set_wavelength(integrator, values)
     elif WAVELENGTH in values:
         wavelength = parse_quantity(values[WAVELENGTH], "nm")
         set_shells(scene, dispersion(stated.air, wavelength))
@@ -341,7 +340,7 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
     _check_same_part(part, *prepared.tables.part_arrays())
     built = time.perf_counter()
     if integrator.engine == "cells":
-        found = _found_of_field(integrator, stated, str(path))
+        found = found_of_field(integrator, stated, str(path))
     else:
         others = other_shells(file, stated)
         found = found_of_shells(integrator, stated, prepared.tables, str(path), others)
@@ -364,54 +363,6 @@ def _load_one(path: Path, values: dict[str, str], variant: str | None, engine: s
     )
 
 
-def found_of_shells(
-    integrator: Any, stated: AirStatement, tables: Any, name: str, others: tuple[str, ...] = ()
-) -> dict[str, Any]:
-    """What a `LoadedScene` says of the air of its shells; `others` are not those stated."""
-    return {
-        "engine": integrator.engine,
-        "normals": stated_normals(integrator.normals, tables),
-        "bending": stated_bending(integrator, tables),
-        "index_rule": stated_index_rule(name, stated, tables, others),
-        "stated": stated,
-    }
-
-
-def _found_of_field(integrator: Any, stated: AirStatement, name: str) -> dict[str, Any]:
-    """What a `LoadedScene` says of the cells engine's air."""
-    return {
-        "engine": "cells",
-        "normals": f"{integrator.gradient} gradient",
-        "bending": Bending.CELLS,
-        "index_rule": "none, linear in each tetrahedron",
-        "stated": statement_of_field(integrator.air.cells, stated, name),
-    }
-
-
-def _field_file(path: Path, values: Mapping[str, str]) -> Path:
-    """The cells engine's field beside a scene, or of its member."""
-    folder = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
-    return folder / FIELD_FILE
-
-
-def _set_wavelength(integrator: Any, values: Mapping[str, str]) -> None:
-    """Let the cells engine take other light than its field's, if that was asked for."""
-    if WAVELENGTH in values:
-        integrator.wavelength_nm = parse_quantity(values[WAVELENGTH], "nm")
-
-
-def _check_meshes(files: Iterable[Path]) -> None:
-    """Refuse damaged meshes, whose corners Mitsuba takes as they are."""
-    for mesh in files:
-        if mesh.suffix.lower() != ".ply":
-            continue
-        check_readable(mesh)
-        try:
-            read_ply(mesh)
-        except Exception as error:  # the reader lets any error through that a damaged file causes
-            raise InputError(f"{mesh} is damaged ({error}); write the scene again.") from error
-
-
 def _camera(sensor: Any) -> Camera:
     """The camera that a sensor is, of its film's crop window alone."""
     from iriftrace.plugins.film import camera_of
@@ -421,43 +372,6 @@ def _camera(sensor: Any) -> Camera:
     if (width, height) == camera.resolution:
         return camera
     return camera.cropped(int(left), int(top), int(width), int(height))
-
-
-def _integrator(own: Any, engine: str, name: str, field_file: Path) -> Any:
-    """The scene's own integrator, or one for the engine that is asked for."""
-    import mitsuba as mi
-
-    check_engine(engine)
-    if not hasattr(own, "image"):
-        raise InputError(
-            f"{name} has the integrator {own.class_name()}, which computes light and not hits; use "
-            '<integrator type="first_hit"/>.'
-        )
-    if engine in (AUTO, own.engine):
-        return own
-    # The two kinds of normals have their counterparts: each kind converges to its gradient.
-    smooth = own.normals == "gradient" if engine == "cells" else own.gradient == "recovered"
-    if engine == "shells":
-        chosen = {"type": "first_hit", "normals": "gradient" if smooth else "facet"}
-    else:
-        chosen = {
-            "type": "gradient_path",
-            "field": str(field_file.resolve()),
-            "gradient": "recovered" if smooth else "constant",
-        }
-    return mi.load_dict({**chosen, "trace_all": own.trace_all})
-
-
-def may_use_cells(engine: str) -> bool:
-    """Whether a scene that is traced with this engine may need the field beside it."""
-    return engine != "shells"
-
-
-def check_engine(engine: str) -> None:
-    """Refuse an engine that does not exist."""
-    known = (AUTO, *ENGINES)
-    if engine not in known:
-        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(known)}.")
 
 
 def _text(value: Any) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 from attrs import frozen
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.engines import AUTO
+from iriftrace.core.engines import AUTO, may_use_cells
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE
@@ -21,7 +21,7 @@ from iriftrace.image.sightings import sight_faces
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_folder, members_of
 from iriftrace.scene.file import read_scene_file
-from iriftrace.scene.load import LoadedScene, may_use_cells
+from iriftrace.scene.load import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.rig import add_measured
 from iriftrace.trace.render import render_scene

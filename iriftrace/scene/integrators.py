@@ -1,0 +1,89 @@
+"""The integrator that traces a scene's rays by the wanted engine, and what it says of the air."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from iriftrace.core.engines import AUTO, ENGINES, Bending
+from iriftrace.core.errors import InputError
+from iriftrace.core.units import parse_quantity
+from iriftrace.field.path_data import FIELD_FILE
+from iriftrace.scene.air import (
+    stated_bending,
+    stated_index_rule,
+    stated_normals,
+    statement_of_field,
+)
+from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_folder
+from iriftrace.scene.wavelength import WAVELENGTH
+from iriftrace.shells.table import AirStatement
+
+
+def found_of_shells(
+    integrator: Any, stated: AirStatement, tables: Any, name: str, others: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """What a `LoadedScene` says of the air of its shells; `others` are not those stated."""
+    return {
+        "engine": integrator.engine,
+        "normals": stated_normals(integrator.normals, tables),
+        "bending": stated_bending(integrator, tables),
+        "index_rule": stated_index_rule(name, stated, tables, others),
+        "stated": stated,
+    }
+
+
+def found_of_field(integrator: Any, stated: AirStatement, name: str) -> dict[str, Any]:
+    """What a `LoadedScene` says of the cells engine's air."""
+    return {
+        "engine": "cells",
+        "normals": f"{integrator.gradient} gradient",
+        "bending": Bending.CELLS,
+        "index_rule": "none, linear in each tetrahedron",
+        "stated": statement_of_field(integrator.air.cells, stated, name),
+    }
+
+
+def field_file(path: Path, values: Mapping[str, str]) -> Path:
+    """The cells engine's field beside a scene, or of its member."""
+    folder = member_folder(path, values.get(MEMBER, "1")) if is_ensemble(path) else path.parent
+    return folder / FIELD_FILE
+
+
+def set_wavelength(integrator: Any, values: Mapping[str, str]) -> None:
+    """Let the cells engine take other light than its field's, if that was asked for."""
+    if WAVELENGTH in values:
+        integrator.wavelength_nm = parse_quantity(values[WAVELENGTH], "nm")
+
+
+def integrator_for(own: Any, engine: str, name: str, field_file: Path) -> Any:
+    """The scene's own integrator, or one for the engine that is asked for."""
+    import mitsuba as mi
+
+    check_engine(engine)
+    if not hasattr(own, "image"):
+        raise InputError(
+            f"{name} has the integrator {own.class_name()}, which computes light and not hits; use "
+            '<integrator type="first_hit"/>.'
+        )
+    if engine in (AUTO, own.engine):
+        return own
+    # The two kinds of normals have their counterparts: each kind converges to its gradient.
+    smooth = own.normals == "gradient" if engine == "cells" else own.gradient == "recovered"
+    if engine == "shells":
+        chosen = {"type": "first_hit", "normals": "gradient" if smooth else "facet"}
+    else:
+        chosen = {
+            "type": "gradient_path",
+            "field": str(field_file.resolve()),
+            "gradient": "recovered" if smooth else "constant",
+        }
+    return mi.load_dict({**chosen, "trace_all": own.trace_all})
+
+
+def check_engine(engine: str) -> None:
+    """Refuse an engine that does not exist."""
+    known = (AUTO, *ENGINES)
+    if engine not in known:
+        raise InputError(f"There is no engine {engine!r}; use one of {', '.join(known)}.")
