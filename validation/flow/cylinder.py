@@ -16,13 +16,13 @@ from iriftrace.part.shapes.cylinder import cylinder
 from validation.flow.simulated import Run, bent
 from validation.flow.table import Table, per_cent
 
-DIAMETER_MM, LENGTH_MM = 20.1, 80.0
-RUNS = {1e4: Run(33.514, 12.0, 5.0, 0.4), 2.5e4: Run(60.0, 12.0, 4.0, 0.4)}
+DIAMETER_MM, LENGTH_MM = 20.1, 50.0
+RUNS = {1e4: Run(33.514, 10.0, 8.0, 0.4), 2.5e4: Run(60.0, 10.0, 6.0, 0.4)}
 """By the Rayleigh number with the properties at the film temperature."""
 
 ANGLES_DEG = np.arange(0, 181, 30)
 HALF_SECTOR_DEG = 5.0
-MIDDLE_MM = 40.0
+MIDDLE_MM = 10.0
 """Length at mid-length that is looked at: the ends are not part of the plane solution."""
 
 RAYS_MM = np.array((0.02, 0.5, 1.0, 2.0, 3.0, 5.0))

@@ -28,7 +28,7 @@ _OFF_WALL_MM = np.maximum(DISTANCES_MM, 1e-3)
 ENGINE_BOUND = 1.0
 """Per cent."""
 
-RUNS = tuple(Run(1100.0, cell, 1.0, 0.1) for cell in (20.0, 14.0, 10.0))
+RUNS = tuple(Run(1100.0, cell, 1.0, 0.2) for cell in (20.0, 14.0, 10.0))
 SIZE_MM = (60.0, THICKNESS_MM, 80.0)
 MIDDLE_MM = 20.0
 """Width in the middle of the simulated plate along which rays are bent."""

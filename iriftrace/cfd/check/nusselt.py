@@ -247,7 +247,8 @@ def sector_ratios(rayleigh: float) -> FloatArray:
     """Fluxes of bottom, side and top over that of the bottom, (3,), of an isothermal cylinder."""
     angle = np.linspace(0.0, 180.0, 721)
     means = sector_means(angle, local_nusselt(angle, rayleigh), np.ones_like(angle))
-    return means / means[0]
+    ratios: FloatArray = means / means[0]
+    return ratios
 
 
 def horizontal_cylinder_diameter(part: Part) -> float | None:
