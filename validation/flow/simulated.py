@@ -7,6 +7,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pyvista as pv
 import trimesh
 from attrs import frozen
 
@@ -37,10 +38,14 @@ class Run:
     seconds: float
     averaged: float
 
+    @property
+    def name(self) -> str:
+        """Of the case's folder."""
+        return f"{self.wall_c:g}C_{self.background_mm:g}mm"
+
     def field(self, part: Part, folder: Path) -> tuple[IndexField, str]:
         """The field of a part, simulated unless the folder has it, and what its mesh is."""
-        name = f"{self.wall_c:g}C_{self.background_mm:g}mm"
-        file, case = folder / f"{name}.vtu", folder / name
+        file, case = folder / f"{self.name}.vtu", folder / self.name
         if not file.is_file():
             folder.mkdir(parents=True, exist_ok=True)
             save_part(part, folder / "part.ply")
@@ -52,7 +57,17 @@ class Run:
             if code := main(words):
                 raise SystemExit(code)
         cells = json.loads((case / "mesh.json").read_text())["cells"]
-        return read_field(file), f"{self.background_mm / 16:.2g} mm, {cells:,} cells"
+        return read_field(file), f"{self.background_mm / 16:.2f} mm at the wall, {cells:,} cells"
+
+
+def solved_wall(case: Path) -> pv.PolyData:
+    """The part's wall in a case at its last time, with the solver's heat flux; lengths in m."""
+    (case / "case.foam").touch()
+    reader = pv.OpenFOAMReader(str(case / "case.foam"))
+    reader.set_active_time_value(reader.time_values[-1])
+    reader.disable_all_patch_arrays()
+    reader.enable_patch_array("patch/part")
+    return reader.read()["boundary"]["part"]
 
 
 def bent(field: IndexField, body: Part, starts: FloatArray, width_mm: float) -> FloatArray:
