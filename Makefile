@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help demo test test-all lint docs bench bench-gpu bench-scaling accuracy statements attack clean llvm openfoam
+.PHONY: help demo test test-all lint docs bench bench-gpu bench-scaling accuracy validation statements attack clean llvm openfoam
 .DEFAULT_GOAL := help
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo 'make bench-gpu  print the times of poses on a CUDA device, as a table to send in'
 	@echo 'make bench-scaling  draw the time over rays, triangles and cells: docs/scaling.png'
 	@echo 'make accuracy  compute docs/accuracy.md anew; PARTS="exact noise" computes some sections'
+	@echo 'make validation  compare flows with solutions: docs/validation.md; an hour; PARTS="plate" computes some sections'
 	@echo 'make openfoam  install OpenFOAM, which iriftrace field simulate runs, and repair it where needed'
 	@echo 'make statements  compute docs/parts.md anew: what the paper says of its components'
 	@echo 'make attack  damage files of every format and count what readers make of them: docs/reliability.md'
@@ -65,6 +66,9 @@ bench-scaling: $(VENV)/installed $(VENV)/drawing llvm
 
 accuracy: $(VENV)/installed-dev llvm
 	$(BIN)/python -m validation $(PARTS)
+
+validation: $(VENV)/installed-dev llvm
+	$(BIN)/python -m validation.flow $(PARTS)
 
 statements: $(VENV)/installed $(VENV)/drawing llvm
 	$(BIN)/python -m validation.statements

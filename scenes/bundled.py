@@ -24,12 +24,14 @@ from iriftrace.scenes.components import (
     write_component,
     write_tooth,
 )
+from iriftrace.scenes.plate import PlateAir, hot_plate
 from iriftrace.shells.contour import contour_shells
 from iriftrace.shells.report import report_shells
 
 FIELD = "field.vtu"
 FIELD_ORIGIN = "OpenFOAM, coarse solution"
 SCALE = 0.5
+HOT_PLATE_K = 1373.15
 FRINGE_SCENE = "fringe_cylinder"
 FRINGE_DEVICES_MM = ((-55.0, -275.0, 60.0), (55.0, -275.0, 60.0))
 """Camera and projector, 110 mm apart along the cylinder's axis; both pictures hold all of it."""
@@ -77,6 +79,22 @@ def write_bundled(folder: str | Path) -> list[Path]:
     return written
 
 
+def write_plate(folder: Path, wall_k: float = HOT_PLATE_K) -> Path:
+    """Write the scene of a board seen past a hot plate, of any wall temperature, K."""
+    board, plate, field = hot_plate(PlateAir(wall_k))
+    return write_scene(
+        folder / "hot_plate",
+        board,
+        contour_shells(field),
+        scene_camera((200.0, 6.0, 50.0), (0.0, 6.0, 50.0), (50.0, 450.0)),
+        scale=SCALE,
+        notes={"time": "steady", "symmetry": "similarity solution"},
+        paraview=False,
+        field=field,
+        blockers=(plate,),
+    )
+
+
 def write_fringe(folder: Path, cylinder: Path) -> Path:
     """Write the cylinder's scene with a camera and a projector, in the shells of the scene beside.
 
@@ -108,6 +126,7 @@ def main() -> None:
     fields = {name: given[name] for name in COMPONENTS if given[name] is not None}
     written = write_bundled(given["folder"])
     written.append(write_fringe(given["folder"], given["folder"] / "cylinder"))
+    written.append(write_plate(given["folder"]))
     for path in [*written, *write_components(given["folder"], fields)]:
         print(path)
 

@@ -149,7 +149,7 @@ def demo(
         Folder for the results; the scene is copied there, ready to be changed.
     scene
         Name of the bundled scene: bevel_gear, concentric_cylinders, cylinder, fringe_cylinder,
-        gear_tooth, hybrid_cylinder, slab or wishbone.
+        gear_tooth, hot_plate, hybrid_cylinder, slab or wishbone.
     """
     from iriftrace.scenes import scene_copied
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from iriftrace.air import thermophysics as air
-from iriftrace.cfd.check.nusselt import nusselt_horizontal_cylinder
+from iriftrace.cfd.check.nusselt import local_nusselt, nusselt_horizontal_cylinder, sector_ratios
 from iriftrace.core.errors import InputError
 
 
@@ -58,6 +58,29 @@ def test_small_differences_need_no_reference() -> None:
     rayleigh = 9.81 * 10.0 / 293.15 * 0.05**3 / nu**2 * prandtl
     nusselt = 0.36 + 0.518 * rayleigh**0.25 / (1 + (0.559 / prandtl) ** (9 / 16)) ** (4 / 9)
     assert expected.nusselt == pytest.approx(nusselt, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("rayleigh", "saitoh"),
+    [
+        (1e3, (3.813, 3.772, 3.640, 3.374, 2.866, 1.975, 1.218)),
+        (1e4, (5.995, 5.935, 5.750, 5.410, 4.764, 3.308, 1.534)),
+    ],
+)
+def test_local_numbers_are_those_of_saitoh(rayleigh: float, saitoh: tuple[float, ...]) -> None:
+    """1993, from the bottom in steps of 30 degrees."""
+    found = local_nusselt(np.arange(0, 181, 30), rayleigh)
+    np.testing.assert_allclose(found, saitoh, rtol=0.01)
+
+
+def test_local_numbers_between_those_that_are_known() -> None:
+    """At 2.5e4 the same solver gives these, from the bottom in steps of 45 degrees."""
+    found = local_nusselt([0.0, 45.0, 90.0, 135.0, 180.0], 2.5e4)
+    np.testing.assert_allclose(found, (7.216, 7.049, 6.523, 5.179, 1.697), rtol=0.01)
+    # Means over 30 degrees of that solution at all of its 61 angles.
+    assert sector_ratios(2.5e4) == pytest.approx((1.0, 0.903, 0.288), abs=0.005)
+    with pytest.raises(InputError, match="from 1000 to 100000"):
+        local_nusselt(0.0, 2e5)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,127 @@
+"""Hot vertical plate: the engine on the formula's air, and the same plate simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+import trimesh
+
+from iriftrace.air.refractivity import Air
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.field.index_field import IndexField
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.scenes.plate import THICKNESS_MM, WIDTH_MM, PlateAir, hot_plate
+from validation.flow.simulated import Run, bent
+from validation.flow.table import Table, per_cent
+from validation.oracles.hot_plate import Profile, profile
+
+WALLS_C = (60.0, 200.0, 1100.0)
+HEIGHT_MM = 50.0
+"""Above the lower edge, of everything on the page."""
+DISTANCES_MM = np.array((0.0, 1.0, 2.0, 4.0, 6.0))
+COLUMNS = [f"{distance:g} mm" for distance in DISTANCES_MM]
+_OFF_WALL_MM = np.maximum(DISTANCES_MM, 1e-3)
+ENGINE_BOUND = 1.0
+"""Per cent."""
+
+RUNS = tuple(Run(1100.0, cell, 1.0, 0.2) for cell in (20.0, 14.0, 10.0))
+SIZE_MM = (60.0, THICKNESS_MM, 80.0)
+MIDDLE_MM = 20.0
+"""Width in the middle of the simulated plate along which rays are bent."""
+
+ENGINE_TEXT = f"""\
+Bending of rays along {WIDTH_MM:g} mm of the width of a hot vertical plate, {HEIGHT_MM:g} mm above
+its lower edge, by their distance from the wall. The air is that of the laminar boundary layer of a
+perfect gas with its real viscosity, conductivity and heat capacity, at 20 °C, 101325 Pa and 633 nm.
+The expected values come from the equations in the variables of Howarth and Dorodnitsyn and the
+differential equation of the ray. With constant properties these equations are those of Ostrach
+(NACA Report 1111, 1953), whose wall values they reproduce. The engine's values come from the cells
+of the scene `hot_plate`, made for each wall temperature from the equations in physical variables.
+Another temperature: `python -m validation.flow --wall-temperature 500`."""
+
+SIMULATED_TEXT = """\
+TODO"""
+
+
+def _oracle(celsius: float) -> Profile:
+    return profile(celsius + ZERO_CELSIUS_K, HEIGHT_MM, Air())
+
+
+def expected(celsius: float, width_mm: float) -> FloatArray:
+    """Bending at `DISTANCES_MM` by the oracle, mrad."""
+    air = _oracle(celsius)
+    return np.array([1e3 * air.bending(start, width_mm) for start in _OFF_WALL_MM])
+
+
+def in_formula(celsius: float) -> FloatArray:
+    """Bending along the plate's width at `DISTANCES_MM` by the cells engine, mrad."""
+    _, plate, field = hot_plate(PlateAir(celsius + ZERO_CELSIUS_K))
+    starts = np.column_stack(
+        np.broadcast_arrays(-0.5 * WIDTH_MM, _OFF_WALL_MM, HEIGHT_MM),
+    )
+    return 1e3 * bent(field, plate, starts, WIDTH_MM)[:, 0]
+
+
+def engine_table(walls_c: Sequence[float] = WALLS_C) -> Table:
+    """Engine on the formula's cells against the ray equation in the oracle's air."""
+    table = Table(COLUMNS)
+    for celsius in walls_c:
+        exact = expected(celsius, WIDTH_MM)
+        table.expected(f"{celsius:g} °C: similarity solution, mrad", exact)
+        off = per_cent(in_formula(celsius), exact)
+        table.difference(f"{celsius:g} °C: engine on the formula", off, ENGINE_BOUND)
+    return table
+
+
+def simulated_plate() -> Part:
+    """The plate that is simulated: its middle has the height 0."""
+    box = trimesh.creation.box(SIZE_MM)
+    return part_of_mesh(box.vertices, box.faces, name="plate")
+
+
+def simulated_table(folder: Path, runs: Sequence[Run] = RUNS) -> Table:
+    """Plates of `iriftrace field simulate` in the middle of their width."""
+    plate, table = simulated_plate(), Table(COLUMNS)
+    starts = np.column_stack(
+        np.broadcast_arrays(
+            -0.5 * MIDDLE_MM,
+            0.5 * THICKNESS_MM + np.maximum(DISTANCES_MM, 0.02),
+            HEIGHT_MM - 0.5 * SIZE_MM[2],
+        )
+    )
+    found = [run.field(plate, folder / "plate") for run in runs]
+    celsius = runs[0].wall_c
+    air = _oracle(celsius)
+    # Where the rays start: a little off the wall, as a ray in its plane would touch it.
+    away = starts[:, 1] - 0.5 * THICKNESS_MM
+    exact = air.kelvin(away)
+    table.expected("T by similarity, °C", exact - ZERO_CELSIUS_K)
+    states = [_middle(field, starts) for field, _ in found]
+    for (kelvin, _), (_, mesh) in zip(states, found, strict=True):
+        excess = celsius + ZERO_CELSIUS_K - Air().temperature_k
+        table.difference(f"{mesh}, of the wall's excess", 100.0 * (kelvin - exact) / excess)
+    slope = air.kelvin(away, 1)
+    table.expected("dT/dy, K/mm", slope)
+    for (_, steep), (_, mesh) in zip(states, found, strict=True):
+        table.difference(mesh, per_cent(steep, slope))
+    angle = [1e3 * air.bending(distance, MIDDLE_MM) for distance in away]
+    table.expected(f"bending along {MIDDLE_MM:g} mm, mrad", angle)
+    for field, mesh in found:
+        traced = 1e3 * bent(field, plate, starts, MIDDLE_MM)[:, 0]
+        table.difference(mesh, per_cent(traced, angle))
+    return table
+
+
+def _middle(field: IndexField, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Temperature, K, and dT/dy, K/mm, in the middle of the width."""
+    carrier = field.grid.copy()
+    carrier.point_data["T"] = field.temperature_k
+    # Of n - 1, which is proportional to 1 / T.
+    relative = field.gradient / field.refractivity[:, None]
+    carrier.point_data["slope"] = -field.temperature_k[:, None] * relative
+    found = pv.PolyData(starts * (0.0, 1.0, 1.0)).sample(carrier).point_data
+    return np.asarray(found["T"]), np.asarray(found["slope"])[:, 1]

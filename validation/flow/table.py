@@ -1,0 +1,47 @@
+"""Tables of the page: what a solution says, and by how much a computation differs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import Factory, frozen
+from numpy.typing import ArrayLike
+
+
+@frozen
+class Table:
+    """Rows of numbers in Markdown, and the differences beyond their bounds."""
+
+    columns: Sequence[str]
+    rows: list[str] = Factory(list)
+    beyond: list[str] = Factory(list)
+
+    def expected(self, name: str, values: ArrayLike, digits: int = 4) -> None:
+        """A row of what the solution says."""
+        self._row(name, [f"{value:.{digits}g}" for value in np.asarray(values)])
+
+    def difference(self, name: str, per_cent: ArrayLike, bound: float | None = None) -> None:
+        """A row of differences, per cent, and what of them is beyond a bound, in bold."""
+        texts = []
+        for column, value in zip(self.columns, np.asarray(per_cent), strict=True):
+            text = f"{round(float(value), 1) + 0.0:+.1f} %"
+            if bound is not None and not abs(value) <= bound:
+                self.beyond.append(f"{name}, {column}: {text}, at most {bound:g} %")
+                text = f"**{text}**"
+            texts.append(text)
+        self._row(name, texts)
+
+    def _row(self, name: str, cells: Sequence[str]) -> None:
+        self.rows.append(f"| {name} | {' | '.join(cells)} |")
+
+    @property
+    def text(self) -> str:
+        """The table in Markdown."""
+        head = f"| | {' | '.join(self.columns)} |"
+        return "\n".join((head, "|---" * (len(self.columns) + 1) + "|", *self.rows))
+
+
+def per_cent(found: ArrayLike, expected: ArrayLike) -> ArrayLike:
+    """Relative difference, %."""
+    return 100.0 * (np.asarray(found) / np.asarray(expected) - 1.0)
