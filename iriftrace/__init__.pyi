@@ -24,6 +24,8 @@ from .core.errors import InputError as InputError
 from .core.errors import IriftraceError as IriftraceError
 from .core.errors import IriftraceWarning as IriftraceWarning
 from .core.errors import SetupError as SetupError
+from .field.air_temperatures import AirTemperatures as AirTemperatures
+from .field.air_temperatures import read_air_temperatures as read_air_temperatures
 from .field.flow import AirFlow as AirFlow
 from .field.index_field import FieldSource as FieldSource
 from .field.index_field import IndexField as IndexField
@@ -99,6 +101,7 @@ from .sweep.sweep import run_sweep as run_sweep
 from .sweep.workers import pose_workers as pose_workers
 from .trace.member_fit import MemberFit as MemberFit
 from .trace.member_fit import fit_members as fit_members
+from .trace.temperature_fit import fit_temperatures as fit_temperatures
 from .trace.rays import RayHits as RayHits
 from .trace.rays import trace_rays as trace_rays
 from .trace.render import Rendering as Rendering

@@ -21,7 +21,7 @@ from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import check_readable
 from iriftrace.core.units import parse_quantity
-from iriftrace.field.path_data import FIELD_FILE, FieldCells
+from iriftrace.field.path_data import FIELD_FILE, FieldCells, load_field_file
 from iriftrace.geometry.ply import read_ply
 from iriftrace.part.part import Part, read_part
 from iriftrace.runtime import variant as runtime
@@ -167,6 +167,14 @@ class LoadedScene:
         own, its = (one.shells_table.get("source") or {} for one in (self, other))
         return bool(own.get("sha256") == its.get("sha256"))
 
+    @property
+    def cells(self) -> FieldCells:
+        """The cells of its field; an InputError where there is none."""
+        if self.path is not None:
+            return load_field_file(_field_file(self.path, self.variables))
+        assert self._cells is not None
+        return self._cells()
+
     def with_cells(self) -> LoadedScene:
         """The same scene traced through its field's cells in place of its shells.
 
@@ -179,9 +187,8 @@ class LoadedScene:
                 integrator = _integrator(self.integrator, "cells", self.name, field_file)
                 _set_wavelength(integrator, self.variables)
             else:
-                assert self._cells is not None
                 integrator = _integrator(self.integrator, "cells", self.name, Path(FIELD_FILE))
-                integrator.use(self._cells())
+                integrator.use(self.cells)
             integrator.prepare_as(self.integrator)
             stated = _stated_of_field(integrator, self.shells_table, self.name)
         return evolve(
