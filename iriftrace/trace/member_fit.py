@@ -66,8 +66,8 @@ class MemberFit:
         Root mean square of a component of the measured shifts, or of what temperatures exceed the
         ambient one.
     dots : dict of int
-        Number ``measured``, ``used`` and ``outliers``; of dots also ``hidden`` by a body, ``beside``
-        the board and ``lost``.
+        Number ``measured``, ``used`` and ``outliers``; of shifts also ``hidden`` by a body,
+        ``beside`` the board and ``lost``.
     motion : (6,) array or None
         Translation, mm, and rotation vector, rad, of the camera between the pictures, in its own
         frame; None where it was not fitted.
@@ -119,9 +119,9 @@ class MemberFit:
         """Refuse members that are far from the measured air, with an InputError."""
         if not self.contained and self.residual > REFUSED * self.measured:
             raise InputError(
-                f"{self.verdict[:-1]} and {self.residual / self.measured:.0%} of what was measured. "
-                "No scene is written; add members that are closer (other speeds "
-                "and directions of the draught, other bodies), or check where what was measured stands."
+                f"{self.verdict[:-1]} and {self.residual / self.measured:.0%} of what was "
+                "measured. No scene is written; add members that are closer (other speeds and "
+                "directions of the draught, other bodies), or check the places that were measured."
             )
 
     def as_dict(self) -> dict[str, Any]:

@@ -95,7 +95,7 @@ def test_thermocouples_that_cannot_be_fitted(scene: iriftrace.Scene, tmp_path: P
 
     refused("fewer than the 4 members", PLACES[:3])
     refused("inside the part", np.vstack((PLACES, (0.0, 0.0, 0.0))))
-    refused("in the plume", PLACES + (0.0, 500.0, 0.0))
+    refused("in the plume", PLACES + np.array((0.0, 500.0, 0.0)))
     state = scene.air.states[0].field
     refused("has one field", PLACES, attrs.evolve(scene, air=iriftrace.HotAir(state)))
 
