@@ -24,6 +24,9 @@ of the dots' shifts, as all contrast in proportion.
 MOST_OUTLIERS = 0.02
 """A larger fraction of dots far from the fit are no outliers but air that the members are not."""
 
+BEYOND_NOISE = 4.0
+"""Times the noise of a component; of dots without other errors 0.03 % leave more."""
+
 _SUM = 1e4  # Weight of the row that makes the weights sum to 1, over that of the shifts.
 _NONE = 1e-6  # Smaller weights are 0.
 
@@ -84,6 +87,16 @@ class ShiftMixture:
         if self._free is not None:
             rest = rest - self._free @ self._motion_of(weights)
         return np.asarray(rest[rows])
+
+    def foreign(self, noise: float) -> float:
+        """Fraction of the used values that leave more than every member predicts, and than noise.
+
+        Air of another kind, such as the plume of another body, moves dots that no member moves as
+        far; a coarse mesh changes the shifts of those that are moved.
+        """
+        left = np.linalg.norm(self.left(self.weights), axis=1)
+        most = np.linalg.norm(self._predicted[:, self.used], axis=2).max(axis=0)
+        return float(np.mean(left > np.maximum(most, BEYOND_NOISE * noise)))
 
     def covariance(self, noise: float) -> FloatArray:
         """(k, k) covariance of the weights, by the noise of a component and the residual.

@@ -19,7 +19,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
 from iriftrace.image.camera_motion import interaction_matrix
 from iriftrace.image.measured_shift import MeasuredShift
-from iriftrace.image.shift_mixture import ShiftMixture
+from iriftrace.image.shift_mixture import MOST_OUTLIERS, ShiftMixture
 from iriftrace.image.shift_noise import shift_noise
 from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.load import LoadedEnsemble, LoadedScene
@@ -33,9 +33,6 @@ SCHEMA = "iriftrace.fit/1"
 
 DOUBTFUL = 2.0
 """From so many times the noise on the residual says that the members are not the measured air."""
-
-REFUSED = 1.0 / 3.0
-"""Of what was measured; then no weighted scene is made of members that leave more of it."""
 
 INDISTINCT = 0.1
 """Members whose shifts differ by less, over their noise, cannot be told apart."""
@@ -62,6 +59,9 @@ class MemberFit:
         Root mean square of a component of what the fit leaves, and its noise.
     single : (k,) array
         What each member leaves by itself.
+    foreign : float
+        Fraction that leaves more than the noise and than any member predicts, as in air of another
+        kind (`ShiftMixture.foreign`).
     measured : float
         Root mean square of a component of the measured shifts, or of what temperatures exceed the
         ambient one.
@@ -79,6 +79,7 @@ class MemberFit:
     residual: float
     noise: float
     single: FloatArray = field(repr=False)
+    foreign: float
     measured: float
     dots: dict[str, int]
     motion: FloatArray | None
@@ -117,11 +118,12 @@ class MemberFit:
 
     def require_contained(self) -> None:
         """Refuse members that are far from the measured air, with an InputError."""
-        if not self.contained and self.residual > REFUSED * self.measured:
+        if not self.contained and self.foreign > MOST_OUTLIERS:
+            what = {"px": "dots move farther", "K": "temperatures rise higher"}[self.unit]
             raise InputError(
-                f"{self.verdict[:-1]} and {self.residual / self.measured:.0%} of what was "
-                "measured. No scene is written; add members that are closer (other speeds and "
-                "directions of the draught, other bodies), or check the places that were measured."
+                f"{self.verdict[:-1]}, and {self.foreign:.0%} of the {what} than in any member. No "
+                "scene is written; add members that are closer (other speeds and directions of the "
+                "draught, other bodies), or check the places that were measured."
             )
 
     def as_dict(self) -> dict[str, Any]:
@@ -136,6 +138,7 @@ class MemberFit:
             "residual": self.residual,
             "noise": self.noise,
             "measured": self.measured,
+            "foreign": self.foreign,
             "effective_members": self.weights.effective,
             "dots": self.dots,
             "camera_motion": None
@@ -238,6 +241,7 @@ def member_fit(
         residual=found.residual,
         noise=noise,
         single=np.array([_rms(found.left(alone)) for alone in np.eye(len(fitted))]),
+        foreign=found.foreign(noise),
         measured=measured,
         dots={**dots, "used": int(found.used.sum()), "outliers": int((~found.used).sum())},
         motion=found.motion,
