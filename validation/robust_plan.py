@@ -4,9 +4,9 @@
         --draughts 0:0.2:0.1 --draught-from 90 --resolution coarse
     python -m validation.robust_plan part.ply family [part.ply family ...]
 
-A plan over the family is made once robust and once by the mean, and one of the still air alone.
-Every pose is ranked in each member's air by itself, too: the rank of a plan's best pose in the air
-that is worst for it tells what the plan is worth there.
+A plan over the family is made once robust and once by the mean, and one in still air alone. A pose's
+score in each member's air, on one scale, tells what it is worth there; poses are ranked by that of
+their worst member.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from attrs import evolve
 import iriftrace
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.planning.criteria import Criteria
-from iriftrace.planning.rank import Plan, ranked_quietly
+from iriftrace.planning.rank import ranked_quietly, score_of
 
 DISTANCE = 400.0  # mm
 
@@ -52,27 +52,27 @@ def main(part_file: str, folder: str) -> None:
         )
         for field in fields
     ]
-    plans = {
-        "robust": ranked_quietly(table, CRITERIA),
-        "mean": ranked_quietly(table, evolve(CRITERIA, robust=0.0)),
-        "still air": alone[0],
-    }
+    mean = ranked_quietly(table, evolve(CRITERIA, robust=0.0))
+    plans = {"robust": ranked_quietly(table, CRITERIA), "mean": mean, "still air": alone[0]}
+    scores = np.array(
+        [
+            [
+                score_of(mean, {name: values[pose] for name, values in member.metrics.items()})
+                for pose in mean.order
+            ]
+            for member in alone
+        ]
+    ).max(axis=0)
     for name, plan in plans.items():
         azimuth, elevation = (float(table[axis][plan.best]) for axis in ("azimuth", "elevation"))
         errors = [1e3 * member.metrics["displacement"][plan.best] for member in alone]
-        worst = int(np.argmax(errors))
+        rank = 1 + int(np.sum(scores < scores[mean.order == plan.best]))
         print(
-            f"{Path(part_file).stem}, {name}: pose {plan.best} ({azimuth:.0f}, {elevation:.0f} "
-            f"deg), p95 {', '.join(f'{error:.3g}' for error in errors)} um; ranks "
-            f"{', '.join(str(_rank(member, plan.best)) for member in alone)} of "
-            f"{len(plan.order)}; worst {files[worst].stem}: {_rank(alone[worst], plan.best)}",
+            f"{Path(part_file).stem}, {name}: azimuth {azimuth:.0f}, elevation {elevation:.0f} "
+            f"deg, displacement (p95) {', '.join(f'{error:.3g}' for error in errors)} um; "
+            f"{rank} of {len(scores)} by the worst member",
             flush=True,
         )
-
-
-def _rank(plan: Plan, pose: int) -> int:
-    """Rank of a pose, 1 the best."""
-    return int(np.flatnonzero(plan.order == pose)[0]) + 1
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ class Plan:
         What the weights multiply: `normalised`, but 1 - normalised for the coverage, unless it is
         the same in all ranked poses.
     limits : dict of (2,) tuples
-        Minimum and percentile of each metric.
+        Minimum and percentile of each metric; of the displacement without what scatter adds.
     unranked : dict
         Number of each unranked pose and why it is not ranked.
     constant : tuple of str
@@ -116,6 +116,10 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     limits = {
         name: limits_of(values[eligible], criteria.percentile) for name, values in metrics.items()
     }
+    if criteria.robust:
+        # The scatter of poses down the plume would stretch the scale until no other one counts.
+        mean = metrics["displacement"] - _scatter_added(dataset, criteria)
+        limits["displacement"] = limits_of(mean[eligible], criteria.percentile)
     if criteria.outside == "discard":
         for name in needed:
             upper = limits[name][1]
@@ -321,8 +325,7 @@ def _candidates(
     column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
     metrics = {name: np.abs(_column(dataset, v, column)) for name, v in variables.items()}
     if criteria.robust:
-        scatter = _column(dataset, scatter_variable(criteria), column)
-        metrics["displacement"] += criteria.robust * scatter
+        metrics["displacement"] += _scatter_added(dataset, criteria)
     good_rays = _column(dataset, "rays_good", column)
     count = len(good_rays)
     failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else [""] * count
@@ -372,6 +375,13 @@ def _candidates(
             "can be ranked; give the weight 0 to what is not known."
         )
     return metrics, eligible, reasons
+
+
+def _scatter_added(dataset: xr.Dataset, criteria: Criteria) -> FloatArray:
+    """What the scatter over an ensemble's members adds to the displacement of all poses, mm."""
+    variable = scatter_variable(criteria)
+    column = ranked_region(dataset, [variable], criteria.region)
+    return np.asarray((criteria.robust or 0.0) * _column(dataset, variable, column))
 
 
 def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int:
