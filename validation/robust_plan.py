@@ -4,9 +4,9 @@
         --draughts 0:0.2:0.1 --draught-from 90 --resolution coarse
     python -m validation.robust_plan part.ply family [part.ply family ...]
 
-A plan over the family is made once robust and once by the mean, and one in still air alone. A pose's
-score in each member's air, on one scale, tells what it is worth there; poses are ranked by that of
-their worst member.
+A plan over the family is made once robust and once by the mean, and one in still air alone. A
+pose's score in each member's air, on one scale, tells what it is worth there; poses are ranked by
+that of their worst member.
 """
 
 from __future__ import annotations

@@ -116,14 +116,19 @@ class MemberFit:
         rows = zip(self.members, self.covariance, strict=True)
         return tuple(m for m, row in rows if m.weight > 0.0 or row.any())
 
+    @property
+    def refused(self) -> bool:
+        """Whether the measured air is of another kind, so that no scene is made of the members."""
+        return not self.contained and self.foreign > MOST_OUTLIERS
+
     def require_contained(self) -> None:
         """Refuse members that are far from the measured air, with an InputError."""
-        if not self.contained and self.foreign > MOST_OUTLIERS:
+        if self.refused:
             what = {"px": "dots move farther", "K": "temperatures rise higher"}[self.unit]
             raise InputError(
                 f"{self.verdict[:-1]}, and {self.foreign:.0%} of the {what} than in any member. No "
                 "scene is written; add members that are closer (other speeds and directions of the "
-                "draught, other bodies), or check the places that were measured."
+                "draught, other bodies), or check that camera, board and places are those measured."
             )
 
     def as_dict(self) -> dict[str, Any]:
