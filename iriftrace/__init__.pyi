@@ -24,6 +24,8 @@ from .core.errors import InputError as InputError
 from .core.errors import IriftraceError as IriftraceError
 from .core.errors import IriftraceWarning as IriftraceWarning
 from .core.errors import SetupError as SetupError
+from .field.air_temperatures import AirTemperatures as AirTemperatures
+from .field.air_temperatures import read_air_temperatures as read_air_temperatures
 from .field.flow import AirFlow as AirFlow
 from .field.index_field import IndexField as IndexField
 from .field.part_fit import Fit as Fit
@@ -103,6 +105,7 @@ from .trace.rays import RayHits as RayHits
 from .trace.rays import trace_rays as trace_rays
 from .trace.render import Rendering as Rendering
 from .trace.render import render_scene as render_scene
+from .trace.temperature_fit import fit_temperatures as fit_temperatures
 from .triangulation.correct import correct as correct
 from .triangulation.correction import Correction as Correction
 from .triangulation.correction import CorrectionStatus as CorrectionStatus

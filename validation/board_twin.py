@@ -1,11 +1,19 @@
-"""Twin experiment of `iriftrace fit` on a solved family of draughts: the table of docs/board.md.
+"""Twin experiments of `iriftrace fit` on solved families of draughts: the table of docs/board.md.
 
-    iriftrace field simulate part.ply -o family --wall-temperature "1100 degC" \
-        --draughts 0.12:0.18:0.01 --draught-from 90 --background-cell "36 mm" --symmetry x
-    python -m validation.board_twin part.ply family
+    S='iriftrace field simulate part.ply --wall-temperature "1100 degC"'
+    F='--background-cell "36 mm" --symmetry x --draught-from 90'
+    C='--background-cell "44 mm" --symmetry x --draught-from 90'
+    $S -o cases/still --background-cell "36 mm" --symmetry x
+    $S -o cases/fine --draughts 0.12:0.18:0.01 $F
+    $S -o cases/coarse --draughts 0.12:0.18:0.02 $C
+    $S -o cases/strong --draught "0.4 m/s" $C
+    $S -o cases/second --draught "0.15 m/s" $C --body second.stl --body-temperature "900 degC"
+    $S -o cases/turned --draughts 0.14:0.16:0.01 --draught-from 80,85,90 --background-cell "42 mm"
+    python -m validation.board_twin part.ply cases
 
-The part is `scenes/cylinder/part.ply`. States that are no members are the truth: their traced
-shifts get 0.05 px of noise, and the cloud of two devices to the lee is corrected.
+The part is `scenes/cylinder/part.ply`; second.stl is a block of 60 x 30 x 30 mm around (0, -75, 0).
+A state that is no member is the truth: its traced shifts get 0.05 px of noise, and the cloud of two
+devices to the lee is corrected.
 """
 
 from __future__ import annotations
@@ -21,6 +29,7 @@ import iriftrace
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.part.shapes.board import Board
+from iriftrace.triangulation.correction import CorrectionStatus
 from validation.inputs.leaning_air import measured_shifts
 
 BOARD = Board((240.0, 240.0), 3.5)
@@ -39,13 +48,26 @@ DEVICE = iriftrace.Camera(focal_length_mm=25.0, sensor_mm=(8.0, 6.4), resolution
 
 NOISE_PX = 0.05
 
-CASES = (
-    (0.15, (0.12, 0.14, 0.16, 0.18)),
-    (0.13, (0.12, 0.14, 0.16, 0.18)),
-    (0.17, (0.12, 0.14, 0.16, 0.18)),
-    (0.15, (0.12, 0.13, 0.17, 0.18)),
+STILL = "still/field"
+
+CASES: tuple[tuple[str, tuple[str, ...]], ...] = (
+    ("fine/at_0.15_from_090", tuple(f"fine/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
+    ("fine/at_0.13_from_090", tuple(f"fine/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
+    ("fine/at_0.17_from_090", tuple(f"fine/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
+    ("fine/at_0.15_from_090", tuple(f"fine/at_0.{w}_from_090" for w in (12, 13, 17, 18))),
+    ("turned/at_0.14_from_085", tuple(f"turned/at_0.14_from_0{a}" for a in (80, 90))),
+    (
+        "turned/at_0.15_from_085",
+        tuple(f"turned/at_0.{w}_from_0{a}" for w in (14, 16) for a in (80, 90)),
+    ),
+    ("fine/at_0.15_from_090", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
+    ("fine/at_0.13_from_090", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
+    ("fine/at_0.17_from_090", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
+    ("fine/at_0.15_from_090", tuple(f"turned/at_0.{w}_from_090" for w in (14, 16))),
+    ("strong/field", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
+    ("second/field", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
 )
-"""Draught of the truth and of the members, m/s."""
+"""Files of the truth and of the members."""
 
 
 def main(part_file: str, folder: str) -> None:
@@ -55,30 +77,36 @@ def main(part_file: str, folder: str) -> None:
     first, second = (
         DEVICE.at(iriftrace.look_at((x, -283.0, 283.0), (0.0, 0.0, 0.0))) for x in (-75.0, 75.0)
     )
-
-    def air(*speeds: float) -> iriftrace.HotAir:
-        return iriftrace.HotAir(
-            [iriftrace.read_field(next(Path(folder).glob(f"at_{w:.2f}*.vtu"))) for w in speeds]
-        )
+    names = {STILL, *(name for truth, members in CASES for name in (truth, *members))}
+    fields = {name: iriftrace.read_field(Path(folder) / f"{name}.vtu") for name in sorted(names)}
 
     for truth, members in CASES:
-        seen = iriftrace.Scene(board, air(truth), BOARD_CAMERA, blockers=(part,), engine="cells")
+        air = iriftrace.HotAir(fields[truth])
+        seen = iriftrace.Scene(board, air, BOARD_CAMERA, blockers=(part,), engine="cells")
         shifts = measured_shifts(seen, NOISE_PX, board=BOARD, to_world=TO_WORLD)
-        fit = iriftrace.fit_members(evolve(seen, air=air(*members)), shifts)
-        true = iriftrace.Scene(part, air(truth), first, second, "camera_2", engine="cells")
+        family = [fields[name] for name in members]
+        fit = iriftrace.fit_members(evolve(seen, air=iriftrace.HotAir(family)), shifts)
+        true = iriftrace.Scene(part, air, first, second, "camera_2", engine="cells")
         scan = iriftrace.measure(true)
-        weighted = evolve(
-            true, air=iriftrace.HotAir([s.field for s in air(*members).states], weights=fit.weights)
-        )
-        fixed = iriftrace.correct(scan.points, weighted)
-        good = fixed.status == 0
-        left = np.einsum("ij,ij->i", fixed.points - scan.true, scan.normal)[good]
-        within = np.mean(np.abs(left) <= 2.0 * fixed.u_normal[good])
+        by_still, _ = _left(scan, evolve(true, air=iriftrace.HotAir(fields[STILL])))
+        weighted = iriftrace.HotAir(family, weights=fit.weights)
+        left, u = _left(scan, evolve(true, air=weighted))
+        assert u is not None
         print(
-            f"{truth} m/s by {members}: residual {fit.ratio:.2f} times the noise, measured "
-            f"{_um(scan.error_normal)}, left {_um(left)}, {within:.1%} within U",
+            f"{truth} by {', '.join(members)}: residual {fit.ratio:.2f} times the noise"
+            f"{', refused' if fit.refused else ''}; measured {_um(scan.error_normal)}, left by "
+            f"still air {_um(by_still)}, by the fit {_um(left)}, "
+            f"{np.mean(np.abs(left) <= 2.0 * u):.1%} within U",
             flush=True,
         )
+
+
+def _left(scan: iriftrace.Scan, scene: iriftrace.Scene) -> tuple[FloatArray, FloatArray | None]:
+    """Error along the normal of the points that are corrected, mm, and its uncertainty."""
+    fixed = iriftrace.correct(scan.points, scene)
+    good = fixed.status == CorrectionStatus.CORRECTED
+    left = np.einsum("ij,ij->i", fixed.points - scan.true, scan.normal)[good]
+    return left, None if fixed.u_normal is None else fixed.u_normal[good]
 
 
 def _um(errors: FloatArray) -> str:

@@ -1,4 +1,4 @@
-"""The command ``iriftrace fit``: weights of an ensemble's members from measured shifts."""
+"""The command ``iriftrace fit``: weights of an ensemble's members from what was measured."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from iriftrace.cli.console import command_line, out, say, working
-from iriftrace.cli.options import check_input, check_output
+from iriftrace.cli.options import check_input, check_output, refuse_given
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.core.errors import IriftraceWarning
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def fit(
     board: Path,
-    shifts: Path,
+    measured: Path,
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     scene: Path | None = None,
@@ -29,10 +29,10 @@ def fit(
     camera_motion: Annotated[bool, Parameter(negative=())] = False,
     trace: TraceOptions = TraceOptions(),
 ) -> None:
-    """Find which air it was: weights of an ensemble's members from measured shifts of a board.
+    """Find which air it was: weights of an ensemble's members from shifts or temperatures.
 
-    Weights are not negative and sum to 1; with them, the members' predicted shifts come closest to
-    the measured ones. The new scene has the members that matter, with their weights and what the
+    Weights are not negative and sum to 1; with them, what the members predict comes closest to what
+    was measured. The new scene has the members that matter, with their weights and what the
     fit leaves uncertain: ``measure`` and ``correct`` use both.
 
     Example: ``iriftrace fit board/scene.xml shifts.csv -o fitted/scene.xml``
@@ -40,12 +40,13 @@ def fit(
     Parameters
     ----------
     board
-        The scene of the board: an ensemble (--member) whose part is the board, with the hot part as
-        the first --blocker.
-    shifts
+        The scene of what was measured: an ensemble (--member) whose part is the board, with the hot
+        part as the first --blocker; or the hot part, for marks on it and for thermocouples.
+    measured
         Dots in the cold picture and their shifts to the hot one: .csv with the columns u, v, du, dv
         in pixels of the camera's full resolution (pixel centres are whole numbers, as OpenCV
-        counts), or a map as for ``compare``.
+        counts), or a map as for ``compare``. Or temperatures in the air: .csv with the columns x,
+        y, z (mm), T (K) or T (degC), and U, their expanded uncertainty, if it is known.
     output
         XML file of the weighted scene, in a folder of its own; the fit's numbers (fit.json) go
         beside it.
@@ -53,27 +54,37 @@ def fit(
         Scene of the hot part with the same fields and the measuring devices, to be weighted; by
         default that of the board, in which the hot part takes the board's place.
     noise
-        Standard deviation of a component of the shifts, px; by default estimated from how much
+        Standard deviation of a component of shifts, px; by default estimated from how much
         neighbouring dots differ.
     camera_motion
         Fit a rigid motion of the camera between the two pictures, too.
     """
     from iriftrace.core.files import whole_file
+    from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
     from iriftrace.image.measured_shift import read_measured_shift
     from iriftrace.scene.file import require_scene
     from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
     from iriftrace.trace.member_fit import fit_members
+    from iriftrace.trace.temperature_fit import fit_temperatures
 
-    check_input(board, shifts, scene)
+    check_input(board, measured, scene)
     for xml in (board, scene):
         if xml is not None:
             require_scene(xml)
     check_output(output, "scene.xml", make=True)
     check_fitted_scene(scene or board, output)
-    measured = read_measured_shift(shifts)
-    loaded = trace.load(board)
-    with working("Fitting the members"):
-        found = fit_members(loaded, measured, noise_px=noise, camera_motion=camera_motion)
+    if is_air_temperatures(measured):
+        options = {"--noise": noise, "--camera-motion": camera_motion or None}
+        refuse_given(options, f"is about shifts, but {measured} has temperatures; leave it out.")
+        temperatures = read_air_temperatures(measured)
+        loaded = trace.load(board)
+        with working("Fitting the members"):
+            found = fit_temperatures(loaded, temperatures)
+    else:
+        shifts = read_measured_shift(measured)
+        loaded = trace.load(board)
+        with working("Fitting the members"):
+            found = fit_members(loaded, shifts, noise_px=noise, camera_motion=camera_motion)
     _print_fit(found)
     found.require_contained()
     if not found.contained:
@@ -92,13 +103,16 @@ def fit(
     say(f"Correct a cloud by it:  {command_line('correct', 'CLOUD', output)}")
 
 
+_WHAT = {"px": "dots", "K": "temperatures"}
+
+
 def _print_fit(found: MemberFit) -> None:
     """Weights by member, and what the fit leaves."""
-    table = Table(title="Members that reproduce the measured shifts")
+    table = Table(title="Members that reproduce what was measured")
     for heading in ("member", "field", "weight", "u", "alone"):
         table.add_column(heading, justify="left" if heading == "field" else "right")
     serving = {member.number for member in found.serving}
-    rows = zip(found.members, found.covariance.diagonal() ** 0.5, found.single_px, strict=True)
+    rows = zip(found.members, found.covariance.diagonal() ** 0.5, found.single, strict=True)
     for member, deviation, alone in rows:
         if member.number in serving:
             table.add_row(
@@ -106,16 +120,17 @@ def _print_fit(found: MemberFit) -> None:
                 member.label,
                 f"{member.weight:.3f}",
                 f"{deviation:.3f}",
-                f"{alone:.3g} px",
+                f"{alone:.3g} {found.unit}",
             )
     out.print(table)
-    dots = found.dots
+    counts = {"hidden": "hidden", "beside": "beside the board", "lost": "lost"}
+    left_out = [f"{found.dots[key]:,} {text}" for key, text in counts.items() if key in found.dots]
+    left_out.append(f"{found.dots['outliers']:,} outliers")
     say(
-        f"{dots['used']:,} of {dots['measured']:,} dots were used ({dots['hidden']:,} hidden, "
-        f"{dots['beside']:,} beside the board, {dots['lost']:,} lost, {dots['outliers']:,} "
-        f"outliers). Shifts: measured rms {found.measured_px:.3g} px, residual "
-        f"{found.residual_px:.3g} px, noise {found.noise_px:.3g} px (each of a component). "
-        f"Effective number of members: {found.weights.effective:.3g}."
+        f"{found.dots['used']:,} of {found.dots['measured']:,} {_WHAT[found.unit]} were used "
+        f"({', '.join(left_out)}). Measured rms {found.measured:.3g} {found.unit}, residual "
+        f"{found.residual:.3g} {found.unit}, noise {found.noise:.3g} {found.unit}. Effective "
+        f"number of members: {found.weights.effective:.3g}."
     )
     if found.motion is not None:
         moved, turned = 1e3 * found.motion[:3], 1e6 * found.motion[3:]

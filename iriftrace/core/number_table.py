@@ -13,11 +13,19 @@ from iriftrace.core.errors import InputError
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _LETTERS = re.compile(r"[A-DF-Za-df-z_]")
+_COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
 def is_numbers(line: str) -> bool:
     """True for a line that can be numbers: no letters besides exponents, NaN and Inf."""
     return _LETTERS.search(re.sub(r"\b(?:nan|inf(?:inity)?)\b", "", line, flags=re.I)) is None
+
+
+def header_columns(line: str) -> dict[str, str]:
+    """Names of the columns of a header, as in ``x [m]; T (degC)``, and their units, "" of none."""
+    words = re.split(r"[,;\t]", line.lstrip("#%"))
+    found = [_COLUMN.fullmatch(word.strip('" ')) for word in words]
+    return {match["name"]: match["unit"] or "" for match in found if match}
 
 
 def separator_of(row: str) -> str | None:

@@ -84,6 +84,18 @@ class FieldCells:
             cell_connectivity=self.cell_connectivity[corners],
         )
 
+    def temperature_at(self, places: FloatArray) -> FloatArray:
+        """Temperatures (m,), K, at places (m, 3), mm, world; ambient outside the data."""
+        import pyvista as pv
+
+        from iriftrace.field.index_field import IndexField
+
+        offsets = self.cell_offsets
+        corners = np.insert(self.cell_connectivity, offsets[:-1], np.diff(offsets))
+        grid = pv.UnstructuredGrid(corners, self.celltypes, self.points.astype(np.float64))
+        values = IndexField(grid, self.refractivity, self.air, self.source).sample(places)
+        return self.air.temperature(np.where(np.isfinite(values), values, self.ambient))
+
     @property
     def cell_offsets(self) -> IntArray:
         """Where the corners of each cell start in `cell_connectivity`, as pyvista has it."""

@@ -1,10 +1,11 @@
-"""Mixtures of several predicted shifts that come closest to measured ones."""
+"""Mixtures of what several members predict that come closest to what was measured."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import null_space, qr
 from scipy.optimize import nnls
+from scipy.special import chdtri
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.image.camera_motion import OUTLIER
@@ -12,17 +13,29 @@ from iriftrace.image.camera_motion import OUTLIER
 NEAREST = 4
 """Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
 
+WALL = 3.0
+"""How many times the relative uncertainty of the seen contrast is that of the layer at the wall.
+
+A coarse mesh errs most there, where the devices look and the board hardly does: meshes of 2.8 and
+2.2 mm at a cylinder's wall differ by 1.6 to 3.6 times as much in what devices measure, for as much
+of the dots' shifts, as all contrast in proportion.
+"""
+
 MOST_OUTLIERS = 0.02
 """A larger fraction of dots far from the fit are no outliers but air that the members are not."""
+
+BEYOND_NOISE = 4.0
+"""Times the noise of a component; of dots without other errors 0.03 % leave more."""
 
 _SUM = 1e4  # Weight of the row that makes the weights sum to 1, over that of the shifts.
 _NONE = 1e-6  # Smaller weights are 0.
 
 
 class ShiftMixture:
-    """Least squares of (k, n, 2) predicted against (n, 2) measured shifts, without outliers.
+    """Least squares of (k, n, c) predicted against (n, c) measured values, without outliers.
 
-    `free` (n, 2, 6) are derivatives of the shifts by a motion of the camera, or None.
+    Values are shifts, px, of two components, or temperatures, K, of one. `free` (n, 2, 6) are
+    derivatives of the shifts by a motion of the camera, or None.
 
     Attributes
     ----------
@@ -30,12 +43,12 @@ class ShiftMixture:
         Not negative; their sum is 1.
     used : (n,) array of bool
         Shifts that are no outliers.
-    residual : float, px
+    residual : float
         Root mean square of a component of what is left, by its degrees of freedom.
     """
 
     def __init__(
-        self, predicted: FloatArray, measured: FloatArray, free: FloatArray | None
+        self, predicted: FloatArray, measured: FloatArray, free: FloatArray | None = None
     ) -> None:
         self._predicted, self._measured = predicted, measured
         # Turns in units that compare with the translations.
@@ -46,8 +59,9 @@ class ShiftMixture:
             self._columns, self._target = self._without_motion(self.used)
             self.weights = simplex_weights(self._columns, self._target)
             lengths = np.linalg.norm(self.left(self.weights, everywhere=True), axis=1)
-            # Median length of a vector of two normal components of deviation 1.
-            spread = float(np.median(lengths[self.used])) / 1.1774
+            # Median length of a vector of c normal components of deviation 1.
+            median = np.sqrt(chdtri(measured.shape[1], 0.5))
+            spread = float(np.median(lengths[self.used]) / median)
             inside = lengths <= max(OUTLIER * spread, 1e-9)
             if np.mean(~inside) > MOST_OUTLIERS:
                 inside = np.ones_like(inside)
@@ -67,20 +81,31 @@ class ShiftMixture:
         return np.asarray(self._units * self._motion_of(self.weights))
 
     def left(self, weights: FloatArray, everywhere: bool = False) -> FloatArray:
-        """(n, 2) array, px: measured minus predicted shifts, with the best motion, used dots."""
+        """(n, c) array: measured minus predicted values, with the best motion, used dots."""
         rows = np.ones_like(self.used) if everywhere else self.used
         rest = self._measured - np.tensordot(weights, self._predicted, axes=1)
         if self._free is not None:
             rest = rest - self._free @ self._motion_of(weights)
         return np.asarray(rest[rows])
 
+    def foreign(self, noise: float) -> float:
+        """Fraction of the used values that leave more than every member predicts, and than noise.
+
+        Air of another kind, such as the plume of another body, moves dots that no member moves as
+        far; a coarse mesh changes the shifts of those that are moved.
+        """
+        left = np.linalg.norm(self.left(self.weights), axis=1)
+        most = np.linalg.norm(self._predicted[:, self.used], axis=2).max(axis=0)
+        return float(np.mean(left > np.maximum(most, BEYOND_NOISE * noise)))
+
     def covariance(self, noise: float) -> FloatArray:
-        """(k, k) covariance of the weights, by the noise of a component, px, and the residual.
+        """(k, k) covariance of the weights, by the noise of a component and the residual.
 
         The residual counts as noise of the shifts, which scatters the weights. Its systematic part
-        counts as a step towards each of the nearest members, and as more or less of all shifts. It
-        is what the squared residual has more than that of the noise, and two of its standard
-        deviations, sqrt(2 / f) of it each for f degrees of freedom, which no residual shows.
+        counts as a step towards each of the nearest members, and as more or less contrast, `WALL`
+        times that of what the dots see. It is what the squared residual has more than that of the
+        noise, and two of its standard deviations, sqrt(2 / f) of it each for f degrees of freedom,
+        which no residual shows.
         """
         count = len(self.weights)
         found = np.zeros((count, count))
@@ -102,7 +127,9 @@ class ShiftMixture:
         scaled = steps[near] * (systematic / size[near])[:, None]
         found += scaled.T @ scaled
         whole = max(float(np.sqrt(np.mean((self._columns @ self.weights) ** 2))), systematic)
-        return np.asarray(found + (systematic / whole) ** 2 * np.outer(self.weights, self.weights))
+        return np.asarray(
+            found + (WALL * systematic / whole) ** 2 * np.outer(self.weights, self.weights)
+        )
 
     def _motion_of(self, weights: FloatArray) -> FloatArray:
         assert self._free is not None
@@ -111,7 +138,7 @@ class ShiftMixture:
         return np.asarray(np.linalg.lstsq(rows, rest[self.used].ravel(), rcond=1e-10)[0])
 
     def _without_motion(self, used: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Predicted (2m, k) and measured (2m,) shifts without what a motion could make of them."""
+        """Predicted (cm, k) and measured (cm,) values without what a motion could make of them."""
         columns = self._predicted[:, used].reshape(len(self._predicted), -1).T
         target = self._measured[used].ravel()
         if self._free is None:

@@ -85,8 +85,7 @@ def rankable(
     column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
     metrics = {name: np.abs(values_of(dataset, v, column)) for name, v in variables.items()}
     if criteria.robust:
-        scatter = values_of(dataset, scatter_variable(criteria), column)
-        metrics["displacement"] += criteria.robust * scatter
+        metrics["displacement"] += scatter_added(dataset, criteria)
     good_rays = values_of(dataset, "rays_good", column)
     count = len(good_rays)
     failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else [""] * count
@@ -136,6 +135,13 @@ def rankable(
             "can be ranked; give the weight 0 to what is not known."
         )
     return metrics, eligible, reasons
+
+
+def scatter_added(dataset: xr.Dataset, criteria: Criteria) -> FloatArray:
+    """What the scatter over an ensemble's members adds to the displacement of all poses, mm."""
+    variable = scatter_variable(criteria)
+    column = ranked_region(dataset, [variable], criteria.region)
+    return np.asarray((criteria.robust or 0.0) * values_of(dataset, variable, column))
 
 
 def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int:

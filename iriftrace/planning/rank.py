@@ -17,7 +17,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.planning.candidates import in_force, name_of, rankable
+from iriftrace.planning.candidates import in_force, name_of, rankable, scatter_added
 from iriftrace.planning.criteria import METRICS, STANDARD, Criteria
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Plan:
         What the weights multiply: `normalised`, but 1 - normalised for the coverage, unless it is
         the same in all ranked poses.
     limits : dict of (2,) tuples
-        Minimum and percentile of each metric.
+        Minimum and percentile of each metric; of the displacement without what scatter adds.
     unranked : dict
         Number of each unranked pose and why it is not ranked.
     constant : tuple of str
@@ -112,6 +112,10 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     limits = {
         name: limits_of(values[eligible], criteria.percentile) for name, values in metrics.items()
     }
+    if criteria.robust:
+        # The scatter of poses down the plume would stretch the scale until no other one counts.
+        mean = metrics["displacement"] - scatter_added(dataset, criteria)
+        limits["displacement"] = limits_of(mean[eligible], criteria.percentile)
     if criteria.outside == "discard":
         for name in needed:
             upper = limits[name][1]

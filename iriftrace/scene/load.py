@@ -20,7 +20,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO, Bending
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import parse_quantity
-from iriftrace.field.path_data import FIELD_FILE, FieldCells
+from iriftrace.field.path_data import FIELD_FILE, FieldCells, load_field_file
 from iriftrace.field.source import FieldSource
 from iriftrace.part.part import Part, read_part
 from iriftrace.runtime import variant as runtime
@@ -168,6 +168,14 @@ class LoadedScene:
         own, its = (one.source.sha256 if one.source else None for one in (self, other))
         return own == its
 
+    @property
+    def cells(self) -> FieldCells:
+        """The cells of its field; an InputError where there is none."""
+        if self.path is not None:
+            return load_field_file(field_file(self.path, self.variables))
+        assert self._cells is not None
+        return self._cells()
+
     def with_cells(self) -> LoadedScene:
         """The same scene traced through its field's cells in place of its shells.
 
@@ -180,9 +188,8 @@ class LoadedScene:
                 integrator = integrator_for(self.integrator, "cells", self.name, file)
                 set_wavelength(integrator, self.variables)
             else:
-                assert self._cells is not None
                 integrator = integrator_for(self.integrator, "cells", self.name, Path(FIELD_FILE))
-                integrator.use(self._cells())
+                integrator.use(self.cells)
             integrator.prepare_as(self.integrator)
             found = found_of_field(integrator, self.stated, self.name)
         return evolve(

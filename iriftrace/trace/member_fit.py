@@ -7,7 +7,7 @@ of the members; a motion of the camera between the pictures may be fitted with i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,10 +19,10 @@ from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import Status
 from iriftrace.image.camera_motion import interaction_matrix
 from iriftrace.image.measured_shift import MeasuredShift
-from iriftrace.image.shift_mixture import ShiftMixture
+from iriftrace.image.shift_mixture import MOST_OUTLIERS, ShiftMixture
 from iriftrace.image.shift_noise import shift_noise
 from iriftrace.scene.ensemble import FieldMember
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.load import LoadedEnsemble, LoadedScene
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.trace.engine import choose
@@ -34,9 +34,6 @@ SCHEMA = "iriftrace.fit/1"
 DOUBTFUL = 2.0
 """From so many times the noise on the residual says that the members are not the measured air."""
 
-REFUSED = 3.0
-"""From so many times on no weighted scene is made of them."""
-
 INDISTINCT = 0.1
 """Members whose shifts differ by less, over their noise, cannot be told apart."""
 
@@ -46,25 +43,31 @@ BESIDE = 0.2
 
 @frozen(eq=False)
 class MemberFit:
-    """Weights that make the members' shifts those that were measured.
+    """Weights that make what the members predict what was measured.
 
     Attributes
     ----------
     members : tuple of FieldMember
         All members of the scene, with their fitted weights and rows of the covariance.
     covariance : (k, k) array
-        Of the weights: by the residual as noise of the shifts; and by what air may differ from the
-        fit by as much of the dots' shifts as the residual has more than the noise: towards the
-        nearest members, or all of it more or less.
-    residual_px, noise_px : float, px
+        Of the weights: by the residual as noise of what was measured; and by what air may differ
+        from the fit by as much as the residual has more than the noise: towards the nearest
+        members, or all of it more or less.
+    unit : str
+        Of the four next: ``"px"`` of shifts, ``"K"`` of temperatures.
+    residual, noise : float
         Root mean square of a component of what the fit leaves, and its noise.
-    single_px : (k,) array, px
+    single : (k,) array
         What each member leaves by itself.
-    measured_px : float, px
-        Root mean square of a component of the measured shifts.
+    foreign : float
+        Fraction that leaves more than the noise and than any member predicts, as in air of another
+        kind (`ShiftMixture.foreign`).
+    measured : float
+        Root mean square of a component of the measured shifts, or of what temperatures exceed the
+        ambient one.
     dots : dict of int
-        Number ``measured``, ``used``, ``hidden`` by a body, ``beside`` the board, ``lost`` and
-        ``outliers``.
+        Number ``measured``, ``used`` and ``outliers``; of shifts also ``hidden`` by a body,
+        ``beside`` the board and ``lost``.
     motion : (6,) array or None
         Translation, mm, and rotation vector, rad, of the camera between the pictures, in its own
         frame; None where it was not fitted.
@@ -72,10 +75,12 @@ class MemberFit:
 
     members: tuple[FieldMember, ...]
     covariance: FloatArray = field(repr=False)
-    residual_px: float
-    noise_px: float
-    single_px: FloatArray = field(repr=False)
-    measured_px: float
+    unit: str
+    residual: float
+    noise: float
+    single: FloatArray = field(repr=False)
+    foreign: float
+    measured: float
     dots: dict[str, int]
     motion: FloatArray | None
     provenance: dict[str, Any] = field(repr=False)
@@ -88,7 +93,7 @@ class MemberFit:
     @property
     def ratio(self) -> float:
         """Residual over noise."""
-        return self.residual_px / self.noise_px
+        return self.residual / self.noise
 
     @property
     def contained(self) -> bool:
@@ -98,9 +103,11 @@ class MemberFit:
     @property
     def verdict(self) -> str:
         """Whether the members contain the measured air, in a sentence."""
-        found = f"the residual of {self.residual_px:.3g} px is {self.ratio:.3g} times the noise"
+        found = (
+            f"the residual of {self.residual:.3g} {self.unit} is {self.ratio:.3g} times the noise"
+        )
         if self.contained:
-            return f"These members reproduce the measured shifts: {found}."
+            return f"These members reproduce what was measured: {found}."
         return f"These members do not contain your air: {found}."
 
     @property
@@ -109,32 +116,41 @@ class MemberFit:
         rows = zip(self.members, self.covariance, strict=True)
         return tuple(m for m, row in rows if m.weight > 0.0 or row.any())
 
+    @property
+    def refused(self) -> bool:
+        """Whether the measured air is of another kind, so that no scene is made of the members."""
+        return not self.contained and self.foreign > MOST_OUTLIERS
+
     def require_contained(self) -> None:
         """Refuse members that are far from the measured air, with an InputError."""
-        if self.ratio >= REFUSED:
+        if self.refused:
+            what = {"px": "dots move farther", "K": "temperatures rise higher"}[self.unit]
             raise InputError(
-                f"{self.verdict} No scene is written; add members that are closer (other speeds "
-                "and directions of the draught, other bodies), or check the board and its camera."
+                f"{self.verdict[:-1]}, and {self.foreign:.0%} of the {what} than in any member. No "
+                "scene is written; add members that are closer (other speeds and directions of the "
+                "draught, other bodies), or check that camera, board and places are those measured."
             )
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, schema ``iriftrace.fit/1``."""
-        labels = zip(self.members, self.single_px.tolist(), strict=True)
+        labels = zip(self.members, self.single.tolist(), strict=True)
         motion = None if self.motion is None else self.motion.tolist()
         return {
             "schema": SCHEMA,
             **self.provenance,
             "verdict": self.verdict,
-            "residual_px": self.residual_px,
-            "noise_px": self.noise_px,
-            "measured_px": self.measured_px,
+            "unit": self.unit,
+            "residual": self.residual,
+            "noise": self.noise,
+            "measured": self.measured,
+            "foreign": self.foreign,
             "effective_members": self.weights.effective,
             "dots": self.dots,
             "camera_motion": None
             if motion is None
             else {"translation_mm": motion[:3], "rotation_rad": motion[3:]},
             "members": [
-                {"number": m.number, "label": m.label, "weight": m.weight, "alone_px": alone}
+                {"number": m.number, "label": m.label, "weight": m.weight, "alone": alone}
                 for m, alone in labels
             ],
             "covariance": self.covariance.tolist(),
@@ -175,15 +191,11 @@ def fit_members(
         or the members' shifts do not differ, as of a board in front of the part.
     """
     loaded = loaded_scene(scene)
-    if loaded.ensemble is None:
-        raise InputError(
-            f"{loaded.name} has one field, so there are no weights to fit; make it of several "
-            "states of the air (iriftrace scene --member)."
-        )
+    ensemble = members_in(loaded)
     if noise_px is not None and not noise_px > 0.0:
         raise InputError(f"The noise is {noise_px:g} px; give a positive number.")
     camera = _full_camera(loaded)
-    _check_count(len(shifts.places), len(loaded.ensemble))
+    check_count(len(shifts.places), len(ensemble), "dots on the board")
     _check_in_picture(shifts, camera)
     noise = shift_noise(shifts.places, shifts.shifts) if noise_px is None else noise_px
     hot = shifts.places + shifts.shifts
@@ -192,30 +204,73 @@ def fit_members(
     points, status = _seen(chosen.scenes(), camera, hot)
     good = (status == Status.GOOD).all(axis=0)
     dots = _counts(status)
-    _check_dots(dots, len(loaded.ensemble))
+    _check_dots(dots, len(ensemble))
     predicted = hot[good] - np.array([camera.project(seen[good]) for seen in points])
     free = interaction_matrix(camera, points[0][good]) if camera_motion else None
     _check_spread(_rms(predicted - predicted.mean(axis=0)), noise)
     found = ShiftMixture(predicted, shifts.shifts[good], free)
-    covariance = found.covariance(noise)
-    fitted = MemberWeights(found.weights, covariance).rows
-    return MemberFit(
-        members=tuple(
-            evolve(member, weight=weight, covariance=row)
-            for member, (weight, row) in zip(loaded.ensemble.members, fitted, strict=True)
-        ),
-        covariance=covariance,
-        residual_px=found.residual,
-        noise_px=noise,
-        single_px=np.array([_rms(found.left(unit)) for unit in np.eye(len(fitted))]),
-        measured_px=_rms(shifts.shifts[good]),
-        dots={**dots, "used": int(found.used.sum()), "outliers": int((~found.used).sum())},
-        motion=found.motion,
+    return member_fit(
+        ensemble.members,
+        found,
+        noise,
+        unit="px",
+        measured=_rms(shifts.shifts[good]),
+        dots=dots,
         provenance={
             **provenance(loaded, camera),
             "shifts": {"path": shifts.path, "sha256": shifts.sha256},
         },
     )
+
+
+def member_fit(
+    members: Sequence[FieldMember],
+    found: ShiftMixture,
+    noise: float,
+    *,
+    unit: str,
+    measured: float,
+    dots: dict[str, int],
+    provenance: dict[str, Any],
+) -> MemberFit:
+    """What was found of members; attributes as of `MemberFit`."""
+    covariance = found.covariance(noise)
+    fitted = MemberWeights(found.weights, covariance).rows
+    return MemberFit(
+        members=tuple(
+            evolve(member, weight=weight, covariance=row)
+            for member, (weight, row) in zip(members, fitted, strict=True)
+        ),
+        covariance=covariance,
+        unit=unit,
+        residual=found.residual,
+        noise=noise,
+        single=np.array([_rms(found.left(alone)) for alone in np.eye(len(fitted))]),
+        foreign=found.foreign(noise),
+        measured=measured,
+        dots={**dots, "used": int(found.used.sum()), "outliers": int((~found.used).sum())},
+        motion=found.motion,
+        provenance=provenance,
+    )
+
+
+def members_in(scene: LoadedScene) -> LoadedEnsemble:
+    """The members of a scene; an InputError where it has one field."""
+    if scene.ensemble is None:
+        raise InputError(
+            f"{scene.name} has one field, so there are no weights to fit; make it of several "
+            "states of the air (iriftrace scene --member)."
+        )
+    return scene.ensemble
+
+
+def check_count(values: int, members: int, what: str, others: str = "") -> None:
+    """Refuse fewer measured values than members."""
+    if values < members:
+        raise InputError(
+            f"{values:,} {what} are fewer than the {members} members, so their weights cannot be "
+            f"determined{others}; measure more of them, or use fewer members."
+        )
 
 
 def _full_camera(scene: LoadedScene) -> Camera:
@@ -278,15 +333,8 @@ def _check_dots(dots: dict[str, int], members: int) -> None:
             f"All {measured:,} dots lie on the hot part or on another blocker, which hides the "
             "board there; give shifts of dots on the board."
         )
-    _check_count(usable, members, f" ({hidden:,} dots are hidden, {beside:,} beside the board)")
-
-
-def _check_count(dots: int, members: int, others: str = "") -> None:
-    if dots < members:
-        raise InputError(
-            f"{dots:,} dots on the board are fewer than the {members} members, so their weights "
-            f"cannot be told{others}; measure more dots, or use fewer members."
-        )
+    others = f" ({hidden:,} dots are hidden, {beside:,} beside the board)"
+    check_count(usable, members, "dots on the board", others)
 
 
 def _check_spread(spread: float, noise: float) -> None:

@@ -122,6 +122,10 @@ def test_body_that_fills_the_inlet_is_refused(cylinder: Part) -> None:
     with_bodies(cylinder, screen, draught=draught_from(0.1, (270.0,)))
     table = Body(block("table", (600.0, 600.0, 10.0), (5.0, -3.0, -16.5)))
     with_bodies(cylinder, table, draught=draught_from(0.1, (90.0,)))
+    wall = Body(block("wall", (900.0, 4.0, 1200.0), (0.0, 70.0, 0.0)))
+    with pytest.raises(InputError, match="close the air between its side ymax"):
+        with_bodies(cylinder, wall, draught=draught_from(0.1, (90.0,)))
+    with_bodies(cylinder, wall, draught=draught_from(0.1, (270.0,)))
 
 
 def test_bodies_that_cannot_be_are_refused(cylinder: Part) -> None:

@@ -558,13 +558,21 @@ def test_a_best_pose_that_sees_little_is_told() -> None:
 
 def test_a_pose_of_an_ensemble_counts_with_its_scatter() -> None:
     """Two standard deviations on top of the mean, unless other ones are asked for."""
-    table = sweep_table([1.0, 2.0, 3.0], [0.3] * 3, [0.1] * 3, [0.1] * 3)
+    table = sweep_table([1.0, 2.0, 3.0, 6.0], [0.3] * 4, [0.1] * 4, [0.1] * 4)
     alone = Criteria(1, 0, 0, 0)
-    assert rank_poses(table, alone).order.tolist() == [0, 1, 2]
+    assert rank_poses(table, alone).order.tolist() == [0, 1, 2, 3]
     with pytest.raises(InputError, match="of a single field"):
         rank_poses(table, evolve(alone, robust=2.0))
-    table["scatter_p95"] = table["displacement_p95"] * 0 + np.array([[2.0], [0.1], [0.0]])
+    scatter = np.array([[2.0], [0.1], [0.0], [0.0]])
+    table["scatter_p95"] = table["displacement_p95"] * 0 + scatter
     plan = rank_poses(table, alone)
-    assert plan.metrics["displacement"].tolist() == pytest.approx([5.0, 2.2, 3.0])
-    assert plan.order.tolist() == [1, 2, 0]
-    assert rank_poses(table, evolve(alone, robust=0.0)).order.tolist() == [0, 1, 2]
+    assert plan.metrics["displacement"].tolist() == pytest.approx([5.0, 2.2, 3.0, 6.0])
+    assert plan.order.tolist() == [1, 2, 0, 3]
+    assert rank_poses(table, evolve(alone, robust=0.0)).order.tolist() == [0, 1, 2, 3]
+
+
+def test_scatter_of_one_pose_leaves_the_scale_of_the_others() -> None:
+    """Twice the displacement is worse than 1 % more of the part, however another pose scatters."""
+    table = sweep_table([1.0, 2.0, 3.0], [0.3, 0.31, 0.9], [0.1] * 3, [0.1] * 3)
+    table["scatter_p95"] = table["displacement_p95"] * 0 + np.array([[0.0], [0.0], [1e3]])
+    assert rank_poses(table, Criteria(0.5, 0.2, 0, 0)).best == 0

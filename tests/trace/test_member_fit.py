@@ -89,7 +89,7 @@ def test_twin(
 ) -> None:
     """What the weighted correction leaves, against the block's planes and beside still air's."""
     fit = iriftrace.fit_members(board, shifts)
-    assert fit.noise_px == pytest.approx(NOISE, rel=0.1)
+    assert fit.noise == pytest.approx(NOISE, rel=0.1)
     assert fit.contained
     assert fit.ratio < 1.3
     assert 1.8 < fit.weights.effective < 2.2
@@ -213,7 +213,7 @@ def test_command(
     words = ["fit", str(xml.path), str(tmp_path / "s.csv"), "--engine", "shells", "-o"]
     assert main([*words, str(tmp_path / "fitted" / "scene.xml")]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "These members reproduce the measured shifts" in printed
+    assert "These members reproduce what was measured" in printed
     fit = json.loads((tmp_path / "fitted" / "fit.json").read_text())
     in_memory = iriftrace.fit_members(board, shifts)
     weights = [row["weight"] for row in fit["members"]]

@@ -24,6 +24,7 @@ FOLDER = "bodies"
 _COLDEST = 200.0  # K
 _INLET_SAMPLES = 40
 _MOST_BLOCKED = 0.5
+_SLICES = 9
 _SYMMETRIC = 5e-3
 _INWARD = 1e-3  # mm
 
@@ -120,6 +121,27 @@ def check_inlets(bodies: Sequence[Body], inlets: Sequence[str], domain: Domain) 
                 "the draught enters; give smaller ones, enlarge the air with --margin, or let the "
                 "draught come from another side."
             )
+        if _screened(bodies, name, points, domain):
+            raise InputError(
+                f"the bodies close the air between its side {name}, through which the draught "
+                "enters, and the part; give smaller ones, or let the draught come from another "
+                "side."
+            )
+
+
+def _screened(bodies: Sequence[Body], inlet: str, points: FloatArray, domain: Domain) -> bool:
+    """Whether bodies stand before the part all over the (n, 3) points of an inlet."""
+    axis, sign = SIDES[inlet]
+    middle = 0.5 * (domain.lower[axis] + domain.upper[axis])
+    blocked: BoolArray = np.zeros(len(points), dtype=bool)
+    for body in bodies:
+        low, high = body.surface.bounds[:, axis]
+        for place in np.linspace(low, high, _SLICES + 2)[1:-1]:
+            if sign * (place - middle) > 0.0:
+                moved = points.copy()
+                moved[:, axis] = place
+                blocked |= body.surface.closed_surface.inside(moved)
+    return bool(blocked.all())
 
 
 def check_mirrored_bodies(bodies: Sequence[Body], centre: FloatArray, mirrors: str) -> None:

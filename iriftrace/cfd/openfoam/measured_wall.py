@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +15,7 @@ from scipy.spatial import cKDTree
 from iriftrace.core.arrays import FloatArray, IntArray, as_float64
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, sha256_of
-from iriftrace.core.number_table import is_numbers, numbers, separator_of
+from iriftrace.core.number_table import header_columns, is_numbers, numbers, separator_of
 from iriftrace.core.units import length_factor
 from iriftrace.field.arrays import choose_array, point_values, to_kelvin
 from iriftrace.field.readers.vtk_process import read_file
@@ -24,7 +23,6 @@ from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
 
 _TABLES, _SURFACES = (".csv", ".txt"), (".vtp", ".vtu", ".vtk")
-_COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 # A face is far from the points where it is farther than they are from each other, several times.
 _FAR_SPACINGS = 3.0
 
@@ -126,11 +124,12 @@ def read_measured_wall(
 
 def _table(path: Path, length_unit: str | None, temperature_unit: str | None) -> MeasuredWall:
     lines = [line for line in path.read_text(errors="replace").splitlines() if line.strip()]
-    names = ["x", "y", "z", "T"]
-    stated: dict[str, str] = {}
+    columns = dict.fromkeys(("x", "y", "z", "T"), "")
     if lines and not is_numbers(lines[0].lstrip("#%")):
-        names, stated = _header(lines[0].lstrip("#%"))
+        columns = header_columns(lines[0])
         lines = lines[1:]
+    names = list(columns)
+    stated = {name: unit for name, unit in columns.items() if unit}
     rows = [line for line in lines if line.lstrip()[0] not in "#%"]
     if not rows:
         raise InputError(f"{path} has no rows of numbers; export x, y, z and T.")
@@ -153,13 +152,6 @@ def _table(path: Path, length_unit: str | None, temperature_unit: str | None) ->
             data.point_data[name] = values[:, number]
     factor = _length_factor(length_unit, units.pop() if units else None, path)
     return _measured(path, data, None, factor, stated or None, temperature_unit)
-
-
-def _header(line: str) -> tuple[list[str], dict[str, str]]:
-    """Names of columns and the units that stand behind them, where they do."""
-    found = [_COLUMN.fullmatch(word.strip('" ')) for word in re.split(r"[,;\t]", line)]
-    pairs = [(match["name"], match["unit"] or "") for match in found if match]
-    return [name for name, _ in pairs], {name: unit for name, unit in pairs if unit}
 
 
 def _surface(path: Path, length_unit: str | None, temperature_unit: str | None) -> MeasuredWall:

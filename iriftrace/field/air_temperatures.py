@@ -1,0 +1,93 @@
+"""Temperatures that thermocouples measured in the air."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.core.files import check_readable, sha256_of
+from iriftrace.core.number_table import header_columns, numbers, separator_of
+from iriftrace.core.units import ZERO_CELSIUS_K, length_factor, parse_quantity
+
+COLUMNS = ("x", "y", "z", "T")
+
+
+@frozen(eq=False)
+class AirTemperatures:
+    """Temperatures of the air at n places.
+
+    Attributes
+    ----------
+    places : (n, 3) array, mm, world
+    kelvins : (n,) array, K
+    deviations : (n,) array, K
+        Standard uncertainty of each.
+    path : str
+    sha256 : str
+    """
+
+    places: FloatArray
+    kelvins: FloatArray
+    deviations: FloatArray
+    path: str
+    sha256: str
+
+
+def is_air_temperatures(path: Path) -> bool:
+    """Whether the first line of a file names the columns of `read_air_temperatures`."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        return set(COLUMNS) <= set(header_columns(file.readline(10_000).strip()))
+
+
+def read_air_temperatures(path: str | Path) -> AirTemperatures:
+    """Read temperatures of thermocouples in the air.
+
+    Parameters
+    ----------
+    path : path
+        A table whose header names x, y, z and T, with units as in ``T (degC)``, else mm and K; and
+        U, the expanded uncertainty (k = 2) of T in its unit. Without U the tolerance of a type K
+        thermocouple of class 2 counts as a rectangle's half width: 2.5 K, or 0.75 % of the degrees
+        Celsius (IEC 60584-1).
+
+    Raises
+    ------
+    InputError
+        The file is missing or damaged, lacks a column, or an uncertainty is not positive.
+    """
+    file = Path(path)
+    check_readable(file)
+    text = file.read_text(encoding="utf-8-sig", errors="replace")
+    header, *rows = [line for line in text.splitlines() if line.strip()] or [""]
+    columns = header_columns(header)
+    missing = [name for name in COLUMNS if name not in columns]
+    if missing or not rows:
+        raise InputError(
+            f"{file} has {'no rows' if not missing else 'no column ' + ', '.join(missing)}; give "
+            "places and temperatures of the air under a header x, y, z, T, and U if it is known."
+        )
+    table = numbers(rows, separator_of(rows[0]), file, "temperatures")
+    if table.shape[1] != len(columns) or not np.isfinite(table).all():
+        raise InputError(
+            f"{file} has {len(columns)} columns in its header and {table.shape[1]} in its rows, or "
+            "values that are not finite; give a finite number for each column."
+        )
+    by_name = dict(zip(columns, table.T, strict=True))
+    unit = columns["T"] or "K"
+    zero, ten = (parse_quantity(f"{value} {unit}", "K") for value in (0, 10))
+    step = 0.1 * (ten - zero)
+    kelvins = zero + step * by_name["T"]
+    if "U" in by_name:
+        deviations = 0.5 * step * by_name["U"]
+    else:
+        deviations = np.maximum(2.5, 0.0075 * np.abs(kelvins - ZERO_CELSIUS_K)) / np.sqrt(3.0)
+    if not (deviations.min() > 0.0 and kelvins.min() > 0.0):
+        raise InputError(
+            f"{file} has temperatures below 0 K or uncertainties U of 0 K or less; correct them."
+        )
+    places = [length_factor(columns[axis] or "mm") * by_name[axis] for axis in "xyz"]
+    return AirTemperatures(np.column_stack(places), kelvins, deviations, str(file), sha256_of(file))

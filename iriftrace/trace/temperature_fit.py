@@ -1,0 +1,74 @@
+"""Weights of an ensemble's members from temperatures that thermocouples measured in the air."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iriftrace.core.errors import InputError
+from iriftrace.field.air_temperatures import AirTemperatures
+from iriftrace.image.shift_mixture import ShiftMixture
+from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.trace.member_fit import INDISTINCT, MemberFit, check_count, member_fit, members_in
+from iriftrace.trace.provenance import provenance
+
+
+def fit_temperatures(scene: AnyScene, temperatures: AirTemperatures) -> MemberFit:
+    """Fit the weights of an ensemble's members to temperatures of the air.
+
+    Each temperature counts by its own uncertainty; residual and noise are in K of their root mean
+    square.
+
+    Parameters
+    ----------
+    scene : Scene, LoadedScene or path
+        An ensemble of fields; what it measures and its camera do not matter.
+    temperatures : AirTemperatures
+        In the scene's frame (:func:`iriftrace.read_air_temperatures`).
+
+    Returns
+    -------
+    MemberFit
+
+    Raises
+    ------
+    InputError
+        The scene is no ensemble or has no fields; places lie in its part; there are fewer
+        temperatures than members; or the members hardly differ there.
+    """
+    loaded = loaded_scene(scene)
+    ensemble = members_in(loaded)
+    check_count(len(temperatures.places), len(ensemble), "thermocouples")
+    inside = loaded.part.surface.inside(temperatures.places)
+    if inside.any():
+        raise InputError(
+            f"{inside.sum()} of {len(inside)} thermocouples in {temperatures.path} lie inside the "
+            "part, where there is no air; give places in mm in the frame of the scene, or leave "
+            "them out."
+        )
+    states = [member.cells for member in ensemble.scenes()]
+    ambient = states[0].air.temperature_k
+    # Excess over the ambient air: the covariance scales it as a whole.
+    predicted = np.array([cells.temperature_at(temperatures.places) for cells in states]) - ambient
+    measured = temperatures.kelvins - ambient
+    noise = float(np.sqrt(np.mean(temperatures.deviations**2)))
+    factor = noise / temperatures.deviations
+    spread = float(np.sqrt(np.mean((factor * (predicted - predicted.mean(axis=0))) ** 2)))
+    if spread < INDISTINCT * noise:
+        raise InputError(
+            f"The members' temperatures differ by {spread:.2g} K at the thermocouples, less than a "
+            f"tenth of their uncertainty of {noise:.2g} K, so they tell nothing of the air; place "
+            "thermocouples in the plume."
+        )
+    found = ShiftMixture((factor * predicted)[:, :, None], (factor * measured)[:, None])
+    return member_fit(
+        ensemble.members,
+        found,
+        noise,
+        unit="K",
+        measured=float(np.sqrt(np.mean(measured**2))),
+        dots={"measured": len(factor)},
+        provenance={
+            **provenance(loaded, loaded.camera),
+            "temperatures": {"path": temperatures.path, "sha256": temperatures.sha256},
+        },
+    )
