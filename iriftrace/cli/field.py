@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,7 @@ from cyclopts import App, Parameter
 
 from iriftrace.cli.console import command_line, out, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.hot_temperature import nearest_wall
 from iriftrace.cli.options import (
     Length,
     Temperature,
@@ -99,7 +101,7 @@ def check(
         raise InputError("Iso-surfaces have no air between them to be checked; give the volume.")
     if diameter is not None and not diameter > 0.0:
         raise InputError(f"--diameter is {diameter:g} mm, but a cylinder's diameter is positive.")
-    measured = part_options.read(part)
+    measured = part_options.read(part, nearest_wall(partial(field_options.read, field, air.air())))
     with working("Reading the field"):
         volume = field_options.read(field, air.air(), measured, flow=True)
     with working("Checking the field"):

@@ -64,6 +64,8 @@ class Part:
         Whether every edge belongs to an even number of triangles.
     growth
         Thermal expansion that the vertices contain, where it is known.
+    drawing
+        (n, 3) array, mm, world: the vertices of the cold part, where it has grown unevenly.
     """
 
     vertices: FloatArray
@@ -76,6 +78,7 @@ class Part:
     length_unit: str
     closed: bool
     growth: Growth | None = None
+    drawing: FloatArray | None = None
 
     def __repr__(self) -> str:
         extent = " x ".join(f"{length:.5g}" for length in np.ptp(self.bounds, axis=0))
@@ -176,6 +179,7 @@ class Part:
         return evolve(
             self,
             vertices=apply(affine, self.vertices),
+            drawing=None if self.drawing is None else apply(affine, self.drawing),
             faces=self.faces[:, ::-1] if mirrored else self.faces,
         )
 
@@ -236,7 +240,8 @@ def read_part(
     )
     stated = file.unit and _SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
     length_unit = length_unit or stated or "mm"
-    vertices = file.vertices * (length_factor(length_unit) * factor)
+    scale = length_factor(length_unit) * factor
+    vertices = file.vertices * scale
     _check_unit(path, vertices, stated or length_unit, length_unit)
     part = part_of_mesh(
         vertices,
@@ -248,7 +253,12 @@ def read_part(
         transform=transform,
         region_angle_deg=region_angle_deg,
     )
-    return evolve(part, growth=growth)
+    if file.drawing is None or growth is None:
+        return evolve(part, growth=growth)
+    drawing = file.drawing * scale
+    if transform is not None:
+        drawing = apply(checked_matrix(transform), drawing)
+    return evolve(part, growth=growth, drawing=drawing)
 
 
 def part_of_mesh(
@@ -341,7 +351,7 @@ def save_part(part: Part, path: str | Path) -> None:
         The name has another ending, or the folder does not exist.
     """
     regions = Regions(part.region_of_face, part.region_names)
-    write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth)
+    write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth, part.drawing)
 
 
 def _growth(
