@@ -154,6 +154,8 @@ def synthetic(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     wall_temperature: Temperature = 1100.0 + ZERO_CELSIUS_K,
+    region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None,
+    transition: Length | None = None,
     ambient: Temperature = 20.0 + ZERO_CELSIUS_K,
     boundary_layer: Length | None = None,
     plume: float = 0.8,
@@ -181,6 +183,12 @@ def synthetic(
         The field's file, .vtu: mm, array T in K.
     wall_temperature
         Temperature of the part.
+    region_temperature
+        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that a pattern
+        fits, "plane -x*=900 degC"; repeatable.
+    transition
+        Width over which one wall temperature goes over into another; by default the boundary
+        layer's thickness.
     ambient
         Temperature of the room.
     boundary_layer
@@ -208,6 +216,8 @@ def synthetic(
         ambient_k=ambient,
         boundary_layer_mm=boundary_layer,
         plume=plume,
+        regions=region_temperatures(region_temperature),
+        transition_mm=transition,
     )
     size = usual_mesh(air, cell_mm=cell_size, sides_mm=sides, height_mm=height)
     with working("Meshing the air"):
