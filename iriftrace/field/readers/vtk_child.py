@@ -103,6 +103,30 @@ def _read_exodus(request: Request) -> Any:
     return _output(reader)
 
 
+def _read_cgns(request: Request) -> Any:
+    """One time of a CGNS file, its only one where `time` is empty, and all times; "none": these."""
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as pipeline
+    from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
+
+    reader = vtkCGNSReader()
+    reader.SetFileName(request["path"])
+    window = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    reader.UpdateInformation()
+    if not reader.GetNumberOfBaseArrays():
+        raise ValueError("VTK finds no base of CGNS in it")
+    times = reader.GetOutputInformation(0).Get(pipeline.TIME_STEPS()) or ()
+    request["named"] = [repr(float(time)) for time in times]
+    if request["time"] == "none":
+        return model.vtkMultiBlockDataSet()
+    reader.EnableAllBases()
+    reader.EnableAllPointArrays()
+    reader.EnableAllCellArrays()
+    if request["time"]:
+        reader.UpdateTimeStep(float(request["time"]))
+    return _output(reader)
+
+
 def _output(reader: Any) -> Any:
     """What a reader has read; a ValueError with its first complaint."""
     window = vtkStringOutputWindow()
@@ -142,6 +166,7 @@ def _read_case(request: Request) -> Any:
 _READERS: dict[str, Callable[[Request], Any]] = {
     "file": _read_file,
     "case": _read_case,
+    "cgns": _read_cgns,
     "ensight": _read_ensight,
     "exodus": _read_exodus,
 }

@@ -93,6 +93,15 @@ def read_exodus(path: Path, step: int | None) -> tuple[Any, list[str]]:
     return _read(path, "exodus", path.stat().st_size, step=number)
 
 
+def read_cgns(path: Path, time: str | None) -> tuple[Any, list[str]]:
+    """Zones of one time of a CGNS file (its only one: "") and all times; None reads these alone.
+
+    An InputError if it is damaged.
+    """
+    what = {"time": "none" if time is None else time}
+    return _read(path, "cgns", path.stat().st_size, **what)
+
+
 def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found there.
 
