@@ -25,7 +25,7 @@ def write(
     """Write one zone with the array T of a grid of one kind of cells, and its values later.
 
     `later` has times and values; the grid's own T is that of time 0. `location` is Vertex or
-    CellCenter; values are those of points or cells. `units` are of lengths and temperatures, such as
+    CellCenter; values are those of points or cells. `units` are of lengths and temperatures, as
     ("Meter", "Kelvin").
     """
     states = [(0.0, np.asarray(grid["T"])), *later]
