@@ -9,7 +9,7 @@ from attrs import frozen
 
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
-from iriftrace.triangulation.feature_table import corners_of, feature_row
+from iriftrace.triangulation.feature_table import feature_row
 from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.relations import relations, value_key
 
@@ -18,13 +18,17 @@ Rows = list[dict[str, Any]]
 K = 2
 """Of the expanded uncertainty."""
 
+_PLACES = np.full((3, 3), 1.0 / 6.0) + np.eye(3) / 2.0
+"""Shares of a triangle's corners at three places, whose mean is exact for quadratic functions
+(Strang and Fix, An Analysis of the Finite Element Method, 1973, table 4.1)."""
+
 
 @frozen
 class ColdSizes:
     """How sizes of an expanded part are brought to the temperature of its drawing.
 
     A size is divided by the growth of the same feature of the model: its size hot over that cold,
-    fitted to the corners of the hot part and of its drawing.
+    fitted to the surfaces of the hot part and of its drawing.
 
     Attributes
     ----------
@@ -81,11 +85,17 @@ class ColdSizes:
     def _model(self, growth: Growth, row: dict[str, Any]) -> dict[str, Any]:
         """Row of the same feature of the model, hot and cold."""
         part, kind, region = self.part, row["kind"], row["region"]
-        chosen = corners_of(part, region)
         cold = part.vertices / growth.factor if part.drawing is None else part.drawing
-        clouds = {"hot": part.vertices[chosen], "cold": cold[chosen]}
-        fits = {name: fit_feature(points, kind) for name, points in clouds.items()}
-        return feature_row(kind, region, len(chosen), fits)
+        chosen = np.ones(len(part.faces), dtype=bool)
+        if region is not None:
+            chosen = part.region_of_face == part.region_names.index(region)
+        faces, weights = part.faces[chosen], np.repeat(part.face_areas[chosen], 3)
+        clouds = {"hot": part.vertices, "cold": cold}
+        fits = {
+            name: fit_feature((_PLACES @ vertices[faces]).reshape(-1, 3), kind, weights)
+            for name, vertices in clouds.items()
+        }
+        return feature_row(kind, region, len(weights), fits)
 
     def _reference(
         self, growth: Growth, size: float | None, model: dict[str, float | None]

@@ -136,7 +136,7 @@ def feature_row(
 def _other_surface(part: Part, kind: str, region: str) -> str | None:
     """Why a region's points are no surface of a kind, where it is one of another."""
     is_a = _kind_of_region(part, region) if region and kind in FOUND_KINDS else None
-    if is_a is None or _lies_on(part.vertices[corners_of(part, region)], kind):
+    if is_a is None or _lies_on(_corners(part, region), kind):
         return None
     return f"The points of {region} are no {kind}, as that is a {is_a}; choose {is_a}:{region}."
 
@@ -218,15 +218,13 @@ def found_features(part: Part, face: IntArray) -> list[str]:
 
 def _kind_of_region(part: Part, name: str) -> str | None:
     """Kind of surface that a region is, None where it is none of `FOUND_KINDS`."""
-    return surface_kind(part.vertices[corners_of(part, name)])
+    return surface_kind(_corners(part, name))
 
 
-def corners_of(part: Part, region: str | None) -> IntArray:
-    """Numbers of the vertices of a region, or of the whole part."""
-    faces = part.faces
-    if region is not None:
-        faces = faces[part.region_of_face == part.region_names.index(region)]
-    corners: IntArray = np.unique(faces)
+def _corners(part: Part, region: str) -> FloatArray:
+    """Vertices of a region, (n, 3), mm."""
+    faces = part.faces[part.region_of_face == part.region_names.index(region)]
+    corners: FloatArray = part.vertices[np.unique(faces)]
     return corners
 
 
