@@ -58,6 +58,8 @@ PROJECTION = ("P", "projection_matrix")
 LENS = ("distortion_model", "camera_model")
 FISHEYE = ("fisheye_model", "fisheye")
 _VIEWS = ("extrinsic_parameters",)
+_PINHOLE_SCALARS = ("fx", "fy", "cx", "cy")
+_LENS_SCALARS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _RADTAN = ("radtan", "radial-tangential", "radial_tangential", "radialtangential")
 """Names of k1, k2, p1, p2 in Kalibr and its like."""
 
@@ -147,7 +149,7 @@ def read_calibration(path: str | Path, *, length_mm: float = 1.0) -> Calibration
     IriftraceWarning
         The rotation is rounded to few digits; four coefficients could be those of a fisheye lens.
     """
-    values = CalibrationValues(Path(path), calibration_content(Path(path)))
+    values = _without_scalars(CalibrationValues(Path(path), calibration_content(Path(path))))
     _refuse_two_cameras(values)
     return calibration_of(values, length_mm)
 
@@ -166,6 +168,18 @@ def calibration_of(values: CalibrationValues, length_mm: float) -> Calibration:
         matrix=_pose(values, length_mm),
         views=_views(values),
     )
+
+
+def _without_scalars(values: CalibrationValues) -> CalibrationValues:
+    """Values with `intrinsics` and coefficients in place of fx, fy, cx, cy and k1, k2, p1 ..."""
+    pinhole = [values.named((name,)) for name in _PINHOLE_SCALARS]
+    lens = [values.named((name,)) for name in _LENS_SCALARS]
+    if not all(isinstance(value, int | float) for value in pinhole):
+        return values
+    content = {**values.content, PINHOLE[0]: pinhole}
+    if isinstance(lens[0], int | float):
+        content[DISTORTION[0]] = [0.0 if value is None else value for value in lens]
+    return CalibrationValues(values.path, content, values.camera)
 
 
 def to_world(rotation: FloatArray, translation: FloatArray) -> FloatArray:

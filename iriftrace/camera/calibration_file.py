@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import re
 import xml.etree.ElementTree as ElementTree
@@ -75,7 +76,8 @@ def calibration_content(path: Path) -> Mapping[str, Any]:
                 f"The calibration {path} has {path.stat().st_size:,} bytes, more than any camera "
                 f"needs ({LARGEST_BYTES:,}); give the file that OpenCV's FileStorage wrote."
             )
-        text = path.read_text(encoding="utf-8-sig")
+        wide = path.read_bytes()[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        text = path.read_text(encoding="utf-16" if wide else "utf-8-sig")
     except OSError as error:
         raise InputError(f"cannot read the calibration {path}: {error.strerror}.") from error
     except UnicodeDecodeError as error:

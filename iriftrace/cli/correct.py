@@ -110,16 +110,12 @@ def correct(
         found = take_out(
             points, loaded, system=system, phase=phase, field_uncertainty=field_uncertainty
         )
-    features = found.features(
-        loaded.part,
-        feature or (),
-        gate,
-        u_expansion=expansion_uncertainty,
-        u_temperature_k=temperature_uncertainty,
-    )
+    doubts = {"u_expansion": expansion_uncertainty, "u_temperature_k": temperature_uncertainty}
+    features = found.features(loaded.part, feature or (), gate, **doubts)
+    related = found.relations(loaded.part, features, **doubts)
     regions = found.regions(loaded.part)
     files: tuple[Path, ...] = found.save(
-        output, features, regions, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
+        output, features, regions, related, cloud=read, motion=motion, in_cloud_frame=in_cloud_frame
     )
     if figures:
         from iriftrace.figures.scan import correction_figure
@@ -131,8 +127,8 @@ def correct(
         files = (*files, picture)
     values = found.as_dict()
     _say_counts(values)
-    say_features(features, "corrected", gate, found.growth, synthetic=found.state.synthetic)
-    say_relations(features, "corrected", found.growth)
+    say_features(features, "corrected", gate, found.state.synthetic)
+    say_relations(related, "corrected", found.state.synthetic)
     print_regions(regions, "Refraction error along the normal by region, taken out")
     _say_expansion(found.growth, features)
     _say_uncertainty(found, values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,7 @@ from cyclopts import App, Parameter
 
 from iriftrace.cli.console import command_line, out, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions
+from iriftrace.cli.hot_temperature import nearest_wall
 from iriftrace.cli.options import (
     Length,
     Temperature,
@@ -99,7 +101,7 @@ def check(
         raise InputError("Iso-surfaces have no air between them to be checked; give the volume.")
     if diameter is not None and not diameter > 0.0:
         raise InputError(f"--diameter is {diameter:g} mm, but a cylinder's diameter is positive.")
-    measured = part_options.read(part)
+    measured = part_options.read(part, nearest_wall(partial(field_options.read, field, air.air())))
     with working("Reading the field"):
         volume = field_options.read(field, air.air(), measured, flow=True)
     with working("Checking the field"):
@@ -152,6 +154,8 @@ def synthetic(
     *,
     output: Annotated[Path, Parameter(name=["-o", "--output"])],
     wall_temperature: Temperature = 1100.0 + ZERO_CELSIUS_K,
+    region_temperature: Annotated[list[str] | None, Parameter(negative=())] = None,
+    transition: Length | None = None,
     ambient: Temperature = 20.0 + ZERO_CELSIUS_K,
     boundary_layer: Length | None = None,
     plume: float = 0.8,
@@ -179,6 +183,12 @@ def synthetic(
         The field's file, .vtu: mm, array T in K.
     wall_temperature
         Temperature of the part.
+    region_temperature
+        Another temperature for a region of the part, NAME=TEMPERATURE, or for all that a pattern
+        fits, "plane -x*=900 degC"; repeatable.
+    transition
+        Width over which one wall temperature goes over into another; by default the boundary
+        layer's thickness.
     ambient
         Temperature of the room.
     boundary_layer
@@ -206,6 +216,8 @@ def synthetic(
         ambient_k=ambient,
         boundary_layer_mm=boundary_layer,
         plume=plume,
+        regions=region_temperatures(region_temperature),
+        transition_mm=transition,
     )
     size = usual_mesh(air, cell_mm=cell_size, sides_mm=sides, height_mm=height)
     with working("Meshing the air"):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from attrs import asdict, frozen
 from cyclopts import Group, Parameter
 
+from iriftrace.cli.hot_temperature import HotTemperatures
 from iriftrace.cli.options import (
     Expansion,
     Length,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from iriftrace.air.refractivity import Air
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
+    from iriftrace.part.uneven_growth import Temperatures
     from iriftrace.shells.stack import ShellStack
 
 
@@ -91,7 +93,10 @@ class PartOptions:
     reference_temperature
         Temperature at which the part was drawn.
     hot_temperature
-        Temperature of the hot part; needed with expansion.
+        Temperature of the hot part, "1050 degC", needed with expansion; repeatable for regions with
+        another one, NAME=TEMPERATURE or a pattern, "plane -x*=900 degC"; or "field", those of the
+        field's wall. Where they differ, the part grows as a free elastic body, each place inside
+        with the temperature of the nearest wall, which is an approximation.
     region_angle
         Faces that meet at a smaller angle (degrees) belong to one region.
     """
@@ -100,36 +105,58 @@ class PartOptions:
     part_transform: str | None = None
     expansion: Expansion | None = None
     reference_temperature: Temperature = 20.0 + ZERO_CELSIUS_K
-    hot_temperature: Temperature | None = None
+    hot_temperature: Annotated[list[str] | None, Parameter(negative=())] = None
     region_angle: float = 30.0
 
-    def read(self, path: Path) -> Part:
-        """Read the part."""
+    def read(self, path: Path, field_wall: Callable[[Part], Temperatures] | None = None) -> Part:
+        """Read the part; `field_wall` gives the temperatures of the field's wall, if need be."""
         from iriftrace.geometry.transform import parse_transform
         from iriftrace.part.part import read_part
+        from iriftrace.part.uneven_growth import grown_unevenly
 
-        return read_part(
+        hot = self.hot
+        if self.expansion is None and hot.uneven:
+            raise InputError(
+                "--hot-temperature names the field or regions, by which the part grows only with "
+                "--expansion; give that, such as 14e-6/K."
+            )
+        matrix = None if self.part_transform is None else parse_transform(self.part_transform)
+        part = read_part(
             path,
             length_unit=self.length_unit,
-            transform=None if self.part_transform is None else parse_transform(self.part_transform),
-            expansion=self.expansion,
+            transform=matrix,
+            expansion=None if hot.uneven else self.expansion,
             reference_temperature_k=self.reference_temperature,
-            hot_temperature_k=self.hot_temperature,
+            hot_temperature_k=hot.default,
             region_angle_deg=self.region_angle,
         )
+        if self.expansion is None or not hot.uneven:
+            return part
+        return grown_unevenly(
+            part,
+            self.expansion,
+            self.reference_temperature,
+            hot.at_walls(part, field_wall),
+            (0.0, 0.0, 0.0) if matrix is None else matrix[:3, 3],
+        )
+
+    @property
+    def hot(self) -> HotTemperatures:
+        """What --hot-temperature says."""
+        return HotTemperatures.of_words(self.hot_temperature)
 
     def words(self) -> list[str]:
         """The options that differ from their defaults, as they are typed."""
         written: dict[str, Callable[[Any], str]] = {
             "expansion": lambda value: f"{value!r}/K",
             "reference_temperature": celsius,
-            "hot_temperature": celsius,
         }
         values = asdict(self, filter=lambda option, value: value != option.default)
         return [
             word
             for name, value in values.items()
-            for word in (f"--{name.replace('_', '-')}", written.get(name, str)(value))
+            for each in (value if isinstance(value, list) else [value])
+            for word in (f"--{name.replace('_', '-')}", written.get(name, str)(each))
         ]
 
 

@@ -87,7 +87,8 @@ def write_scan(
     features = scan.features(loaded.part, feature or (), gate)
     errors = accepted(features, loaded.part) if acceptance else []
     regions = scan.regions(loaded.part)
-    files = list(scan.save(output, features, errors, regions))
+    related = scan.relations(loaded.part, features)
+    files = list(scan.save(output, features, errors, regions, related))
     values = scan.as_dict()
     if figures:
         from iriftrace.figures.scan import scan_figure
@@ -121,8 +122,8 @@ def write_scan(
         say(f"The two lines miss each other by {um(values['gap_mm']['median'])} (median).")
     say_field(scan.provenance)
     say("Files: " + ", ".join(map(str, files)))
-    say_features(features, "cold", gate, loaded.part.growth)
-    say_relations(features, "cold", loaded.part.growth)
+    say_features(features, "cold", gate)
+    say_relations(related, "cold")
     print_regions(regions, "Error along the normal by region")
     for row in errors:
         value = row["error_mm"]

@@ -302,17 +302,18 @@ def check_output(path: Path | None, example: str, *others: str, make: bool = Fal
     check_folder(path.parent)
 
 
-def region_temperatures(texts: Sequence[str] | None) -> dict[str, float]:
+def region_temperatures(
+    texts: Sequence[str] | None, option: str = "--region-temperature"
+) -> dict[str, float]:
     """Temperatures, K, of the regions that ``--region-temperature NAME=TEMPERATURE`` name."""
     found: dict[str, float] = {}
     for text in texts or ():
         name, equals, value = text.rpartition("=")
         if not (name and equals and value):
             raise InputError(
-                f'--region-temperature is "{text}"; write it as NAME=TEMPERATURE, such as '
-                '"head +x=450 degC".'
+                f'{option} is "{text}"; write it as NAME=TEMPERATURE, such as "head +x=450 degC".'
             )
         if name in found:
-            raise InputError(f'--region-temperature names "{name}" twice; give it once.')
-        found[name] = quantity(value, "kelvin", "--region-temperature")
+            raise InputError(f'{option} names "{name}" twice; give it once.')
+        found[name] = quantity(value, "kelvin", option)
     return found

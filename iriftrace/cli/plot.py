@@ -70,7 +70,7 @@ def plot(
     say(f"Pictures in {output}: {', '.join(path.name for path in pictures)}")
 
 
-def view(file: Path, *, picture: Path | None = None) -> None:
+def view(file: Path, *, picture: Path | None = None, length_unit: str | None = None) -> None:
     """Show a scene, a result, a field or a part in a window, to be turned with the mouse.
 
     Example: ``iriftrace view scene.xml``
@@ -84,13 +84,15 @@ def view(file: Path, *, picture: Path | None = None) -> None:
         (.vtu ...), cut open; a part (.ply .stl .obj .glb) with its regions.
     picture
         Draw without a window into this PNG.
+    length_unit
+        Unit of a part's coordinates; by default what the file states (glTF: m), else mm.
     """
     from iriftrace.figures.window import view as show
 
     check_output(picture, "view.png")
     with working("Reading"):
         check_input(file)
-    show(file, picture)
+    show(file, picture, length_unit=length_unit)
     if picture is not None:
         say(f"Picture: {picture}")
 

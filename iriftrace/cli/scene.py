@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,6 +15,7 @@ from rich.table import Table
 from iriftrace.cli.camera_options import CameraOptions, Scale
 from iriftrace.cli.console import command_line, out, say, show_warning, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, ShellOptions
+from iriftrace.cli.hot_temperature import nearest_wall
 from iriftrace.cli.options import (
     Length,
     check_field,
@@ -69,14 +71,13 @@ def shells(
     check_field(field)
     check_input(part)
     check_folder(output)
-    measured = None if part is None else part_options.read(part)
+    wall = nearest_wall(partial(field_options.read, field, air.air()))
+    measured = None if part is None else part_options.read(part, wall)
     stack, volume = _stack(field, measured, air, field_options, shell_options)
     fit = None
     if measured is not None and volume is not None:
         with working("Comparing part and field"):
-            fit = fit_part_to_field(
-                volume, measured, wall_temperature_k=part_options.hot_temperature
-            )
+            fit = fit_part_to_field(volume, measured, wall_temperature_k=part_options.hot.single)
         for message in fit.warnings:
             show_warning(message, UserWarning)
     with working("Measuring the shells"):
@@ -154,7 +155,9 @@ def scene(
     check_input(part, *(blocker or []))
     check_output(output, "scene.xml", make=True)
     refuse_edited(output)
-    measured = part_options.read(part)
+    states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)
+    wall = nearest_wall(lambda cold: _first_field(states, field_options, air, cold))
+    measured = part_options.read(part, wall)
     blockers = [read_part(file, length_unit=blocker_length_unit) for file in blocker or []]
     if field_options.isosurfaces and member:
         raise InputError(
@@ -163,7 +166,7 @@ def scene(
         )
     place = devices_of(camera_options, second_options, stereo_options, measured)
     settings: dict[str, Any] = {
-        "wall_temperature_k": part_options.hot_temperature,
+        "wall_temperature_k": part_options.hot.single,
         "trim_mm": trim,
         "scale": scale,
         "normals": normals,
@@ -180,7 +183,6 @@ def scene(
         settings.update(second)
         return camera
 
-    states = () if field_options.isosurfaces else chosen_members(fields, field_options.time)
     if len(states) > len(fields) and field_options.time is None:
         warnings.warn(
             f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
@@ -204,6 +206,17 @@ def scene(
         built = build_scene(volume, measured, camera, output, shells=stack, **settings)
     print_shells(built.shells, built.report, built.fit)
     _print_scene(output, camera, measured, settings)
+
+
+def _first_field(
+    states: Sequence[Member], field_options: FieldOptions, air: AirOptions, cold: Part
+) -> IndexField:
+    """The field of the first state, whose wall tells how far the part has grown."""
+    if not states:
+        raise InputError(
+            '--hot-temperature is "field", but iso-surfaces have no wall; give a temperature.'
+        )
+    return field_options.read(states[0].path, air.air(), cold, states[0].index)
 
 
 def _bodies_of(field: Path, volume: IndexField | None, given: Sequence[Path]) -> list[Part]:

@@ -13,8 +13,10 @@ from iriftrace.cli.console import out, say, say_finding
 from iriftrace.cli.draught_options import DraughtOptions
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
+from iriftrace.cli.hot_temperature import FIELD
 from iriftrace.cli.options import (
     Whole,
+    celsius,
     check_folder,
     check_input,
     check_output,
@@ -28,6 +30,7 @@ from iriftrace.core.units import ZERO_CELSIUS_K
 if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.case import Case
     from iriftrace.cfd.openfoam.simulate import Simulation
+    from iriftrace.cfd.openfoam.wall import WallTemperatures
 
 
 def simulate(
@@ -83,10 +86,12 @@ def simulate(
         installation = find_openfoam()
         check_solver(installation)
     hot = part_options
+    wall = simulation.wall()
     if hot.expansion is not None and hot.hot_temperature is None:
         # It has expanded as far as its wall is hot.
-        hot = evolve(hot, hot_temperature=simulation.wall().hottest)
-    measured = hot.read(part)
+        hot = evolve(hot, hot_temperature=_words(wall))
+    known = wall.measured
+    measured = hot.read(part, None if known is None else lambda _: known.at)
     if wind.draughts is not None and installation is not None:
         members, cases = family_cases(measured, simulation, wind.family(), processes)
         _print_case(cases[members[0].name])
@@ -95,17 +100,24 @@ def simulate(
         return
     case = simulation.case(measured, processes, wind.single())
     _print_case(case)
-    known = prepare(case, output)
+    there = prepare(case, output)
     if installation is None:
-        state = "is there already" if known else "written"
+        state = "is there already" if there else "written"
         say(f"Case {state}: {output}; the same command without --write-only runs it")
         return
     target.parent.mkdir(parents=True, exist_ok=True)
-    if known:
+    if there:
         say(f"Going on with the case in {output}")
     with simulation_progress() as display:
         result = run(case, output, target, installation, display)
     _print_simulation(result, part, hot, simulation)
+
+
+def _words(wall: WallTemperatures) -> list[str]:
+    """The part's hot temperatures as users write them, by the wall that is simulated."""
+    if wall.measured is not None:
+        return [FIELD]
+    return [celsius(wall.default), *(f"{name}={celsius(k)}" for name, k in wall.regions.items())]
 
 
 def doctor() -> None:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 from rich.table import Table
 
 from iriftrace.cli.console import out, say
 from iriftrace.cli.options import celsius
+from iriftrace.core.units import ZERO_CELSIUS_K
+from iriftrace.triangulation.relations import value_key
 
 MOST_LINES = 12
 """Distances and angles, and regions, that are printed; the JSON file has all."""
-
-if TYPE_CHECKING:
-    from iriftrace.part.growth import Growth
 
 
 def say_field(provenance: dict[str, Any]) -> None:
@@ -25,16 +25,11 @@ def say_field(provenance: dict[str, Any]) -> None:
 
 
 def say_features(
-    features: list[dict[str, Any]],
-    true: str,
-    gate: float | None,
-    growth: Growth | None,
-    synthetic: bool = False,
+    features: list[dict[str, Any]], true: str, gate: float | None, synthetic: bool = False
 ) -> None:
     """Form and size of features as measured through hot air, and cold or corrected."""
     for row in features:
         where = f" ({row['region']})" if row["region"] else ""
-        at = "" if growth is None else f" at {celsius(growth.hot_k)}"
         hot_form, true_form = um(row["form_mm"]["measured"]), um(row["form_mm"][true])
         form = f"form deviation {hot_form}, {true} {true_form}"
         if row["left_out"]:
@@ -47,44 +42,59 @@ def say_features(
         if hot is None:
             say(f"{row['kind'].capitalize()}{where}: {form}.")
             continue
-        scatter = row.get("size_scatter_mm")
-        more = _uncertainty(row, synthetic) if "fit_uncertainty_mm" in row else ""
-        if scatter is not None:
-            more = (
-                f", with a standard deviation of {um(scatter)} from field to field and "
-                f"{row['worst_size_mm']:.4f} mm by the worst, member {row['worst_member']}"
-            )
         say(
-            f"{row['kind'].capitalize()}{where}{at}: diameter {hot:.4f} mm as measured through hot "
-            f"air, {size:.4f} mm {true}: the air makes it {um(abs(hot - size))} "
-            f"{'smaller' if hot < size else 'larger'}{more}; {form}."
-            + _at_reference(row.get("at_reference"))
+            f"{row['kind'].capitalize()}{where}{_held_at(row)}: diameter {hot:.4f} mm as measured "
+            f"through hot air, {size:.4f} mm {true}: the air makes it {um(abs(hot - size))} "
+            f"{'smaller' if hot < size else 'larger'}{_uncertainty(row, synthetic)}; {form}."
+            + _at_reference(row)
         )
 
 
-def _at_reference(row: dict[str, Any] | None) -> str:
-    """What a size is at the temperature of the drawing."""
-    if row is None:
+def _held_at(row: dict[str, Any]) -> str:
+    """Temperature at which the size of an expanded part holds."""
+    kelvin = row.get("at_reference", {}).get("holds_at_k")
+    return "" if kelvin is None else f" at {kelvin - ZERO_CELSIUS_K:.0f} degC"
+
+
+def _at_reference(row: dict[str, Any]) -> str:
+    """What a size or angle is at the temperature of the drawing."""
+    cold = row.get("at_reference")
+    if cold is None:
         return ""
-    u = row["expansion_uncertainty_mm"]
+    at = f" At {celsius(cold['temperature_k'])} it is"
+    if "angle_deg" in cold:
+        return f"{at} {cold['angle_deg']:.4f} deg."
+    u = cold["expansion_uncertainty_mm"]
     doubt = "" if u is None else f", U = {um(u)} (k = 2) of expansion and temperature"
-    return f" At {celsius(row['temperature_k'])} it is {row['size_mm']:.4f} mm{doubt}."
+    return f"{at} {cold['size_mm']:.4f} mm{doubt}."
 
 
 def _uncertainty(row: dict[str, Any], synthetic: bool) -> str:
-    """Uncertainties of a corrected size: of the air, of the fit and of both."""
-    air, fit, size = row["size_uncertainty_mm"], row["fit_uncertainty_mm"], row["size_mm"]
-    if air is not None:
-        text = (
-            f", U = {um(air)} (k = {row['coverage_factor']:.3g}) of the air, {um(fit)} (k = 2) "
-            f"of the fit, {um(row['total_uncertainty_mm'])} together"
-        )
-    elif synthetic:
-        text = f", no uncertainty: synthetic air; U = {um(fit)} (k = 2) of the fit alone"
-    else:
-        text = f", U = {um(fit)} (k = 2) of the fit alone"
-    if abs(size["measured"] - size["corrected"]) < fit:
-        text += ", more than the air's effect"
+    """Uncertainties of a size, distance or angle; of a simulated one its scatter; worst member."""
+    key = value_key(row)
+    unit = key.rpartition("_")[2]
+    written: Callable[[float], str] = um if unit == "mm" else minutes
+    text = ""
+    if f"fit_uncertainty_{unit}" in row:
+        air, fit = row[f"size_uncertainty_{unit}"], row[f"fit_uncertainty_{unit}"]
+        if air is not None:
+            text = (
+                f", U = {written(air)} (k = {row['coverage_factor']:.3g}) of the air, "
+                f"{written(fit)} (k = 2) of the fit, "
+                f"{written(row[f'total_uncertainty_{unit}'])} together"
+            )
+        elif synthetic:
+            text = f", no uncertainty: synthetic air; U = {written(fit)} (k = 2) of the fit alone"
+        else:
+            text = f", U = {written(fit)} (k = 2) of the fit alone"
+        if abs(row[key]["measured"] - row[key]["corrected"]) < fit:
+            text += ", more than the air's effect"
+    elif row.get(f"size_scatter_{unit}") is not None:
+        scatter = row[f"size_scatter_{unit}"]
+        text = f", with a standard deviation of {written(scatter)} from field to field"
+    if "worst_member" in row:
+        worst = f"{row[f'worst_{key}']:.4f} {unit}"
+        text += f"; by the worst field, member {row['worst_member']}, it is {worst}"
     return text
 
 
@@ -93,32 +103,26 @@ def um(millimetres: float) -> str:
     return f"{round(1e3 * millimetres, 4):.3g} um"
 
 
-def say_relations(features: list[dict[str, Any]], true: str, growth: Growth | None) -> None:
-    """Distances and angles of planes as measured through hot air, and cold or corrected."""
-    from iriftrace.triangulation.relations import relations
+def minutes(degrees: float) -> str:
+    """An angle in minutes."""
+    return f"{round(60 * degrees, 4):.2g}'"
 
-    rows = relations(features)
-    at = "" if growth is None else f" at {celsius(growth.hot_k)}"
+
+def say_relations(rows: list[dict[str, Any]], true: str, synthetic: bool = False) -> None:
+    """Distances and angles of planes as measured through hot air, and cold or corrected."""
     for row in rows[:MOST_LINES]:
         pair = " and ".join(str(region or "all points") for region in row["regions"])
+        values = row[value_key(row)]
+        hot, size = values["measured"], values[true]
         if row["kind"] == "angle":
-            angles = row["angle_deg"]
-            minutes = 60 * (angles[true] - angles["measured"])
-            say(
-                f"Angle of {pair}: {angles['measured']:.4f} deg as measured through hot air, "
-                f"{angles[true]:.4f} deg {true} ({minutes:+.2g}')."
-            )
-            continue
-        hot, size = row["size_mm"]["measured"], row["size_mm"][true]
-        cold = (
-            ""
-            if growth is None
-            else (f" At {celsius(growth.reference_k)} it is {growth.reference_size(size):.4f} mm.")
-        )
+            unit, what = "deg", minutes(abs(hot - size))
+        else:
+            unit, what = "mm", um(abs(hot - size))
         say(
-            f"Distance of {pair}{at}: {hot:.4f} mm as measured through hot air, {size:.4f} mm "
-            f"{true}: the air makes it {um(abs(hot - size))} "
-            f"{'smaller' if hot < size else 'larger'}.{cold}"
+            f"{row['kind'].capitalize()} of {pair}{_held_at(row)}: {hot:.4f} {unit} as measured "
+            f"through hot air, {size:.4f} {unit} {true}: the air makes it {what} "
+            f"{'smaller' if hot < size else 'larger'}{_uncertainty(row, synthetic)}."
+            + _at_reference(row)
         )
     if len(rows) > MOST_LINES:
         say(f"{len(rows) - MOST_LINES} more distances and angles are in the JSON file.")

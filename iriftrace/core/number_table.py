@@ -12,13 +12,20 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
+_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
 _LETTERS = re.compile(r"[A-DF-Za-df-z_]")
 _COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
 
 def is_numbers(line: str) -> bool:
     """True for a line that can be numbers: no letters besides exponents, NaN and Inf."""
-    return _LETTERS.search(re.sub(r"\b(?:nan|inf(?:inity)?)\b", "", line, flags=re.I)) is None
+    bare = re.sub(r"\b(?:nan|inf(?:inity)?)\b", "", with_exponents(line), flags=re.I)
+    return _LETTERS.search(bare) is None
+
+
+def with_exponents(line: str) -> str:
+    """A line with Fortran's exponents, 1.5D+02, as others write them."""
+    return _FORTRAN.sub("e", line)
 
 
 def header_columns(line: str) -> dict[str, str]:
@@ -46,9 +53,9 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
     `separator` is as `separator_of` tells, `what` names the rows in messages ("coordinates").
     InputError if a row has other columns than the first, or something that is no number.
     """
-    lines = rows
-    if separator != "," and any(_DECIMAL_COMMA.search(row) for row in rows):
-        lines = [row.replace(",", ".") for row in rows]
+    lines = [with_exponents(row) for row in rows]
+    if separator != "," and any(_DECIMAL_COMMA.search(row) for row in lines):
+        lines = [row.replace(",", ".") for row in lines]
     try:
         # A delimiter at the end of the first row is at the end of all.
         if separator is not None and lines[0].rstrip().endswith(separator):

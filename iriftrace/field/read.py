@@ -64,8 +64,8 @@ def read_field(
     path : str or Path
         ``.vtu``, ``.pvtu``, ``.vtk``, ``.vti``, ``.vtr``, ``.vts``, ``.pvd`` or ``.vtm``, with
         point or cell data; EnSight's ``.case`` or ``.encas``; Exodus's ``.e``, ``.ex2`` or
-        ``.exo``; COMSOL's text exports ``.txt`` and ``.csv``; an OpenFOAM case, by its folder or a
-        ``.foam`` file in it.
+        ``.exo``; ``.cgns``; COMSOL's text exports ``.txt`` and ``.csv``; an OpenFOAM case, by its
+        folder or a ``.foam`` file in it.
     array : str, optional
         Name of the array; found by its name when left out.
     quantity : str, optional

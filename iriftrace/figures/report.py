@@ -68,6 +68,10 @@ _CAPTIONS = {
     "rays": "What became of the rays of each pose, and how much they met.",
 }
 
+_SUMMARY_FIGURES = ("view_best", "scene_score")
+_SUMMARY_ROWS = 5
+"""Pictures and rows of the ranking on the first page."""
+
 Rows = tuple[tuple[str, ...], ...]
 
 _MOST_REASONS = 200
@@ -118,12 +122,13 @@ def report_content(
     part = name_of(attribute(dataset, "part"))
     of_it = "" if region == "part" else f", and of it the region {region},"
     weights = plan.criteria.weights
+    device = "camera" if summary.devices is None else "sensor"
     best = plan.best
     setting = setting_of(summary.varied, best)
     return ReportContent(
-        title=f"Where to put the camera: {part}",
+        title=f"Where to put the {device}: {part}",
         question=(
-            f"From where should the camera look at {part}{of_it} so that the hot air around it "
+            f"From where should the {device} look at {part}{of_it} so that the hot air around it "
             "moves the measured points little, much of the surface is seen and the pixels lie "
             "close together on it? Every pose of a sweep was traced through the hot air; the "
             "combined score is "
@@ -400,6 +405,8 @@ def write_report(
             for name in names
         ],
         missing=missing,
+        summary_figures=_SUMMARY_FIGURES,
+        summary_rows=_SUMMARY_ROWS,
         sweep=sweep.name,
         sha256=sha256_of(sweep),
         version=str(dataset.attrs.get("version", "")),

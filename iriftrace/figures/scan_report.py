@@ -68,8 +68,11 @@ def scan_report(values: dict[str, Any]) -> ScanReport:
     simulated = true == "cold"
     assumed, counts = values["assumptions"], values["points"]
     what = "What hot air adds to a measurement" if simulated else "Measured cloud, corrected"
-    growth = values.get("growth")
-    at = "" if growth is None else f"; sizes at {_celsius(growth['hot_k'])}"
+    cold = next((row["at_reference"] for row in values["features"] if "at_reference" in row), None)
+    expanded = (
+        () if cold is None else (f"at {_celsius(cold['temperature_k'])} (mm)", "U of that (µm)")
+    )
+    held = () if cold is None else ("at (°C)",)
     return ScanReport(
         title=f"{what}: {name_of(values['part'])}",
         answer=tuple(_answer(values, simulated)),
@@ -77,14 +80,20 @@ def scan_report(values: dict[str, Any]) -> ScanReport:
         caption="Left: the camera's picture, coloured by the "
         + ("error along the normal." if simulated else "refraction error that was taken out."),
         feature_headings=(
-            *("feature", "region", "points", "measured (mm)", f"{true} (mm)", "air (µm)"),
+            *("feature", "region", *held, "points", "measured (mm)", f"{true} (mm)", "air (µm)"),
             *(() if simulated else ("U of the air (µm)", "U of the fit (µm)", "U (µm)")),
-            *(() if growth is None else (f"at {_celsius(growth['reference_k'])} (mm)",)),
+            *expanded,
         ),
-        features=tuple(_feature(row, true, growth) for row in values["features"]),
-        feature_note=f"Diameters; of a plane the form deviation. U is expanded (k = 2){at}.",
-        relation_headings=("", "planes", "measured", true, "difference"),
-        relations=tuple(_relation(row, true) for row in values.get("relations", ())),
+        features=tuple(_feature(row, true, bool(expanded)) for row in values["features"]),
+        feature_note=_feature_note(bool(expanded)),
+        relation_headings=(
+            *("", "planes", *held, "measured", true, "air"),
+            *(() if simulated else ("U of the air", "U of the fit", "U")),
+            *expanded,
+        ),
+        relations=tuple(
+            _relation(row, true, bool(expanded)) for row in values.get("relations", ())
+        ),
         regions=tuple(_region(row) for row in values.get("regions", ()) if row["points"]),
         region_note="Along the part's outward normal: "
         + ("the error of the points." if simulated else "what was taken out of the points.")
@@ -179,30 +188,64 @@ def _doubtful(values: dict[str, Any], simulated: bool) -> list[str]:
     return said
 
 
-def _feature(row: dict[str, Any], true: str, growth: dict[str, Any] | None) -> tuple[str, ...]:
+def _feature_note(expanded: bool) -> str:
+    text = "Diameters; of a plane the form deviation. U is expanded (k = 2, of few fields larger)."
+    if expanded:
+        text += (
+            " The column at: temperature at which a size holds; the last two: the size at the "
+            "temperature of the drawing, and U of that step by expansion and temperature alone."
+        )
+    return text
+
+
+def _feature(row: dict[str, Any], true: str, expanded: bool) -> tuple[str, ...]:
     kind = "size_mm" if row["size_mm"]["measured"] is not None else "form_mm"
     measured, size = row[kind]["measured"], row[kind][true]
-    air = _um(measured - size)
-    cells = [row["kind"], row["region"] or "all points", f"{row['points']:,}"]
-    cells += [f"{measured:.4f}", f"{size:.4f}", air]
+    cells = [row["kind"], row["region"] or "all points", *_held_at(row, expanded)]
+    cells += [f"{row['points']:,}", f"{measured:.4f}", f"{size:.4f}", _um(measured - size)]
     if true == "corrected":
-        keys = ("size_uncertainty_mm", "fit_uncertainty_mm", "total_uncertainty_mm")
-        cells += [_um(row[key]) if kind == "size_mm" else "" for key in keys]
-    if growth is not None:
-        reference = row.get("at_reference")
-        cells.append("" if reference is None else f"{reference['size_mm']:.4f}")
-    return tuple(cells)
+        cells += [_um(row[key]) if kind == "size_mm" else "" for key in _UNCERTAINTIES]
+    return (*cells, *_cold(row, expanded))
 
 
-def _relation(row: dict[str, Any], true: str) -> tuple[str, ...]:
+_UNCERTAINTIES = ("size_uncertainty_mm", "fit_uncertainty_mm", "total_uncertainty_mm")
+
+
+def _held_at(row: dict[str, Any], expanded: bool) -> tuple[str, ...]:
+    kelvin = row.get("at_reference", {}).get("holds_at_k")
+    return (("" if kelvin is None else f"{kelvin - ZERO_CELSIUS_K:.0f}"),) if expanded else ()
+
+
+def _cold(row: dict[str, Any], expanded: bool) -> tuple[str, ...]:
+    """Cells of a size at the temperature of the drawing."""
+    cold = row.get("at_reference")
+    if not expanded:
+        return ()
+    if cold is None:
+        return "", ""
+    if "angle_deg" in cold:
+        return f"{cold['angle_deg']:.4f}°", ""
+    return f"{cold['size_mm']:.4f}", _um(cold["expansion_uncertainty_mm"])
+
+
+def _relation(row: dict[str, Any], true: str, expanded: bool) -> tuple[str, ...]:
     planes = " and ".join(str(region or "all points") for region in row["regions"])
-    if row["kind"] == "angle":
-        angles = row["angle_deg"]
-        difference = f"{60 * (angles['measured'] - angles[true]):.2g}\N{PRIME}"
-        return "angle", planes, f"{angles['measured']:.4f}°", f"{angles[true]:.4f}°", difference
-    sizes = row["size_mm"]
-    difference = f"{_um(sizes['measured'] - sizes[true])} µm"
-    return "distance", planes, f"{sizes['measured']:.4f} mm", f"{sizes[true]:.4f} mm", difference
+    angle = row["kind"] == "angle"
+    values, unit = (row["angle_deg"], "°") if angle else (row["size_mm"], " mm")
+    cells = [row["kind"], planes, *_held_at(row, expanded)]
+    cells += [f"{values[name]:.4f}{unit}" for name in ("measured", true)]
+    cells.append(_difference(values["measured"] - values[true], angle))
+    if true == "corrected":
+        keys = (key.removesuffix("mm") + ("deg" if angle else "mm") for key in _UNCERTAINTIES)
+        cells += [_difference(row[key], angle) for key in keys]
+    return (*cells, *_cold(row, expanded))
+
+
+def _difference(value: float | None, angle: bool) -> str:
+    """A difference of angles, deg, in minutes, or of lengths, mm, in micrometres."""
+    if value is None:
+        return "not known"
+    return f"{60 * value:.2g}\N{PRIME}" if angle else f"{_um(value)} µm"
 
 
 def _region(row: dict[str, Any]) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ need room around the box that depends on the view.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import product
 from typing import Any
@@ -21,12 +21,13 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import SetupError
 from iriftrace.figures.style import DPI, TEXT_COLOUR, even_ticks, number
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
+BLOCKER_COLOUR = "#9aa0a6"
 PART_COLOUR = "#ff8c1a"
 
 SIZE_PX = (1600, 1200)
@@ -261,6 +262,13 @@ def add_part(plotter: pv.Plotter, part: Part) -> None:
         split_vertices=True, feature_angle=30.0, auto_orient_normals=False
     )
     plotter.add_mesh(surface, color=PART_COLOUR, smooth_shading=True, ambient=0.35, specular=0.2)
+
+
+def add_blockers(plotter: pv.Plotter, blockers: Sequence[tuple[FloatArray, IntArray]]) -> None:
+    """Add bodies that only block the view, (n, 3) vertices, mm, world, and (m, 3) faces of each."""
+    for vertices, faces in blockers:
+        surface = thinned(polydata(vertices, faces))
+        plotter.add_mesh(surface, color=BLOCKER_COLOUR, ambient=0.35)
 
 
 def thinned(surface: pv.PolyData) -> pv.PolyData:

@@ -16,9 +16,11 @@ from scipy.spatial import KDTree
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.figures.space import (
+    BLOCKER_COLOUR,
     PART_COLOUR,
     SIZE_PX,
     View,
+    add_blockers,
     add_part,
     add_picture,
     box_around,
@@ -83,6 +85,7 @@ def sweep_scene_figure(
     """
     part, shell = surroundings.part, surroundings.hot_air
     solid = [part.bounds] if part else []
+    solid += [vertices for vertices, _ in surroundings.blockers]
     air = [shell[0].astype(np.float64)] if shell else []
     box = box_around(np.concatenate((summary.origins, summary.targets, *solid, *air)))
     centre = part.centre if part else box.centre
@@ -98,6 +101,7 @@ def sweep_scene_figure(
     def draw(plotter: pv.Plotter) -> None:
         if part:
             add_part(plotter, part)
+        add_blockers(plotter, surroundings.blockers)
         ball = pv.Sphere(radius=1.0, theta_resolution=24, phi_resolution=24)
         spheres = _marks(ball, summary.origins[known], radii[known])
         colours = scale.rgb(quantity.values[known])
@@ -121,6 +125,8 @@ def sweep_scene_figure(
     entries: list[Artist] = [*marks(summary, ~quantity.known, BEST_RING)]
     if part:
         entries.append(Patch(facecolor=PART_COLOUR, label="Part"))
+    if surroundings.blockers:
+        entries.append(Patch(facecolor=BLOCKER_COLOUR, label="Blocks the view"))
     if shell:
         entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell of air"))
     title = f"{quantity.title} of each camera pose"

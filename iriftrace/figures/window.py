@@ -26,7 +26,14 @@ from iriftrace.figures.scene import (
     celsius_of,
     sight_lines,
 )
-from iriftrace.figures.space import SIZE_PX, add_part, off_screen, thinned, view_direction
+from iriftrace.figures.space import (
+    SIZE_PX,
+    add_blockers,
+    add_part,
+    off_screen,
+    thinned,
+    view_direction,
+)
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
@@ -54,7 +61,9 @@ _MESHES = (".ply", ".stl", ".obj", ".glb", ".gltf", ".off")
 _WITHOUT_DISPLAY = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 
 
-def view(path: str | Path, picture: str | Path | None = None) -> None:
+def view(
+    path: str | Path, picture: str | Path | None = None, *, length_unit: str | None = None
+) -> None:
     """Show a file in space, in a window that stays open until it is closed.
 
     Scenes (.xml) with part, shells cut open and devices; poses (.exr) with their hits, coloured by
@@ -67,6 +76,8 @@ def view(path: str | Path, picture: str | Path | None = None) -> None:
     path
     picture
         Draw without a window into this .png.
+    length_unit
+        Unit of a part's coordinates; what its file states, else mm, when left out.
 
     Raises
     ------
@@ -76,13 +87,13 @@ def view(path: str | Path, picture: str | Path | None = None) -> None:
         There is no display for a window, or without one no OpenGL.
     """
     if picture is not None:
-        draw = _drawing(Path(path))
+        draw = _drawing(Path(path), length_unit)
         with off_screen(SIZE_PX) as plotter:
             _set_up(plotter, draw)
             plotter.screenshot(str(picture))
         return
     window = _window(f"iriftrace: {path}")
-    _set_up(window, _drawing(Path(path)))
+    _set_up(window, _drawing(Path(path), length_unit))
     # Nested transparent shells are seen from all sides here.
     window.enable_depth_peeling()
     window.show()
@@ -111,29 +122,36 @@ def _set_up(plotter: Any, draw: Draw) -> None:
     plotter.reset_camera()
 
 
-def _drawing(path: Path) -> Draw:
+def _drawing(path: Path, length_unit: str | None) -> Draw:
     """What draws a file, once all of it has been read."""
     suffix = path.suffix.lower()
+    if length_unit is not None and suffix not in _MESHES:
+        raise InputError(
+            f"A length unit is for the mesh of a part, and {path} is none ({', '.join(_MESHES)}); "
+            "leave it out (--length-unit)."
+        )
     known = {".xml": _scene, ".exr": _pose, ".nc": _sweep, ".vtp": _cloud}
     if suffix in known:
         return known[suffix](path)
     if suffix in _MESHES:
-        return _part(path)
+        return _part(path, length_unit)
     return _field(path)
 
 
 def _scene(path: Path) -> Draw:
     from iriftrace.scene.file import read_scene_file
     from iriftrace.scene.load import load_scene
+    from iriftrace.scene.outline import blocker_surfaces
     from iriftrace.shells.files import load_shells
 
-    scene = load_scene(path)
+    scene, blockers = load_scene(path), blocker_surfaces(path)
     first = scene if scene.ensemble is None else next(iter(scene.ensemble.scenes()))
     files = read_scene_file(path, first.variables).shell_paths
     shells = load_shells(files[0].parent) if files else None
 
     def draw(plotter: pv.Plotter) -> None:
         add_part(plotter, scene.part)
+        add_blockers(plotter, blockers)
         add_device(plotter, scene.camera, scene.part, SIGHT_COLOUR)
         if scene.second is not None:
             add_device(plotter, scene.second, scene.part, SECOND_COLOUR)
@@ -280,9 +298,10 @@ def _field(path: Path) -> Draw:
     return draw
 
 
-def _part(path: Path) -> Draw:
+def _part(path: Path, length_unit: str | None) -> Draw:
     from iriftrace.geometry.ply import read_ply
     from iriftrace.part.part import read_part
+    from iriftrace.part.region_choice import placed_regions
 
     if path.suffix.lower() == ".ply" and path.is_file():
         try:
@@ -291,11 +310,12 @@ def _part(path: Path) -> Draw:
             raise InputError(f"{path} is damaged ({error}); write it again.") from error
         if not len(mesh.faces):
             return _coloured(path, mesh.vertices, mesh.vertex_columns)
-    part = read_part(path)
+    part = read_part(path, length_unit=length_unit)
     colours = colormaps["tab20"](np.arange(len(part.region_names)) % 20)
+    names = placed_regions(part)
 
     def draw(plotter: pv.Plotter) -> None:
-        for number, (name, colour) in enumerate(zip(part.region_names, colours, strict=True)):
+        for number, (name, colour) in enumerate(zip(names, colours, strict=True)):
             of_region = polydata(part.vertices, part.faces[part.region_of_face == number])
             plotter.add_mesh(of_region, color=colour, ambient=0.3, label=name)
         size = 0.25, min(0.03 * len(colours), 0.95)

@@ -13,7 +13,7 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
-from iriftrace.geometry.ply import HEADER_LIMIT, check_corners, read_ply, write_ply
+from iriftrace.geometry.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions
 
@@ -21,6 +21,7 @@ from iriftrace.part.regions import Regions
 # for any other name it prints a warning. It scales integers by their range, hence float.
 _WRITTEN_PROPERTY = "region_0"
 _READ_PROPERTIES = ("region", _WRITTEN_PROPERTY)
+_DRAWING = ("drawing_1", "drawing_2", "drawing_3")
 _REGION_COMMENT = re.compile(r"comment\s+region\s+(-?\d+)\s+(.*\S)\s*")
 
 LARGEST_REGION = 2**31
@@ -39,6 +40,7 @@ class MeshFile:
     unit: str | None  # of length, where the file itself declares one
     sha256: str
     growth: Growth | None = None
+    drawing: FloatArray | None = None  # (n, 3), vertices of the cold part in the file's unit
 
 
 def load_mesh_file(path: Path) -> MeshFile:
@@ -51,12 +53,13 @@ def load_mesh_file(path: Path) -> MeshFile:
             f"{path} is of a format {suffix!r} that cannot be read; convert it to "
             "PLY, STL, OBJ or GLB."
         )
-    unit, region_columns, growth = None, [], None
+    unit, region_columns, growth, drawing = None, [], None, None
     mesh: Any
     try:
         if suffix == "ply":
             mesh = read_ply(path)
             growth = Growth.of_header(_header(path))
+            drawing = _drawing(mesh)
             region_columns = [
                 mesh.face_columns[name] for name in _READ_PROPERTIES if name in mesh.face_columns
             ]
@@ -79,7 +82,16 @@ def load_mesh_file(path: Path) -> MeshFile:
     except ValueError as error:
         raise InputError(f"{path} is damaged: {error}; export it again.") from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
-    return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth)
+    return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
+
+
+def _drawing(mesh: PlyMesh) -> FloatArray | None:
+    """Vertices (n, 3) of the cold part, where a file has them."""
+    columns = [mesh.vertex_columns.get(name) for name in _DRAWING]
+    if any(column is None or len(column) != len(mesh.vertices) for column in columns):
+        return None
+    found = np.column_stack(columns).astype(np.float64)  # type: ignore[arg-type]
+    return found if np.isfinite(found).all() else None
 
 
 def _header(path: Path) -> list[str]:
@@ -129,11 +141,13 @@ def write_mesh_file(
     faces: IntArray,
     regions: Regions,
     growth: Growth | None = None,
+    drawing: FloatArray | None = None,
 ) -> None:
     """Write a surface, mm: as PLY with a region for each face, or as STL without.
 
     Regions are the face property ``region_0`` (a float, so that Mitsuba reads it as the mesh
-    attribute ``face_region``) and one comment ``region NUMBER NAME`` for each.
+    attribute ``face_region``) and one comment ``region NUMBER NAME`` for each. The vertices of the
+    cold part are the vertex properties ``drawing_1`` to ``drawing_3``.
     """
     check_part_name(path)
     if path.suffix.lower() == ".stl":
@@ -148,5 +162,6 @@ def write_mesh_file(
         vertices,
         faces,
         comments=["iriftrace part, millimetre", *grown, *names],
+        vertex_columns={} if drawing is None else dict(zip(_DRAWING, drawing.T, strict=True)),
         face_columns={_WRITTEN_PROPERTY: regions.of_face},
     )

@@ -33,19 +33,6 @@ class Growth:
         """Length at the hot temperature over that at the reference temperature."""
         return 1.0 + self.expansion * (self.hot_k - self.reference_k)
 
-    def reference_size(self, size: float) -> float:
-        """What a length or diameter of the hot part, mm, is at the reference temperature."""
-        return size / self.factor
-
-    def u_reference_size(self, size: float, u_expansion: float, u_temperature_k: float) -> float:
-        """Standard uncertainty of `reference_size`, mm, by those of expansion and temperature.
-
-        `u_expansion` is relative. Of size / (1 + a T) to first order, both independent.
-        """
-        span = self.hot_k - self.reference_k
-        strain = self.expansion * np.hypot(span * u_expansion, u_temperature_k)
-        return abs(float(self.reference_size(size) * strain / self.factor))
-
     def comment(self) -> str:
         """A line for the header of a mesh file, which `of_header` reads."""
         return (

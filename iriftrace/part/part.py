@@ -63,6 +63,8 @@ class Part:
         Whether every edge belongs to an even number of triangles.
     growth
         Thermal expansion that the vertices contain, where it is known.
+    drawing
+        (n, 3) array, mm, world: the vertices of the cold part, where it has grown unevenly.
     """
 
     vertices: FloatArray
@@ -75,6 +77,7 @@ class Part:
     length_unit: str
     closed: bool
     growth: Growth | None = None
+    drawing: FloatArray | None = None
 
     def __repr__(self) -> str:
         extent = " x ".join(f"{length:.5g}" for length in np.ptp(self.bounds, axis=0))
@@ -175,6 +178,7 @@ class Part:
         return evolve(
             self,
             vertices=apply(affine, self.vertices),
+            drawing=None if self.drawing is None else apply(affine, self.drawing),
             faces=self.faces[:, ::-1] if mirrored else self.faces,
         )
 
@@ -235,7 +239,8 @@ def read_part(
     )
     stated = file.unit and SHORT_UNITS.get(file.unit.removesuffix("s"), file.unit)
     length_unit = length_unit or stated or "mm"
-    vertices = file.vertices * (length_factor(length_unit) * factor)
+    scale = length_factor(length_unit) * factor
+    vertices = file.vertices * scale
     check_unit(path, vertices, stated or length_unit, length_unit)
     part = part_of_mesh(
         vertices,
@@ -247,7 +252,12 @@ def read_part(
         transform=transform,
         region_angle_deg=region_angle_deg,
     )
-    return evolve(part, growth=growth)
+    if file.drawing is None or growth is None:
+        return evolve(part, growth=growth)
+    drawing = file.drawing * scale
+    if transform is not None:
+        drawing = apply(checked_matrix(transform), drawing)
+    return evolve(part, growth=growth, drawing=drawing)
 
 
 def part_of_mesh(
@@ -340,7 +350,7 @@ def save_part(part: Part, path: str | Path) -> None:
         The name has another ending, or the folder does not exist.
     """
     regions = Regions(part.region_of_face, part.region_names)
-    write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth)
+    write_mesh_file(Path(path), part.vertices, part.faces, regions, part.growth, part.drawing)
 
 
 def refuse_unlikely_size(part: Part) -> None:

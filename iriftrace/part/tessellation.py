@@ -17,6 +17,7 @@ from iriftrace.part.subdivision import Mesh, subdivide
 
 if TYPE_CHECKING:
     import pyvista as pv
+from attrs import evolve
 
 SAMPLE = 20_000
 """Places of each surface at which its distance from the other is taken."""
@@ -99,6 +100,12 @@ def _of_mesh(part: Part, vertices: FloatArray, faces: IntArray, region: IntArray
     """A mesh of triangles on a part's surface as a part, with the region of each face."""
     kept, number = np.unique(region, return_inverse=True)
     regions = Regions(number, tuple(part.region_names[index] for index in kept))
-    return part_of_mesh(
+    if part.drawing is not None:
+        raise InputError(
+            f"{part.path} has grown unevenly, and new corners have no place in its drawing; change "
+            "the triangles of the cold part, and expand it then."
+        )
+    made = part_of_mesh(
         vertices, faces, name=part.path, length_unit=part.length_unit, regions=regions
     )
+    return evolve(made, growth=part.growth)

@@ -1,4 +1,4 @@
-"""The outermost surface of a scene's hot air, by what its XML file says."""
+"""Surfaces of a scene that pictures show next to the part, by what its XML file says."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import AnyIntArray
+from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.geometry.ply import read_ply
 from iriftrace.scene.ensemble import INCLUDED, is_ensemble, member_folder
 from iriftrace.shells.files import read_shell
+
+BLOCKER_ID = "blocker_"
 
 
 def outermost_surface(scene: Path) -> Path:
@@ -34,6 +37,25 @@ def outermost_surface(scene: Path) -> Path:
     if not layers:
         raise InputError(f"{scene} names none")
     return layers[min(layers)]
+
+
+def blocker_surfaces(scene: Path) -> list[tuple[FloatArray, IntArray]]:
+    """Vertices (n, 3), mm, and faces (m, 3) of the bodies that only block the view.
+
+    Those that `iriftrace.scene.write` wrote; InputError, half a sentence, for damaged files.
+    """
+    found = []
+    for shape in ElementTree.parse(scene).getroot().iter("shape"):
+        name = shape.find("string[@name='filename']")
+        if name is None or not shape.get("id", "").startswith(BLOCKER_ID):
+            continue
+        file = scene.parent / name.get("value", "")
+        try:
+            mesh = read_ply(file)
+        except Exception as error:  # its reader lets any through that a damaged file causes
+            raise InputError(f"{file} is damaged ({error})") from error
+        found.append((mesh.vertices, mesh.faces))
+    return found
 
 
 def read_surface(file: Path) -> tuple[NDArray[np.float32], AnyIntArray]:

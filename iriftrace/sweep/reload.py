@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,11 +13,11 @@ from attrs import frozen
 from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import AnyIntArray
+from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
 from iriftrace.part.part import Part, read_part
-from iriftrace.scene.outline import outermost_surface, read_surface
+from iriftrace.scene.outline import blocker_surfaces, outermost_surface, read_surface
 from iriftrace.sweep.rig import add_measured, rig_of
 from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of_pose
 
@@ -148,10 +149,12 @@ def _variant(swept: str | None) -> str:
 class Surroundings:
     """Part and outer surface of the hot air (vertices, faces) that the cameras of a sweep look at.
 
-    Vertices are in mm, world; `missing` says in half a sentence each why one is None.
+    Blockers are bodies that only block the view. Vertices are in mm, world; `missing` says in half
+    a sentence each why one is None.
     """
 
     part: Part | None = None
+    blockers: tuple[tuple[FloatArray, IntArray], ...] = ()
     hot_air: tuple[NDArray[np.float32], AnyIntArray] | None = None
     missing: tuple[str, ...] = ()
 
@@ -162,6 +165,7 @@ def surroundings_of(dataset: xr.Dataset) -> Surroundings:
     missing = []
     for key, name, read in (
         ("part", "the part", swept_part),
+        ("blockers", "what blocks the view", _blockers),
         ("hot_air", "the hot air", _hot_air),
     ):
         try:
@@ -181,12 +185,25 @@ def swept_part(dataset: xr.Dataset) -> Part:
     return part.transformed(named["to_world"])
 
 
-def _hot_air(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
+def _blockers(dataset: xr.Dataset) -> tuple[tuple[FloatArray, IntArray], ...]:
+    """None for a scene that is not what was swept, which the hot air's reason says."""
+    try:
+        scene = _unchanged_scene(dataset)
+    except InputError:
+        return ()
+    return tuple(blocker_surfaces(scene))
+
+
+def _unchanged_scene(dataset: xr.Dataset) -> Path:
     scene, sha256 = scene_of(dataset)
     if scene is None:
         raise InputError("the sweep does not name its scene")
     check_unchanged(scene, sha256)
-    outermost = outermost_surface(scene)
+    return scene
+
+
+def _hot_air(dataset: xr.Dataset) -> tuple[NDArray[np.float32], AnyIntArray]:
+    outermost = outermost_surface(_unchanged_scene(dataset))
     files = scene_of_pose(dataset, 0).get("files", {})
     if str(outermost.resolve()) in files:
         check_unchanged(outermost, files[str(outermost.resolve())])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import codecs
+import csv
 import re
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import numpy as np
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.number_table import is_numbers, numbers, separator_of
+from iriftrace.core.number_table import is_numbers, numbers, separator_of, with_exponents
 from iriftrace.triangulation.columns import (
     MARKS,
     columns_of_points,
@@ -21,6 +23,7 @@ from iriftrace.triangulation.columns import (
     unit_of,
 )
 
+_WORD = "nan"
 _QUOTES = str.maketrans("", "", "\"'")
 
 
@@ -30,11 +33,16 @@ def read_table(
     """Coordinates (m, 3) of a text file's rows, the unit it states or "", and further columns.
 
     `chosen` are the names or numbers of the columns x, y and z, as for `read_cloud`. Empty cells
-    are NaN. A count of the points in the first row is left out; one that is wrong is warned of.
+    and words are NaN; columns of words are left out with a warning. A count of the points in the
+    first row is left out; one that is wrong is warned of.
     """
     lines = _text(file).splitlines()
-    rows = [line for line in lines if line.strip() and is_numbers(line.lstrip(f"{MARKS} "))]
-    rows = [row for row in rows if not row.lstrip().startswith(tuple(MARKS))]
+    rows = _rows(lines)
+    # A header is before the first row; words after it are in cells.
+    worded = not rows or len(rows) < _filled(lines, rows[0])
+    if worded:
+        lines = _without_words(lines)
+        rows = _rows(lines)
     if not rows:
         return np.empty((0, 3)), "", {}
     before = [line for line in lines[: lines.index(rows[0])] if line.strip()]
@@ -56,7 +64,64 @@ def read_table(
     places = columns_of_points(names, count, chosen, file)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count
     further = {bare[i] or f"column_{i + 1}": table[:, i] for i in range(count) if i not in places}
+    if worded:
+        further = _numbers_alone(further, file)
     return table[:, places], unit_of(names, before, places, count), further
+
+
+def _rows(lines: Sequence[str]) -> list[str]:
+    """Lines of numbers, without comments."""
+    found = [line for line in lines if line.strip() and is_numbers(line.lstrip(f"{MARKS} "))]
+    return [line for line in found if not line.lstrip().startswith(tuple(MARKS))]
+
+
+def _filled(lines: Sequence[str], first: str) -> int:
+    """Number of lines from a first one on that are neither empty nor comments."""
+    kept = (line.lstrip() for line in lines[lines.index(first) :])
+    return sum(bool(line) and not line.startswith(tuple(MARKS)) for line in kept)
+
+
+def _without_words(lines: list[str]) -> list[str]:
+    """Lines of a table with nan in place of words, such as names or dates, next to three numbers.
+
+    Of the separators that with the most such lines.
+    """
+    options: list[tuple[int, list[str]]] = [(0, list(lines))]
+    for mark in ";\t,":
+        rows = [next(csv.reader([line], delimiter=mark), []) for line in lines]
+        counts = Counter(len(row) for row in rows if len(row) > 3)
+        usual = max(counts, key=lambda count: counts[count], default=0)
+        text, changed = [], 0
+        for line, row in zip(lines, rows, strict=True):
+            cells = [_number(cell, mark) for cell in row]
+            is_row = len(row) == usual and sum(cell != _WORD for cell in cells) >= 3
+            changed += is_row
+            text.append(mark.join(cells) if is_row else line)
+        options.append((changed, text))
+    return max(options, key=lambda option: option[0])[1]
+
+
+def _number(cell: str, mark: str) -> str:
+    """The cell of a table if it is a number or empty, else "nan"."""
+    text = with_exponents(cell.strip().strip("\"'"))
+    try:
+        float(text if mark == "," else text.replace(",", "."))
+    except ValueError:
+        return _WORD
+    return text
+
+
+def _numbers_alone(columns: dict[str, FloatArray], file: Path) -> dict[str, FloatArray]:
+    """Columns that hold a number; the others are named in a warning."""
+    kept = {name: values for name, values in columns.items() if not np.isnan(values).all()}
+    words = [name for name in columns if name not in kept]
+    if words:
+        warnings.warn(
+            f"{file.name} has columns of words or dates, which are left out: {', '.join(words)}.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
+    return kept
 
 
 def _without_count(rows: Sequence[str], file: Path) -> Sequence[str]:
@@ -64,9 +129,15 @@ def _without_count(rows: Sequence[str], file: Path) -> Sequence[str]:
     first = rows[0].strip()
     if not first.isdecimal() or (len(rows) > 1 and len(re.split(r"[\s,;]+", rows[1].strip())) == 1):
         return rows
-    if int(first) != len(rows) - 1:
+    count = int(first)
+    if 0 < count < len(rows) - 1 and rows[count + 1].strip().isdecimal():
+        raise InputError(
+            f"{file} holds several scans, one after the other, each with its number of points; "
+            "correct each by itself: write a file for each."
+        )
+    if count != len(rows) - 1:
         warnings.warn(
-            f"{file.name} states {int(first):,} points and holds {len(rows) - 1:,}; it may be cut "
+            f"{file.name} states {count:,} points and holds {len(rows) - 1:,}; it may be cut "
             "short: export the cloud again.",
             IriftraceWarning,
             stacklevel=4,
@@ -89,10 +160,15 @@ def _cells(rows: Sequence[str]) -> tuple[Sequence[str], str | None]:
 
 
 def _text(file: Path) -> str:
-    """A text file, of Unicode with a mark of its byte order or of whatever else."""
+    """A text file, of Unicode or of Western Windows, without the end mark of DOS."""
     content = file.read_bytes()
-    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    return content.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
+    return text.rstrip("\x1a")
 
 
 def _counts_rows(column: FloatArray) -> bool:

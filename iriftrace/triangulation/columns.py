@@ -43,7 +43,8 @@ _FORMS = tuple(
 
 _MEANS_POINT = frozenset(
     "point points pt pts coord coords coordinate coordinates koord koordinate koordinaten "
-    "cartesian position pos location vertex vertices punkt axis achse value wert".split()
+    "cartesian position pos location vertex vertices punkt axis achse value wert "
+    "coordonnée coordonnee coordonnées coordenada coordenadas coordinata coordinate 座標".split()
 )
 """Words that say no more of a coordinate than that it is one."""
 
@@ -189,11 +190,19 @@ def _splits(text: str) -> Iterator[list[str]]:
 
 
 def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], count: int) -> str:
-    """Length unit that names, a row of units or a remark state for some columns; "" for none."""
+    """Length unit that names, a row of units or a remark state for some columns; "" for none.
+
+    An InputError where the names state several.
+    """
     axes = [axis_of(names[i]) if i < len(names) else None for i in chosen]
-    units = {axis.unit for axis in axes if axis}
-    if len(units) == 1 and (unit := units.pop()):
-        return unit
+    units = {axis.unit for axis in axes if axis and axis.unit}
+    if len(units) > 1:
+        raise InputError(
+            f"The columns {', '.join(names[i] for i in chosen)} are in different units "
+            f"({', '.join(sorted(units))}); write all three in one."
+        )
+    if units:
+        return units.pop()
     for line in lines:
         words = [word.strip(" []()<>").casefold() for word in words_of(line, count)]
         if len(words) == count and all(words[i] in _UNITS for i in chosen):

@@ -21,13 +21,14 @@ from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.cloud import Cloud
 from iriftrace.triangulation.cloud_write import by_axis, save_cloud
+from iriftrace.triangulation.cold_size import ColdSizes
 from iriftrace.triangulation.feature_table import feature_table
 from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
-from iriftrace.triangulation.relations import relations
-from iriftrace.triangulation.statistics import PointStatus, each_along
+from iriftrace.triangulation.relations import relations, value_key
+from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
 
 SCHEMA = "iriftrace.correction/1"
 
@@ -155,48 +156,61 @@ class Correction:
         Student's t for as many fields as it was estimated from (GUM, annex G), 2 for many or one;
         ``fit_uncertainty_mm`` (k = 2) of the fit to the corrected points, by their scatter;
         ``total_uncertainty_mm``, the root of the sum of their squares. That of synthetic air is not
-        known.
+        known. Of an ensemble also ``worst_member``, whose corrected size ``worst_size_mm`` is
+        farthest from the mean.
 
-        Of a part that is expanded also ``at_reference``: the ``temperature_k`` of its drawing,
-        ``size_mm`` there, and ``expansion_uncertainty_mm`` (k = 2) by the standard uncertainties of
-        the expansion (relative) and of the hot temperature (K), None where one is not given.
+        Of a part that is expanded also ``at_reference`` (`ColdSizes`), by the standard
+        uncertainties of the expansion (relative) and of the hot temperature (K).
         """
         good = self.status == CorrectionStatus.CORRECTED
         measured, face = self.measured[good], self.face[good]
         clouds = {"measured": measured, "corrected": self.points[good]}
         by_member = () if self.errors is None else measured - self.errors[:, good]
         rows = feature_table(clouds, face, part, choices, by_member, gate)
-        for row in rows:
-            sizes = row.pop("size_by_member_mm", None)
-            scatter = 0.0
-            if sizes is not None and self.weights is not None:
-                scatter = float(self.weights.uncertainty(sizes))
-            air, factor = self._air_uncertainty(row["size_mm"], scatter)
-            u = row["u_size_mm"]["corrected"]
-            fit = None if u is None else COVERAGE_FACTOR * u
-            row |= {
-                "size_uncertainty_mm": air,
-                "coverage_factor": factor,
-                "fit_uncertainty_mm": fit,
-                "total_uncertainty_mm": None
-                if air is None or fit is None
-                else math.hypot(air, fit),
-            }
-            size = row["size_mm"]["corrected"]
-            if self.growth is not None and size is not None:
-                known = u_expansion is not None and u_temperature_k is not None
-                u = self.growth.u_reference_size(size, u_expansion or 0.0, u_temperature_k or 0.0)
-                row["at_reference"] = {
-                    "temperature_k": self.growth.reference_k,
-                    "size_mm": self.growth.reference_size(size),
-                    "expansion_uncertainty_mm": COVERAGE_FACTOR * u if known else None,
-                }
-        return rows
+        cold = ColdSizes(part, u_expansion, u_temperature_k)
+        return cold.add_to_features([self._with_uncertainty(row) for row in rows], "corrected")
+
+    def relations(
+        self,
+        part: Part,
+        features: list[dict[str, Any]],
+        *,
+        u_expansion: float | None = None,
+        u_temperature_k: float | None = None,
+    ) -> list[dict[str, Any]]:
+        """Distances and angles between `features` (see `relations`), with what they have.
+
+        The keys of angles end in ``_deg`` in place of ``_mm``.
+        """
+        rows = [self._with_uncertainty(row) for row in relations(features)]
+        cold = ColdSizes(part, u_expansion, u_temperature_k)
+        return cold.add_to_relations(rows, features, "corrected")
+
+    def _with_uncertainty(self, row: dict[str, Any]) -> dict[str, Any]:
+        """A feature or relation with its uncertainties and its worst member."""
+        key = value_key(row)
+        unit = key.rpartition("_")[2]
+        sizes = row.get("by_member", {key: [None]})[key]
+        scatter, worst = 0.0, {}
+        if self.weights is not None and None not in sizes:
+            scatter = float(self.weights.uncertainty(sizes))
+            worst = worst_member(sizes, row[key]["corrected"], key, self.provenance)
+        air, factor = self._air_uncertainty(row[key], scatter)
+        u = row[f"u_{key}"]["corrected"]
+        fit = None if u is None else COVERAGE_FACTOR * u
+        both = None if air is None or fit is None else math.hypot(air, fit)
+        return row | {
+            f"size_uncertainty_{unit}": air,
+            "coverage_factor": factor,
+            f"fit_uncertainty_{unit}": fit,
+            f"total_uncertainty_{unit}": both,
+            **worst,
+        }
 
     def _air_uncertainty(
         self, size: dict[str, float | None], scatter: float
     ) -> tuple[float | None, float | None]:
-        """Expanded uncertainty, mm, of the share of a size that was air, and its k."""
+        """Expanded uncertainty of the share of a size or angle that was air, and its k."""
         measured, corrected = size["measured"], size["corrected"]
         known = self.u_normal is not None and not self.state.synthetic
         if measured is None or corrected is None or not known:
@@ -247,6 +261,7 @@ class Correction:
         path: str | Path,
         features: Sequence[dict[str, Any]] = (),
         regions: Sequence[dict[str, Any]] = (),
+        related: Sequence[dict[str, Any]] = (),
         *,
         cloud: Cloud | None = None,
         motion: FloatArray | None = None,
@@ -257,8 +272,8 @@ class Correction:
         Parameters
         ----------
         path : path
-        features, regions : sequences of dict
-            Written with the numbers.
+        features, regions, related : sequences of dict
+            Rows of `features`, `regions` and `relations`, written with the numbers.
         cloud : Cloud, optional
             Whose `points` were corrected: all of its rows are written in their order, with its
             further columns. Rows that were not measured stay as they are.
@@ -281,7 +296,7 @@ class Correction:
         points, status = factor * apply(back, self.points), self.status.astype(np.int32)
         values = self.as_dict() | {
             "features": list(features),
-            "relations": relations(features),
+            "relations": list(related),
             "regions": list(regions),
             "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
         }

@@ -56,9 +56,9 @@ def feature_table(
     Outliers of the cloud ``"measured"`` (else of the first) by `inliers` are left out of all.
 
     Gives ``kind``, ``region``, ``points`` that were fitted and ``left_out``, and by cloud
-    ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`; with
-    the same points by each member of an ensemble also ``size_by_member_mm``, None for a
-    feature without a size.
+    ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`, of
+    planes ``u_position_mm`` and ``normal_covariance``; with the same points by each member of an
+    ensemble also ``by_member``: lists of ``size_mm``, ``position_mm`` and ``direction``.
     """
     check_choices(choices, part)
     check_gate(gate)
@@ -94,17 +94,31 @@ def feature_table(
         doubt = _other_surface(part, kind, region) or next(filter(None, doubts), None)
         if doubt:
             warnings.warn(doubt, IriftraceWarning, stacklevel=3)
-        row = _row(kind, region, count, fits)
+        row = feature_row(kind, region, count, fits)
         if members:
-            sizes = [fit_feature(cloud[chosen], kind).size_mm for cloud in members]
-            row["size_by_member_mm"] = None if None in sizes else sizes
+            same = [fit_feature(cloud[chosen], kind) for cloud in members]
+            row["by_member"] = {
+                "size_mm": [fit.size_mm for fit in same],
+                "position_mm": [fit.position.tolist() for fit in same],
+                "direction": [_listed(fit.direction) for fit in same],
+            }
         rows.append(row)
     return rows
 
 
-def _row(kind: str, region: str, count: int, fits: Mapping[str, Feature]) -> dict[str, Any]:
+def _listed(values: FloatArray | None) -> list[Any] | None:
+    return None if values is None else values.tolist()
+
+
+def feature_row(
+    kind: str, region: str | None, count: int, fits: Mapping[str, Feature]
+) -> dict[str, Any]:
     """Row of `feature_table` for fits by cloud to the inliers of `count` points."""
     first = next(iter(fits.values()))
+    plane = {
+        "u_position_mm": {name: fit.u_position_mm for name, fit in fits.items()},
+        "normal_covariance": {name: _listed(fit.normal_covariance) for name, fit in fits.items()},
+    }
     return {
         "kind": kind,
         "region": region or None,
@@ -114,10 +128,8 @@ def _row(kind: str, region: str, count: int, fits: Mapping[str, Feature]) -> dic
         "u_size_mm": {name: fit.u_size_mm for name, fit in fits.items()},
         "form_mm": {name: fit.form_mm for name, fit in fits.items()},
         "position_mm": {name: fit.position.tolist() for name, fit in fits.items()},
-        "direction": {
-            name: None if fit.direction is None else fit.direction.tolist()
-            for name, fit in fits.items()
-        },
+        "direction": {name: _listed(fit.direction) for name, fit in fits.items()},
+        **(plane if kind == "plane" else {}),
     }
 
 

@@ -52,6 +52,10 @@ class Feature:
         the root of its element of (J^T J)^-1, s^2 = residuals squared over degrees of freedom.
     half_angle : float or None, rad
         Of a cone.
+    u_position_mm : float or None, mm
+        Of a plane, the standard uncertainty of `position` along the normal, as of the diameter.
+    normal_covariance : (3, 3) array or None
+        Of a plane's normal, by the residuals too.
     residuals : (n,) array, mm
         Signed distances, positive outwards; of a line or circle unsigned.
     """
@@ -63,6 +67,8 @@ class Feature:
     u_size_mm: float | None
     half_angle: float | None
     residuals: FloatArray
+    u_position_mm: float | None = None
+    normal_covariance: FloatArray | None = None
 
     @property
     def form_mm(self) -> float:
@@ -147,6 +153,7 @@ def fit_feature(
         position=centre + scale * found.position,
         size_mm=None if found.size_mm is None else scale * found.size_mm,
         u_size_mm=None if found.u_size_mm is None else scale * found.u_size_mm,
+        u_position_mm=None if found.u_position_mm is None else scale * found.u_position_mm,
         residuals=scale * found.residuals,
     )
 
@@ -175,8 +182,22 @@ def _signed(direction: FloatArray) -> FloatArray:
 
 
 def _plane(points: FloatArray, root: FloatArray) -> Feature:
-    normal = _signed(_axes(points, root)[2])
-    return Feature("plane", np.zeros(3), normal, None, None, None, points @ normal)
+    axes = _axes(points, root)
+    normal = _signed(axes[2])
+    heights = points @ normal
+    variance = float(np.sum((root * heights) ** 2)) / max(len(points) - 3, 1)
+    spread = np.sum((root[:, None] * points @ axes[:2].T) ** 2, axis=0)
+    return Feature(
+        kind="plane",
+        position=np.zeros(3),
+        direction=normal,
+        size_mm=None,
+        u_size_mm=None,
+        half_angle=None,
+        residuals=heights,
+        u_position_mm=float(np.sqrt(variance / np.sum(root**2))),
+        normal_covariance=variance * (axes[:2].T / spread) @ axes[:2],
+    )
 
 
 def _line(points: FloatArray, root: FloatArray) -> Feature:

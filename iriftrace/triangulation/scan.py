@@ -35,12 +35,13 @@ from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.trace.provenance import provenance
 from iriftrace.trace.rays import traced_as_chosen
 from iriftrace.triangulation.cloud_write import by_axis, save_cloud
+from iriftrace.triangulation.cold_size import ColdSizes
 from iriftrace.triangulation.feature_table import feature_table
 from iriftrace.triangulation.intersection import nearest_point, on_plane
 from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
-from iriftrace.triangulation.relations import relations
-from iriftrace.triangulation.statistics import PointStatus, each_along
+from iriftrace.triangulation.relations import relations, value_key
+from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
 from iriftrace.triangulation.two_points import lines_of_sight
 
 SCHEMA = "iriftrace.scan/1"
@@ -234,27 +235,33 @@ class Scan:
         """Features of the points, cold and measured; see `feature_table`.
 
         Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members,
-        and ``worst_member`` with ``worst_size_mm``, the size farthest from the cold one.
+        and ``worst_member`` with ``worst_size_mm``, the size farthest from the cold one; of a part
+        that is expanded ``at_reference`` (`ColdSizes`).
         """
         clouds = {"cold": self.true, "measured": self.points}
         by_member = () if self.errors is None else self.true + self.errors
         rows = feature_table(clouds, self.face, part, choices, by_member, gate)
-        return [self._with_scatter(row) for row in rows]
+        return ColdSizes(part).add_to_features([self._with_scatter(row) for row in rows], "cold")
+
+    def relations(self, part: Part, features: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """Distances and angles between `features` (see `relations`), with what they have.
+
+        The keys of angles end in ``_deg`` in place of ``_mm``.
+        """
+        rows = [self._with_scatter(row) for row in relations(features)]
+        return ColdSizes(part).add_to_relations(rows, features, "cold")
 
     def _with_scatter(self, row: dict[str, Any]) -> dict[str, Any]:
-        """A feature with its scatter and worst member in place of its size by each member."""
-        sizes = row.pop("size_by_member_mm", None)
+        """A feature or relation with its scatter and worst member."""
+        key = value_key(row)
         if self.weights is None:
             return row
-        if sizes is None:
-            return row | {"size_scatter_mm": None}
-        cold = row["size_mm"]["cold"]
-        worst = int(np.argmax(np.abs(np.array(sizes) - cold)))
-        return row | {
-            "size_scatter_mm": float(self.weights.scatter(sizes)),
-            "worst_member": self.provenance["ensemble"]["members"][worst]["number"],
-            "worst_size_mm": sizes[worst],
-        }
+        sizes = row["by_member"][key]
+        scatter_key = f"size_scatter_{key.rpartition('_')[2]}"
+        if None in sizes:
+            return row | {scatter_key: None}
+        worst = worst_member(sizes, row[key]["cold"], key, self.provenance)
+        return row | {scatter_key: float(self.weights.scatter(sizes)), **worst}
 
     def regions(self, part: Part) -> list[dict[str, Any]]:
         """Errors along the normal by region of the part; see `region_table`."""
@@ -266,13 +273,14 @@ class Scan:
         features: Sequence[dict[str, Any]] = (),
         acceptance: Sequence[dict[str, Any]] = (),
         regions: Sequence[dict[str, Any]] = (),
+        related: Sequence[dict[str, Any]] = (),
     ) -> tuple[Path, Path]:
         """Write the cloud and, next to it, its numbers (.json).
 
         Parameters
         ----------
         path : path
-        features, acceptance, regions : sequences of dict
+        features, acceptance, regions, related : sequences of dict
             Written with the numbers.
 
         Raises
@@ -282,7 +290,7 @@ class Scan:
         """
         values = self.as_dict() | {
             "features": list(features),
-            "relations": relations(features),
+            "relations": list(related),
             "regions": list(regions),
         }
         if acceptance:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,3 +29,15 @@ def each_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
     """Components (k, n), mm, of (k, n, 3) errors of k members along (n, 3) normals."""
     along: FloatArray = np.einsum("kij,ij->ki", errors, normal)
     return along
+
+
+def worst_member(
+    values: list[float], true: float, key: str, provenance: dict[str, Any]
+) -> dict[str, Any]:
+    """Number of the member whose value is farthest from the true one, and that value.
+
+    As ``worst_member`` and ``worst_`` and the key of the values, such as ``size_mm``.
+    """
+    worst = int(np.argmax(np.abs(np.array(values) - true)))
+    number = provenance["ensemble"]["members"][worst]["number"]
+    return {"worst_member": number, f"worst_{key}": values[worst]}

@@ -280,3 +280,18 @@ def test_a_calibration_too_large_to_be_one(tmp_path: Path) -> None:
     (tmp_path / "huge.json").write_bytes(b" " * 5_000_000)
     with pytest.raises(InputError, match="more than any camera needs"):
         read_calibration(tmp_path / "huge.json")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_camera_of_single_numbers(tmp_path: Path, encoding: str) -> None:
+    """fx, fy, cx, cy, k1 ... as RealSense and COLMAP users write them; also by PowerShell."""
+    names = dict(zip(("k1", "k2", "p1", "p2", "k3"), COEFFICIENTS.tolist(), strict=True))
+    values = {"fx": 3653.8, "fy": 3657.25, "cx": 1208.5, "cy": 1029.0, **names}
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(values | {"width": 2448, "height": 2048}), encoding=encoding)
+    found = read_calibration(path)
+    assert (found.focal_px, found.centre_px) == ((3653.8, 3657.25), (1208.5, 1029.0))
+    assert found.distortion.coefficients == (*COEFFICIENTS, 0, 0, 0)
+    path.write_text(json.dumps({"fx": 3653.8, "k1": 0.1, "width": 2448, "height": 2048}))
+    with pytest.raises(InputError, match="camera_matrix is missing"):
+        read_calibration(path)

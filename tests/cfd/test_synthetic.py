@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import origin_of
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldSource
+from iriftrace.field.wall import wall_temperatures
 from iriftrace.image.aov_image import read_exr
 from iriftrace.part.part import Part, part_of_mesh
 from validation.inputs.parts import gear
@@ -61,6 +63,10 @@ def test_gradient_is_that_of_the_temperature(air: SyntheticAir) -> None:
     Where two points of the part are equally near, the gradient jumps; no random point is so near
     to such a place.
     """
+    _check_gradient(air)
+
+
+def _check_gradient(air: SyntheticAir) -> None:
     points = points_outside(air, 2000)
     _, gradient = air.at(points)
     step = 1e-4
@@ -73,6 +79,24 @@ def test_gradient_is_that_of_the_temperature(air: SyntheticAir) -> None:
     )
     assert np.linalg.norm(gradient, axis=1).max() > 100.0
     assert_allclose(differences, gradient, atol=1e-6 * np.abs(gradient).max())
+
+
+def test_regions_have_their_own_temperature() -> None:
+    """A head of 800 K on a cylinder of 1373 K: walls, gradient, field and origin follow it."""
+    part = PARTS["cylinder"]
+    air = synthetic_air(part, boundary_layer_mm=4.0, regions={"head +x": 800.0}, transition_mm=3.0)
+    _check_gradient(air)
+    x = np.linspace(-15.0, 15.0, 31)
+    below = np.column_stack((x, 0.0 * x, np.full(len(x), -6.0)))
+    # Of the two groups of faces one is at the point and the other 15 - x away.
+    share = 0.5 * (1.0 + np.tanh((x - 15.0) * 2 * np.arctanh(0.8) / 3.0))
+    assert_allclose(air.at(below)[0], WALL + (800.0 - WALL) * share, atol=1e-6)
+    ends = air.at(np.array(((15.0, 0.0, 0.0), (-15.0, 0.0, 0.0))))[0]
+    assert_allclose(ends, (800.0, WALL), atol=1.0)
+    assert "head +x 800 K" in air.origin
+    field = synthetic_field(air, evolve(usual_mesh(air), cell_mm=1.0, height_mm=20.0))
+    wall = wall_temperatures(field)(np.array(((15.0, 0.0, 0.0), (-15.0, 0.0, 0.0))))
+    assert_allclose(wall, (800.0, WALL), atol=2.0)
 
 
 def test_wall_has_its_temperature_whatever_the_plume(air: SyntheticAir) -> None:
@@ -257,9 +281,12 @@ def test_finer_cells_come_closer_to_the_part() -> None:
         ({"wall_k": float("nan")}, "hotter than the room"),
         ({"boundary_layer_mm": 0.0}, "boundary layer of 0 mm"),
         ({"plume": 1.2}, "strength is 1.2"),
+        ({"regions": {"rim": 900.0}}, 'no region "rim"'),
+        ({"regions": {"*": 200.0}}, "must be hotter than the air"),
+        ({"transition_mm": 3.0}, "two temperatures to lie between"),
     ],
 )
-def test_impossible_air_is_refused(options: dict[str, float], message: str) -> None:
+def test_impossible_air_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         synthetic_air(PARTS["gear"], **options)
 

@@ -363,3 +363,21 @@ def test_units_in_square_brackets(tmp_path: Path, unit: str, separator: str) -> 
     field = read_field(path)
     assert_the_box(field)
     assert field.source.length_unit == "m"
+
+
+def test_a_table_of_fluent(tmp_path: Path) -> None:
+    rows = np.column_stack((np.arange(1, len(POINTS) + 1), POINTS, KELVIN))
+    header = "nodenumber,    x-coordinate,    y-coordinate,    z-coordinate,     temperature"
+    np.savetxt(tmp_path / "f.txt", rows, "%.12e", ",", header=header, comments="")
+    assert_the_box(read_field(tmp_path / "f.txt", temperature_unit="K"))
+
+
+def test_complex_values_and_files_of_tecplot_are_named_as_such(tmp_path: Path) -> None:
+    complex_values = "% x y z T (K)\n" + "".join(f"1 2 {k} 300+0.5i\n" for k in range(9))
+    tecplot = (
+        'TITLE = "a"\nVARIABLES = "X", "Y", "Z", "T"\nZONE I=2 F=POINT\n1 2 3 300\n2 3 4 300\n'
+    )
+    for text, said in ((complex_values, "complex values; export their real"), (tecplot, "Tecplot")):
+        (tmp_path / "f.txt").write_text(text)
+        with pytest.raises(InputError, match=said):
+            read_field(tmp_path / "f.txt")

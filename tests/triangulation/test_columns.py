@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from numpy.testing import assert_allclose
 
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.triangulation.cloud import read_cloud
@@ -209,3 +210,42 @@ def test_points_at_zero_were_not_measured(tmp_path: Path) -> None:
     with pytest.warns(IriftraceWarning, match=r"2 of 20 points .* \(0, 0, 0\).*left out"):
         read = read_cloud(tmp_path / "cloud.xyz").points
     np.testing.assert_array_equal(read, np.delete(rows, [2, 5], axis=0))
+
+
+@pytest.mark.parametrize(
+    ("text", "warned"),
+    [
+        ("{0:.8E} {1:.8E} {2:.8E}\n", ""),
+        ("P{3};{0};{1};{2}\n", "columns of words or dates, which are left out: Name"),
+        ('"{0}","{1}","{2}","P, {3}"\n', "left out: Name"),
+        ("{3},{0},{1},{2},2024-01-01T00:00:0{3}Z\n", "left out: Name"),
+    ],
+)
+def test_exponents_of_fortran_and_cells_of_words(tmp_path: Path, text: str, warned: str) -> None:
+    points = np.random.default_rng(1).uniform(-50.0, 50.0, (9, 3)).round(6)
+    rows = "".join(text.format(*row, number) for number, row in enumerate(points))
+    header = {"P": "Name;x;y;z\n", '"': "x,y,z,Name\n", "{3}": "id,x,y,z,Name\n"}
+    names = next((line for start, line in header.items() if text.startswith(start)), "")
+    file = tmp_path / "cloud.csv"
+    file.write_text(names + (rows if names else rows.replace("E", "D")) + "\x1a")
+    if warned:
+        with pytest.warns(IriftraceWarning, match=warned):
+            cloud = read_cloud(file)
+    else:
+        cloud = read_cloud(file)
+    assert_allclose(cloud.points, points, atol=1e-6)
+    assert "Name" not in cloud.columns
+
+
+def test_units_and_scans_of_a_table(tmp_path: Path) -> None:
+    """Micrometres of a Windows program; several units, and several scans in one file."""
+    file = tmp_path / "cloud.txt"
+    file.write_bytes("# Prüfling\nx (µm)\ty (µm)\tz (µm)\n1000\t2000\t3000.5\n".encode("cp1252"))
+    assert_allclose(read_cloud(file).points, [[1.0, 2.0, 3.0005]])
+    file.write_text("X [mm],Y [mm],Z [m]\n1.0001,2.0001,3.0001\n")
+    with pytest.raises(InputError, match=r"different units \(m, mm\)"):
+        read_cloud(file)
+    scans = tmp_path / "scans.pts"
+    scans.write_text("2\n1.5 2 3\n4 5 6\n2\n7 8 9\n1 2 3\n")
+    with pytest.raises(InputError, match="several scans, one after the other"):
+        read_cloud(scans)

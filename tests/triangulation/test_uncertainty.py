@@ -119,7 +119,8 @@ def test_weights_on_disk_are_those_of_the_mean(variant: str, tmp_path: Path) -> 
     values = scan.as_dict()
     assert values["worst_member"] == 3
     assert values["members"][0]["weight"] == pytest.approx(0.2)
-    row = scan._with_scatter({"size_mm": {"cold": 10.0}, "size_by_member_mm": [9.7, 10.0, 10.2]})
+    sizes = {"by_member": {"size_mm": [9.7, 10.0, 10.2]}, "kind": "sphere"}
+    row = scan._with_scatter({"size_mm": {"cold": 10.0}, **sizes})
     assert (row["worst_member"], row["worst_size_mm"]) == (1, 9.7)
     spread = np.sqrt(np.cov((9.7, 10.0, 10.2), aweights=given))
     assert row["size_scatter_mm"] == pytest.approx(float(spread))

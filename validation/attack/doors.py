@@ -37,7 +37,7 @@ from iriftrace.sweep.journal import Piece, Work, journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
 from iriftrace.triangulation.cloud import read_cloud
 from iriftrace.triangulation.cloud_write import save_cloud
-from validation.field_files import comsol, ensight, exodus
+from validation.field_files import cgns, comsol, ensight, exodus
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch
 from validation.inputs import hot_block, stereo_files
@@ -353,6 +353,11 @@ DOORS = (
         "Exodus",
         lambda folder: exodus.write(folder / "air.e", hot_block.air(_CELLS)),
         _field("air.e"),
+    ),
+    Door(
+        "CGNS",
+        lambda folder: cgns.write(folder / "air.cgns", hot_block.air(_CELLS)),
+        _field("air.cgns"),
     ),
     Door("OpenFOAM case", _case, _field("case")),
     Door("COMSOL text", _comsol("air.txt", " "), _scattered("air.txt"), ("air.txt",)),

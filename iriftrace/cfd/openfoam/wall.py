@@ -106,16 +106,53 @@ def wall_temperature(wall: WallTemperatures, part: Part, points: ArrayLike) -> F
     places = np.asarray(points, dtype=np.float64)
     if wall.measured is not None:
         return wall.measured.at(places)
-    shared = wall.of_regions(part)
-    kelvins = np.array(list(shared))
+    kelvins, groups = _groups(wall, part)
     if len(kelvins) == 1:
         return np.full(len(places), kelvins[0])
-    faces = [part.faces[np.isin(part.region_of_face, numbers)] for numbers in shared.values()]
-    distances = np.stack([Surface(part.vertices, some).distance(places) for some in faces])
+    distances = np.stack([group.distance(places) for group in groups])
     if wall.transition == 0.0:
         nearest: FloatArray = kelvins[distances.argmin(axis=0)]
         return nearest
-    length = wall.transition / 2.0 / _NINETY_PERCENT
-    weights = np.exp(-2.0 * (distances - distances.min(axis=0)) / length)
-    mean: FloatArray = (kelvins @ weights) / weights.sum(axis=0)
-    return mean
+    return _mixed(wall, kelvins, distances)[0]
+
+
+def wall_temperature_gradient(
+    wall: WallTemperatures, part: Part, points: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """`wall_temperature` and its gradient (n, 3), K/mm, at points (n, 3) on the wall or beside it.
+
+    InputError for regions of different temperature without a transition.
+    """
+    kelvins, groups = _groups(wall, part)
+    if len(kelvins) == 1:
+        return np.full(len(points), kelvins[0]), np.zeros((len(points), 3))
+    if wall.transition == 0.0:
+        raise InputError(
+            "the temperature between regions has no gradient without a transition; give its width "
+            "(--transition)."
+        )
+    found = [group.distance_gradient(points) for group in groups]
+    mean, weights = _mixed(wall, kelvins, np.stack([distance for distance, _ in found]))
+    shares = weights * (kelvins[:, None] - mean) * (-2.0 / _length(wall))
+    gradient = np.einsum("kn,kni->ni", shares, np.stack([away for _, away in found]))
+    return mean, np.asarray(gradient)
+
+
+def _groups(wall: WallTemperatures, part: Part) -> tuple[FloatArray, list[Surface]]:
+    """The temperatures, and the faces that have each."""
+    shared = wall.of_regions(part)
+    faces = [part.faces[np.isin(part.region_of_face, numbers)] for numbers in shared.values()]
+    return np.array(list(shared)), [Surface(part.vertices, some) for some in faces]
+
+
+def _length(wall: WallTemperatures) -> float:
+    return wall.transition / 2.0 / _NINETY_PERCENT
+
+
+def _mixed(
+    wall: WallTemperatures, kelvins: FloatArray, distances: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean temperature (n,) at distances (k, n) from k groups of faces, and their weights."""
+    weights = np.exp(-2.0 * (distances - distances.min(axis=0)) / _length(wall))
+    weights /= weights.sum(axis=0)
+    return np.asarray(kelvins @ weights), weights

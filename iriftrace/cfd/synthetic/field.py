@@ -10,6 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from iriftrace.air.refractivity import Air
+from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.cfd.synthetic.mesh import AirMesh, air_mesh, usual_mesh
 from iriftrace.cfd.synthetic.model import SyntheticAir
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -30,7 +31,7 @@ def synthetic_grid(
     grid, on_wall = air_mesh(air, usual_mesh(air) if size is None else size)
     temperature, slope = air.at(np.asarray(grid.points, dtype=np.float64))
     # Points on the wall are on it to rounding only; what was set is what shall be there.
-    temperature[on_wall] = air.wall_k
+    temperature[on_wall] = wall_temperature(air.wall, air.part, grid.points[on_wall])
     grid.point_data["T"] = temperature
     if gradient:
         grid.point_data["grad_T"] = slope

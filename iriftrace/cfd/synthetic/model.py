@@ -5,6 +5,8 @@ A boundary layer on the part and, above it, the plume of a laminar line source.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from attrs import Attribute, evolve, field, frozen
 from numpy.typing import ArrayLike
@@ -12,10 +14,12 @@ from scipy.optimize import brentq
 from scipy.special import erf
 
 from iriftrace.cfd.check.nusselt import reference_temperature
+from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature_gradient
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part, refuse_unlikely_size
+from iriftrace.part.region_choice import values_by_region
 
 DECAY = 0.6
 """Exponent with which the excess temperature on the axis of a laminar line plume falls."""
@@ -225,6 +229,12 @@ class SyntheticAir:
         Where the boundary layer ends.
     plume : Plume or None
         None for still air.
+    regions : dict
+        Temperatures, K, of regions of the part that have not `wall_k`. :math:`T_w` is then that of
+        the nearest wall, and one goes over into another within `transition_mm`
+        (`iriftrace.cfd.openfoam.wall.wall_temperature`).
+    transition_mm : float or None
+        By default the boundary layer's thickness.
     """
 
     part: Part
@@ -232,6 +242,8 @@ class SyntheticAir:
     ambient_k: float = field(default=293.15, converter=float)
     boundary_layer_mm: float = field(default=_KNOWN_LAYER_MM, converter=float)
     plume: Plume | None = None
+    regions: dict[str, float] = field(factory=dict)
+    transition_mm: float | None = None
     surface: Surface = field(init=False, repr=False)
 
     @wall_k.validator
@@ -254,13 +266,26 @@ class SyntheticAir:
     def _surface_of_part(self) -> Surface:
         return self.part.closed_surface
 
+    def __attrs_post_init__(self) -> None:
+        """Refuse regions that the part does not have, and walls that are colder than the room."""
+        self.wall.check(self.part, self.ambient_k)
+
+    @property
+    def wall(self) -> WallTemperatures:
+        """Temperatures of the wall."""
+        width = self.transition_mm
+        if width is None:
+            width = self.boundary_layer_mm if self.regions else 0.0
+        return WallTemperatures(self.wall_k, self.regions, width)
+
     @property
     def origin(self) -> str:
         """Statement of the field's origin in results."""
+        others = "".join(f", {name} {kelvin:g} K" for name, kelvin in self.regions.items())
         plume = "no plume" if self.plume is None else f"plume of strength {self.plume.strength:g}"
         return (
             "synthetic: boundary layer and plume from formulas, not a simulation (wall "
-            f"{self.wall_k:g} K, ambient {self.ambient_k:g} K, boundary layer "
+            f"{self.wall_k:g} K{others}, ambient {self.ambient_k:g} K, boundary layer "
             f"{self.boundary_layer_mm:.3g} mm, {plume})"
         )
 
@@ -281,14 +306,15 @@ class SyntheticAir:
         distance, away = self.surface.distance_gradient(places)
         left = np.maximum(1.0 - distance / self.boundary_layer_mm, 0.0)
         layer, layer_slope = left**2, -2.0 * left / self.boundary_layer_mm
-        excess = self.wall_k - self.ambient_k
-        if self.plume is None:
-            return self.ambient_k + excess * layer, excess * layer_slope[:, None] * away
-        plume, plume_gradient = self.plume.excess(places)
-        share = 1.0 - (1.0 - layer) * (1.0 - plume)
-        gradient = ((1.0 - plume) * layer_slope)[:, None] * away
-        gradient += (1.0 - layer)[:, None] * plume_gradient
-        return self.ambient_k + excess * share, excess * gradient
+        share, slope = layer, layer_slope[:, None] * away
+        if self.plume is not None:
+            plume, plume_gradient = self.plume.excess(places)
+            share = 1.0 - (1.0 - layer) * (1.0 - plume)
+            slope = (1.0 - plume)[:, None] * slope + (1.0 - layer)[:, None] * plume_gradient
+        wall, along_wall = wall_temperature_gradient(self.wall, self.part, places)
+        excess = wall - self.ambient_k
+        gradient = excess[:, None] * slope + share[:, None] * along_wall
+        return self.ambient_k + excess * share, gradient
 
 
 def synthetic_air(
@@ -298,6 +324,8 @@ def synthetic_air(
     ambient_k: float = 293.15,
     boundary_layer_mm: float | None = None,
     plume: float = 0.8,
+    regions: Mapping[str, float] | None = None,
+    transition_mm: float | None = None,
 ) -> SyntheticAir:
     """The synthetic air of a part, with what is not given chosen after its size.
 
@@ -309,6 +337,10 @@ def synthetic_air(
         By default `laminar_boundary_layer_mm`.
     plume : float
         Strength of the plume, 0 to 1; 0 for none.
+    regions : mapping, optional
+        Temperatures, K, of regions, by name or pattern (`values_by_region`).
+    transition_mm : float, optional
+        As in `SyntheticAir`.
 
     Raises
     ------
@@ -319,7 +351,14 @@ def synthetic_air(
     layer = boundary_layer_mm
     if layer is None:
         layer = laminar_boundary_layer_mm(part, wall_k, ambient_k)
-    still = SyntheticAir(part, wall_k, ambient_k, layer)
+    still = SyntheticAir(
+        part,
+        wall_k,
+        ambient_k,
+        layer,
+        regions=values_by_region(part, regions or {}),
+        transition_mm=transition_mm,
+    )
     return still if plume == 0.0 else evolve(still, plume=plume_above(part, layer, plume))
 
 

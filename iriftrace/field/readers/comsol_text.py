@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
@@ -20,6 +20,9 @@ from iriftrace.core.number_table import is_numbers, numbers, separator_of
 from iriftrace.field.readers.states import Column, column_of
 
 AXES = ("x", "y", "z")
+_COORDINATE = re.compile(r"([xyz])[-_ ]?coord(?:inate)?", re.IGNORECASE)
+_COMPLEX = re.compile(r"[\d.][+-][\d.eE+-]*[ij](?:[\s,;]|$)")
+_TECPLOT = re.compile(r"\s*(?:TITLE|VARIABLES)\s*=", re.IGNORECASE)
 
 # After a key come a sign of any kind or, before a single word, blanks.
 _SET = r"\s*\"?\s*(?:[:;,=\t]|(?<=\s)(?=[^\s(]+$))"
@@ -169,8 +172,18 @@ def text_file(path: Path) -> TextFile:
             comments = []
         else:
             sections[-1].rows.append(line)
+    if any(map(_TECPLOT.match, sections[0].comments if sections else comments)):
+        raise InputError(
+            f"{path} is a file of Tecplot, which is not read; export VTK, EnSight or CGNS from "
+            "there."
+        )
     if not sections:
-        raise InputError(f"{path} has no rows of numbers; is it a complete export?")
+        complex_values = any(map(_COMPLEX.search, comments))
+        raise InputError(
+            f"{path} holds complex values; export their real part, such as real(T)."
+            if complex_values
+            else f"{path} has no rows of numbers; is it a complete export?"
+        )
     entries: dict[str, str] = {}
     for line in (line for section in sections for line in section.comments):
         if found := _ENTRY.match(line):
@@ -218,7 +231,7 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             "it is not clear which is which; export it again with one delimiter and a point as "
             "decimal sign."
         )
-    columns = [column_of(name) for name in names]
+    columns = [_axis_or(column_of(name)) for name in names]
     found = [column.name.lower() for column in columns]
     if any(found.count(axis) != 1 for axis in AXES):
         raise InputError(
@@ -226,6 +239,12 @@ def spreadsheet_columns(file: TextFile) -> list[Column]:
             f"{', '.join(column.name for column in columns)}; export 3D data in x, y and z."
         )
     return columns
+
+
+def _axis_or(column: Column) -> Column:
+    """A column named ``x-coordinate``, as Fluent does, as that of x; others as they are."""
+    match = _COORDINATE.fullmatch(column.name)
+    return column if match is None else evolve(column, name=match[1].lower())
 
 
 def _padded_names(line: str, count: int) -> list[str]:

@@ -15,16 +15,17 @@ from attrs import evolve, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
-from iriftrace.field.readers import comsol, ensight, exodus, openfoam, vtk_files
+from iriftrace.field.readers import cgns, comsol, ensight, exodus, openfoam, vtk_files
 from iriftrace.field.readers.states import Contents
 
 VTK = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".pvd", ".vtm")
 OPENFOAM = (".foam", ".openfoam")
 ENSIGHT = (".case", ".encas")
 EXODUS = (".e", ".ex2", ".exo")
+CGNS = (".cgns",)
 COMSOL_TEXT = (".txt", ".csv", ".dat")
 COMPRESSED = (".gz", ".zip", ".bz2", ".xz", ".7z")
-SUFFIXES = (*VTK, *ENSIGHT, *EXODUS, *OPENFOAM, *COMSOL_TEXT)
+SUFFIXES = (*VTK, *ENSIGHT, *EXODUS, *CGNS, *OPENFOAM, *COMSOL_TEXT)
 """Suffixes of files that can hold a field; an OpenFOAM case may also be named by its folder."""
 
 
@@ -56,8 +57,8 @@ class Member:
 
 
 def kind_of(path: Path) -> str:
-    """Format of a field file: ``"vtk"``, ``"ensight"``, ``"exodus"``, ``"openfoam"`` or
-    ``"comsol"``.
+    """Format of a field file: ``"vtk"``, ``"ensight"``, ``"exodus"``, ``"cgns"``,
+    ``"openfoam"`` or ``"comsol"``.
 
     An InputError if the file does not exist, may not be read, is of another type, or is a folder
     that is no OpenFOAM case.
@@ -83,6 +84,8 @@ def kind_of(path: Path) -> str:
         return "ensight"
     if suffix in EXODUS:
         return "exodus"
+    if suffix in CGNS:
+        return "cgns"
     if suffix in COMPRESSED:
         raise InputError(f"The field file {path} is compressed; unpack it first.")
     raise InputError(
@@ -101,6 +104,8 @@ def read_state(path: Path, number: int | None, *, flow: bool = False) -> Content
             return ensight.read(path, number)
         if kind == "exodus":
             return exodus.read(path, number)
+        if kind == "cgns":
+            return cgns.read(path, number)
         return vtk_files.read(path, number) if kind == "vtk" else comsol.read(path, number)
 
 
@@ -124,6 +129,7 @@ def members(path: str | Path) -> tuple[Member, ...]:
             "vtk": vtk_files,
             "ensight": ensight,
             "exodus": exodus,
+            "cgns": cgns,
             "openfoam": openfoam,
             "comsol": comsol,
         }

@@ -87,6 +87,30 @@ def read_exodus(path: str, step: int | None) -> Any:
     return _output(reader), names
 
 
+def read_cgns(path: str, time: str | None) -> Any:
+    """One time of a CGNS file, its only one where `time` is "", and all times; None: only these."""
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as pipeline
+    from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
+
+    reader = vtkCGNSReader()
+    reader.SetFileName(path)
+    window = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    reader.UpdateInformation()
+    if not reader.GetNumberOfBaseArrays():
+        raise ValueError("VTK finds no base of CGNS in it")
+    times = reader.GetOutputInformation(0).Get(pipeline.TIME_STEPS()) or ()
+    names = [repr(float(moment)) for moment in times]
+    if time is None:
+        return _described(model.vtkMultiBlockDataSet()), names
+    reader.EnableAllBases()
+    reader.EnableAllPointArrays()
+    reader.EnableAllCellArrays()
+    if time:
+        reader.UpdateTimeStep(float(time))
+    return _output(reader), names
+
+
 def _output(reader: Any) -> Any:
     """Description of what a reader has read; a ValueError with its first complaint."""
     window = vtkStringOutputWindow()

@@ -76,6 +76,15 @@ def read_exodus(path: Path, step: int | None) -> tuple[Any, list[str]]:
     return found
 
 
+def read_cgns(path: Path, time: str | None) -> tuple[Any, list[str]]:
+    """Zones of one time of a CGNS file (its only one: "") and all times; None reads these alone.
+
+    An InputError if it is damaged.
+    """
+    found: tuple[Any, list[str]] = _read(path, path.stat().st_size, "read_cgns", time)
+    return found
+
+
 def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found there.
 

@@ -1,0 +1,68 @@
+"""Sizes of a hot part at the temperature of its drawing, against the drawing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from attrs import evolve
+
+from iriftrace.part.growth import Growth
+from iriftrace.part.part import Part, part_of_mesh
+from iriftrace.part.shapes.cylinder import cylinder
+from iriftrace.triangulation.cold_size import ColdSizes
+from iriftrace.triangulation.feature_table import feature_table
+from iriftrace.triangulation.relations import relations
+
+STEEL = Growth(14e-6, 293.15, 1323.15)
+
+
+def test_a_diameter_and_its_uncertainty() -> None:
+    """60 mm at 20 degC are 60.8652 mm at 1050 degC; u is the scatter of 20,000 draws."""
+    cold = cylinder(60.0, 120.0)
+    part = evolve(cold, vertices=STEEL.factor * cold.vertices, growth=STEEL)
+    face = np.flatnonzero(part.region_of_face == 0)
+    face = np.repeat(face, 3)
+    points = part.vertices[part.faces[face[::3]]].reshape(-1, 3)
+    rows = feature_table({"corrected": points}, face, part, ["cylinder:lateral"], gate=None)
+    (row,) = ColdSizes(part, 0.02, 10.0).add_to_features(rows, "corrected")
+    reference = row["at_reference"]
+    assert row["size_mm"]["corrected"] == pytest.approx(60.8652, abs=1e-6)
+    assert reference["size_mm"] == pytest.approx(60.0, abs=1e-6)
+    assert reference["holds_at_k"] == pytest.approx(1323.15, abs=1e-3)
+    rng = np.random.default_rng(1)
+    expansion = 14e-6 * (1 + 0.02 * rng.normal(size=20000))
+    sizes = 60.8652 / (1 + expansion * (1030.0 + 10.0 * rng.normal(size=20000)))
+    assert reference["expansion_uncertainty_mm"] == pytest.approx(2 * sizes.std(), rel=0.02)
+    (row,) = ColdSizes(part, 0.02).add_to_features(rows, "corrected")
+    assert row["at_reference"]["expansion_uncertainty_mm"] is None
+    assert ColdSizes(cold).add_to_features(rows, "corrected") == rows
+
+
+def test_distances_and_angles_follow_the_drawing() -> None:
+    """A block that grew by 1 % along x, 2 % along z, and whose sides lean by 0.1 degrees."""
+    import trimesh
+
+    mesh = trimesh.creation.box((20.0, 30.0, 40.0))
+    shape = np.diag((1.01, 1.0, 1.02))
+    shape[0, 2] = np.tan(np.radians(0.1))
+    cold = part_of_mesh(mesh.vertices, mesh.faces, name="box")
+    part: Part = evolve(
+        cold,
+        vertices=cold.vertices @ shape.T,
+        drawing=cold.vertices,
+        growth=Growth(1e-5, 293.15, 1500.0),
+    )
+    points, face = part.surface.even_places(2000)
+    features = feature_table({"corrected": points}, face, part, ["plane"], gate=None)
+    rows = ColdSizes(part, 0.02, 10.0).add_to_relations(relations(features), features, "corrected")
+    found = {"".join(row["regions"]).replace("plane ", ""): row["at_reference"] for row in rows}
+    heights = next(row for name, row in found.items() if set(name) == set("+z-z"))
+    assert heights["size_mm"] == pytest.approx(40.0, abs=1e-9)
+    assert heights["holds_at_k"] == pytest.approx(293.15 + 2000.0)
+    u = np.hypot(0.02 * 0.02, 1e-5 * 10.0) / 1.02
+    assert heights["expansion_uncertainty_mm"] == pytest.approx(2 * 40.0 * u)
+    angles = [row["angle_deg"] for row in found.values() if "angle_deg" in row]
+    assert len(angles) == 12
+    np.testing.assert_allclose(angles, 90.0, atol=1e-9)
+    leaning = [row["angle_deg"]["corrected"] - 90.0 for row in rows if row["kind"] == "angle"]
+    assert np.abs(leaning).max() == pytest.approx(0.1, rel=0.05)
