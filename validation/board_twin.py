@@ -86,6 +86,10 @@ def main(part_file: str, folder: str) -> None:
         shifts = measured_shifts(seen, NOISE_PX, board=BOARD, to_world=TO_WORLD)
         family = [fields[name] for name in members]
         fit = iriftrace.fit_members(evolve(seen, air=iriftrace.HotAir(family)), shifts)
+        found = f"{truth} by {', '.join(members)}: residual {fit.ratio:.2f} times the noise"
+        if fit.refused:
+            print(f"{found}, refused", flush=True)
+            continue
         true = iriftrace.Scene(part, air, first, second, "camera_2", engine="cells")
         scan = iriftrace.measure(true)
         by_still, _ = _left(scan, evolve(true, air=iriftrace.HotAir(fields[STILL])))
@@ -93,10 +97,8 @@ def main(part_file: str, folder: str) -> None:
         left, u = _left(scan, evolve(true, air=weighted))
         assert u is not None
         print(
-            f"{truth} by {', '.join(members)}: residual {fit.ratio:.2f} times the noise"
-            f"{', refused' if fit.refused else ''}; measured {_um(scan.error_normal)}, left by "
-            f"still air {_um(by_still)}, by the fit {_um(left)}, "
-            f"{np.mean(np.abs(left) <= 2.0 * u):.1%} within U",
+            f"{found}; measured {_um(scan.error_normal)}, left by still air {_um(by_still)}, by "
+            f"the fit {_um(left)}, {np.mean(np.abs(left) <= 2.0 * u):.1%} within U",
             flush=True,
         )
 

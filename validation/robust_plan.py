@@ -34,7 +34,8 @@ CAMERA = iriftrace.Camera(
 
 AZIMUTHS, ELEVATIONS = range(0, 360, 30), range(0, 91, 15)
 
-CRITERIA = Criteria(min_coverage=0.2)
+LEAST = 0.5
+"""Of the largest coverage of all poses: those that see less are not ranked."""
 
 
 def main(part_file: str, folder: str) -> None:
@@ -46,14 +47,15 @@ def main(part_file: str, folder: str) -> None:
     poses = iriftrace.orbit_poses(orbit, AZIMUTHS, ELEVATIONS)
     family = iriftrace.Scene(part, iriftrace.HotAir(fields), CAMERA, engine="cells")
     table = iriftrace.run_sweep(family, poses)
+    criteria = Criteria(min_coverage=LEAST * float(table["coverage"].sel(region="part").max()))
     alone = [
         ranked_quietly(
-            iriftrace.run_sweep(evolve(family, air=iriftrace.HotAir(field)), poses), CRITERIA
+            iriftrace.run_sweep(evolve(family, air=iriftrace.HotAir(field)), poses), criteria
         )
         for field in fields
     ]
-    mean = ranked_quietly(table, evolve(CRITERIA, robust=0.0))
-    plans = {"robust": ranked_quietly(table, CRITERIA), "mean": mean, "still air": alone[0]}
+    mean = ranked_quietly(table, evolve(criteria, robust=0.0))
+    plans = {"robust": ranked_quietly(table, criteria), "mean": mean, "still air": alone[0]}
     scores = np.array(
         [
             [
@@ -63,10 +65,12 @@ def main(part_file: str, folder: str) -> None:
             for member in alone
         ]
     ).max(axis=0)
+    # Mirror images of a pose count once.
+    scores = np.round(scores, 2)
     for name, plan in plans.items():
         azimuth, elevation = (float(table[axis][plan.best]) for axis in ("azimuth", "elevation"))
         errors = [1e3 * member.metrics["displacement"][plan.best] for member in alone]
-        rank = 1 + int(np.sum(scores < scores[mean.order == plan.best]))
+        rank = 1 + len(np.unique(scores[scores < scores[mean.order == plan.best]]))
         print(
             f"{Path(part_file).stem}, {name}: azimuth {azimuth:.0f}, elevation {elevation:.0f} "
             f"deg, displacement (p95) {', '.join(f'{error:.3g}' for error in errors)} um; "
