@@ -58,9 +58,15 @@ def sections(wall_c: float | None = None) -> tuple[Section, ...]:
             lambda _: plate.engine_table(walls),
         ),
         Section(
-            "simulated_plate",
-            "The same plate by `field simulate`",
-            plate.SIMULATED_TEXT,
+            "plate_flux",
+            "Heat flux of a simulated hot plate",
+            plate.FLUX_TEXT,
+            partial(plate.flux_table, runs=runs),
+        ),
+        Section(
+            "plate_air",
+            "Air and rays at a simulated hot plate",
+            plate.AIR_TEXT,
             partial(plate.simulated_table, runs=runs),
         ),
         Section(
