@@ -331,8 +331,9 @@ def _named(table: _Table, names: list[str]) -> dict[str, Any]:
     elif complete[1]:
         read["matrices"] = _from_quaternions(columns(_ORIGIN), columns(_QUATERNION), table)
     else:
+        origins, targets = columns(_ORIGIN), columns(_TARGET)
         try:
-            read["matrices"] = aimed(columns(_ORIGIN), columns(_TARGET))
+            read["matrices"] = aimed(origins, targets)
         except InputError as error:
             raise InputError(f"{table.path}: {error}") from error
     known = evolve(table, cells=np.where(table.cells == "", "nan", table.cells))
