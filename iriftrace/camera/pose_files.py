@@ -18,12 +18,13 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import frozen
-from numpy.typing import ArrayLike
+from attrs import evolve, frozen
+from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.pose_set import PoseSet, aimed, refuse_distorted
 from iriftrace.core.arrays import FloatArray
@@ -105,22 +106,7 @@ def read_poses(path: str | Path, convention: str = "opencv", *, length_unit: str
     path = Path(path)
     _axes(convention)  # An unknown one is refused also where no matrix needs it.
     factor = length_factor(length_unit)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
-    kind = path.suffix.lower()
-    if kind == ".npy":
-        try:
-            columns: dict[str, Any] = {"matrices": array_in(content)}
-        except ValueError as error:
-            raise InputError(
-                f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
-            ) from error
-    elif kind == ".json":
-        columns = _object(_text(content, path), path)
-    else:
-        columns = _table_columns(_text(content, path), path)
+    columns = _columns(path)
     for name, given in (("convention", convention), ("length_unit", length_unit)):
         stated = columns.get(name, given)
         if stated != given:
@@ -185,13 +171,27 @@ def _with_axes(matrices: ArrayLike, axes: FloatArray) -> FloatArray:
     return turned
 
 
-def _text(content: bytes, path: Path) -> str:
+def _columns(path: Path) -> dict[str, Any]:
+    """What a file states of its poses, by name; ``aimed`` where they come from targets."""
     try:
-        return content.decode("utf-8-sig")
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read poses from {path}: {error.strerror or error}.") from error
+    kind = path.suffix.lower()
+    if kind == ".npy":
+        try:
+            return {"matrices": array_in(content)}
+        except ValueError as error:
+            raise InputError(
+                f"{path} is not a NumPy array ({error}); save one of 4x4 matrices."
+            ) from error
+    try:
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(
             f"{path} is not text; poses are read from {', '.join(_FORMATS)}."
         ) from None
+    return _object(text, path) if kind == ".json" else _table(text, path)
 
 
 def _object(text: str, path: Path) -> dict[str, Any]:
@@ -234,133 +234,118 @@ def _angles(columns: dict[str, Any], name: str, count: int, path: Path) -> Float
 
 
 @frozen
-class _Rows:
-    """Cells of a table, with the numbers of their lines in the file for messages."""
+class _Table:
+    """Cells of a table (rows, columns), with the numbers of their lines for messages."""
 
-    lines: tuple[int, ...]
-    cells: tuple[tuple[str, ...], ...]
     path: Path
-    decimal_comma: bool
+    lines: list[int]
+    cells: NDArray[np.object_]
 
-    def number(self, row: int, column: int) -> float:
-        cell = self.cells[row][column]
-        value = _number(cell, self.decimal_comma)
-        if value is None:
-            raise InputError(
-                f"{self.path}, line {self.lines[row]}: {cell!r} is not a number; correct it."
-            )
-        return value
-
-    def numbers(self, first: int, columns: list[int]) -> FloatArray:
-        """(rows, columns) array from row `first` on."""
-        rows = range(first, len(self.cells))
-        return np.array([[self.number(row, column) for column in columns] for row in rows])
+    def numbers(self, columns: Sequence[int]) -> FloatArray:
+        """(rows, columns) array."""
+        for line, row in zip(self.lines, self.cells[:, columns], strict=True):
+            for cell in row:
+                if not _is_number(cell):
+                    raise InputError(
+                        f"{self.path}, line {line}: {cell!r} is not a number; correct it."
+                    )
+        return self.cells[:, columns].astype(np.float64)
 
 
-def _table_columns(text: str, path: Path) -> dict[str, Any]:
+def _table(text: str, path: Path) -> dict[str, Any]:
     """Columns of a text table of poses, as `read_poses` describes it, by name.
 
     ``matrices`` are (n, 4, 4); ``aimed`` is true for poses that came from targets, which are in
     iriftrace's own convention.
     """
-    rows = _rows(text, path)
-    width = len(rows.cells[0])
-    for line, cells in zip(rows.lines, rows.cells, strict=True):
-        if len(cells) != width:
-            raise InputError(
-                f"{path}, line {line} has {len(cells)} columns, but the first row has {width}; "
-                "give all rows the same."
-            )
-    if any(_number(cell, rows.decimal_comma) is not None for cell in rows.cells[0]):
-        return {"matrices": _unnamed(rows)}
-    names = [cell.lower() for cell in rows.cells[0]]
-    if len(rows.cells) == 1:
-        raise InputError(f"{path} has a header but no pose below it; add one.")
-    return _named(rows, names)
-
-
-def _rows(text: str, path: Path) -> _Rows:
     numbered = [(k, line.split("#")[0].strip()) for k, line in enumerate(text.splitlines(), 1)]
     numbered = [(k, line) for k, line in numbered if line]
     if not numbered:
         raise InputError(f"{path} holds no pose; give at least one.")
     delimiter = next((d for d in ";," if any(d in line for _, line in numbered)), "")
     try:
-        cells = [
+        rows = [
             next(csv.reader([line], delimiter=delimiter)) if delimiter else line.split()
             for _, line in numbered
         ]
     except csv.Error as error:
         raise InputError(f"{path} is not a table of poses ({error}); write it again.") from error
-    return _Rows(
-        lines=tuple(k for k, _ in numbered),
-        cells=tuple(tuple(cell.strip() for cell in row) for row in cells),
-        path=path,
-        decimal_comma=delimiter == ";",
-    )
+    for (line, _), row in zip(numbered, rows, strict=True):
+        if len(row) != len(rows[0]):
+            raise InputError(
+                f"{path}, line {line} has {len(row)} columns, but the first row has "
+                f"{len(rows[0])}; give all rows the same."
+            )
+    comma = "." if delimiter == ";" else ","
+    cells = np.array([[cell.strip().replace(",", comma) for cell in row] for row in rows], object)
+    lines = [line for line, _ in numbered]
+    if any(map(_is_number, cells[0])):
+        return {"matrices": _unnamed(_Table(path, lines, cells))}
+    if len(cells) == 1:
+        raise InputError(f"{path} has a header but no pose below it; add one.")
+    return _named(_Table(path, lines[1:], cells[1:]), [name.lower() for name in cells[0]])
 
 
-def _number(cell: str, decimal_comma: bool) -> float | None:
+def _is_number(cell: str) -> bool:
     try:
-        return float(cell.replace(",", ".") if decimal_comma else cell)
+        float(cell)
     except ValueError:
-        return None
+        return False
+    return True
 
 
-def _unnamed(rows: _Rows) -> FloatArray:
-    width = len(rows.cells[0])
-    if width == 16 or (width == 4 and len(rows.cells) % 4 == 0):
-        return rows.numbers(0, list(range(width))).reshape(-1, 4, 4)
+def _unnamed(table: _Table) -> FloatArray:
+    count, width = table.cells.shape
+    if width == 16 or (width == 4 and count % 4 == 0):
+        return table.numbers(range(width)).reshape(-1, 4, 4)
     if width == 4:
         raise InputError(
-            f"{rows.path} has {len(rows.cells)} rows of 4 numbers, but 4x4 matrices need four rows "
-            "each; is one missing?"
+            f"{table.path} has {count} rows of 4 numbers, but 4x4 matrices need four rows each; is "
+            "one missing?"
         )
     # Six or seven numbers could be Euler angles or a quaternion in either order: never guess.
     raise InputError(
-        f"{rows.path} has {width} numbers a row and no header, which has no one meaning; give 16, "
+        f"{table.path} has {width} numbers a row and no header, which has no one meaning; give 16, "
         f"or name the columns in a first line: {_NAMES}."
     )
 
 
-def _named(rows: _Rows, names: list[str]) -> dict[str, Any]:
+def _named(table: _Table, names: list[str]) -> dict[str, Any]:
     twice = [name for name in (*MATRIX, *_ORIGIN, *_QUATERNION, *_TARGET) if names.count(name) > 1]
     if twice:
-        raise InputError(f"{rows.path} has the column {twice[0]} twice; remove one.")
+        raise InputError(f"{table.path} has the column {twice[0]} twice; remove one.")
 
-    def columns(wanted: tuple[str, ...]) -> FloatArray:
-        return rows.numbers(1, [names.index(name) for name in wanted])
+    def columns(wanted: Sequence[str]) -> FloatArray:
+        return table.numbers([names.index(name) for name in wanted])
 
     forms = [MATRIX, _ORIGIN + _QUATERNION, _ORIGIN + _TARGET]
     complete = [set(form) <= set(names) for form in forms]
     if sum(complete) != 1:
         fault = "describes poses twice" if any(complete) else "does not describe poses"
         raise InputError(
-            f"The header of {rows.path} ({', '.join(names)}) {fault}; name the columns {_NAMES}."
+            f"The header of {table.path} ({', '.join(names)}) {fault}; name the columns {_NAMES}."
         )
     read: dict[str, Any] = {"aimed": complete[2]}
     if complete[0]:
         read["matrices"] = columns(MATRIX).reshape(-1, 4, 4)
     elif complete[1]:
-        read["matrices"] = _from_quaternions(columns(_ORIGIN), columns(_QUATERNION), rows)
+        read["matrices"] = _from_quaternions(columns(_ORIGIN), columns(_QUATERNION), table)
     else:
+        origins, targets = columns(_ORIGIN), columns(_TARGET)
         try:
-            read["matrices"] = aimed(columns(_ORIGIN), columns(_TARGET))
+            read["matrices"] = aimed(origins, targets)
         except InputError as error:
-            raise InputError(f"{rows.path}: {error}") from error
-    for name in (name for name in ANGLES if name in names):
-        place = names.index(name)
-        read[name] = [
-            rows.number(row, place) if rows.cells[row][place] else np.nan
-            for row in range(1, len(rows.cells))
-        ]
+            raise InputError(f"{table.path}: {error}") from error
+    known = evolve(table, cells=np.where(table.cells == "", "nan", table.cells))
+    for name in set(ANGLES) & set(names):
+        read[name] = known.numbers([names.index(name)])[:, 0]
     if "convention" in names:
-        stated = {row[names.index("convention")] for row in rows.cells[1:]}
-        read["convention"] = ", ".join(sorted(stated))
+        stated = table.cells[:, names.index("convention")]
+        read["convention"] = ", ".join(sorted(set(stated.tolist())))
     return read
 
 
-def _from_quaternions(origins: FloatArray, quaternions: FloatArray, rows: _Rows) -> FloatArray:
+def _from_quaternions(origins: FloatArray, quaternions: FloatArray, table: _Table) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
     lengths = np.linalg.norm(quaternions, axis=1)
@@ -368,7 +353,7 @@ def _from_quaternions(origins: FloatArray, quaternions: FloatArray, rows: _Rows)
     if wrong.any():
         number = int(np.argmax(wrong))
         raise InputError(
-            f"{rows.path}, line {rows.lines[number + 1]}: the quaternion has length "
+            f"{table.path}, line {table.lines[number]}: the quaternion has length "
             f"{lengths[number]:g} instead of 1, so it is no rotation; correct it."
         )
     matrices = np.tile(np.eye(4), (len(origins), 1, 1))

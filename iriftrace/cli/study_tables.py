@@ -35,7 +35,7 @@ def print_comparison(dataset: xr.Dataset) -> None:
             fraction = f"{float(case['median']) / float(case['displacement_median']):.1%}"
             unmatched = int(case["only_here"]) + int(case["only_reference"])
             rows.append((place, mode, median, fraction, *others, unmatched, int(case["rays_lost"])))
-        _print_table(
+        print_table(
             f"Difference from {reference_words(str(reference))} / um",
             (str(axis), "mode"),
             ("median", "share", "p95", "trimmed", "rmse", "un-\nmatched", "lost"),
@@ -67,7 +67,7 @@ def print_timing(dataset: xr.Dataset) -> None:
                 )
             )
         headings = (across.replace("_", " "), "growth", "search", *STAGES)
-        _print_table(f"{mode}: times over that of the refracted trace", (), headings, rows)
+        print_table(f"{mode}: times over that of the refracted trace", (), headings, rows)
     out.print(
         "growth: refracted trace over that of the first case, if one run measured both; search: "
         "the intersection search of the refracted trace, the rest of it is refraction."
@@ -79,7 +79,7 @@ def print_timing(dataset: xr.Dataset) -> None:
         )
 
 
-def _print_table(
+def print_table(
     title: str, texts: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[object]]
 ) -> None:
     """Print a table in the terminal's width, or wider where words and numbers would be cut."""

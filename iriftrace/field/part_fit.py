@@ -139,38 +139,13 @@ def fit_part_to_field(
         The field does not reach the part; the message names the unit or axes that would mend it.
     """
     part = body_in_air(field, part, blockers)
-    data, wall = _box(np.asarray(field.grid.points)), field.wall
+    wall = field.wall
+    cavity = _box(np.asarray(wall.points)) if wall.n_points else None
+    advice = "" if cavity is None else _advice(part, field, cavity)
     unreached = f"The field {field.source.path} does not reach the part {part.path}: "
-    apart = bool(np.any(part.bounds[0] > data[1]) or np.any(part.bounds[1] < data[0]))
-    if not wall.n_points:
-        if apart:
-            raise InputError(f"{unreached}they lie side by side; check units and axes.")
-        sizes = _diagonal(data), _diagonal(part.bounds)
-        if max(sizes) > MOST_DATA_LARGER * min(sizes):
-            raise InputError(
-                f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
-                f"{_size(part.bounds)}, so one of them was read in a wrong unit; give the part's "
-                "(--length-unit) or the field's (--field-length-unit), or scale the field "
-                '(--field-transform "scale 0.001").'
-            )
+    _refuse_elsewhere(field, part, cavity, unreached, advice)
+    if cavity is None:
         return _fit_without_wall(field, part, wall_temperature_k)
-    cavity = _box(np.asarray(wall.points))
-    advice = _advice(part, field, cavity)
-    if apart:
-        raise InputError(
-            f"{unreached}they lie side by side; {advice} Where the part is a board that is seen "
-            "past a hot part, name that one as a blocker (--blocker)."
-        )
-    larger = _diagonal(part.bounds) / _diagonal(data)
-    if larger > MOST_LARGER:
-        raise InputError(
-            f"{unreached}the part is {larger:.3g} times as large as the field; {advice}"
-        )
-    wider = _diagonal(cavity) / _diagonal(part.bounds)
-    if wider > MOST_LARGER:
-        raise InputError(
-            f"{unreached}the field's inner wall is {wider:.3g} times as large as the part; {advice}"
-        )
     bodies = {id(body): body for body in (part, *blockers)}.values()
     gaps = np.min([body.surface.distance(wall.points) for body in bodies], axis=0)
     # A wall that is nowhere closer than half its own size surrounds something else.
@@ -186,6 +161,49 @@ def fit_part_to_field(
     off_wall = Surface(wall.points, wall.regular_faces).distance(places) > LARGEST_GAP_MM
     bare = float(np.mean(off_wall))
     fit = Fit(median, p95, temperature, bare, (), _bare_of_region(part, off_wall, face))
+    messages = _gap_messages(field, fit, advice)
+    messages += _temperature_message(temperature, wall_temperature_k)
+    return evolve(fit, warnings=tuple(messages))
+
+
+def _refuse_elsewhere(
+    field: IndexField, part: Part, cavity: FloatArray | None, unreached: str, advice: str
+) -> None:
+    """Refuse a part that lies beside the field, or is of another size than it or its cavity."""
+    data = _box(np.asarray(field.grid.points))
+    apart = bool(np.any(part.bounds[0] > data[1]) or np.any(part.bounds[1] < data[0]))
+    if cavity is None:
+        if apart:
+            raise InputError(f"{unreached}they lie side by side; check units and axes.")
+        sizes = _diagonal(data), _diagonal(part.bounds)
+        if max(sizes) > MOST_DATA_LARGER * min(sizes):
+            raise InputError(
+                f"The field {field.source.path} measures {_size(data)} and the part {part.path} "
+                f"{_size(part.bounds)}, so one of them was read in a wrong unit; give the part's "
+                "(--length-unit) or the field's (--field-length-unit), or scale the field "
+                '(--field-transform "scale 0.001").'
+            )
+        return
+    if apart:
+        raise InputError(
+            f"{unreached}they lie side by side; {advice} Where the part is a board that is seen "
+            "past a hot part, name that one as a blocker (--blocker)."
+        )
+    larger = _diagonal(part.bounds) / _diagonal(data)
+    if larger > MOST_LARGER:
+        raise InputError(
+            f"{unreached}the part is {larger:.3g} times as large as the field; {advice}"
+        )
+    wider = _diagonal(cavity) / _diagonal(part.bounds)
+    if wider > MOST_LARGER:
+        raise InputError(
+            f"{unreached}the field's inner wall is {wider:.3g} times as large as the part; {advice}"
+        )
+
+
+def _gap_messages(field: IndexField, fit: Fit, advice: str) -> list[str]:
+    """Sentences about a gap beside the part, or places of it without hot air."""
+    median, p95, bare = fit.gap_median_mm, fit.gap_p95_mm, fit.bare_share
     messages = []
     if p95 > LARGEST_GAP_MM:
         # A part beside its cavity is bare too, but that need not be said.
@@ -206,8 +224,7 @@ def fit_part_to_field(
                 "where the part is round, or check unit and axes."
             )
         )
-    messages += _temperature_message(temperature, wall_temperature_k)
-    return evolve(fit, warnings=tuple(messages))
+    return messages
 
 
 def _bare_of_region(part: Part, off_wall: BoolArray, face: IntArray) -> dict[str, float]:

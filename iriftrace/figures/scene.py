@@ -70,47 +70,37 @@ def scene_figure(
     SetupError
         This machine has no OpenGL that draws without a display.
     """
-    norm = temperature_norm(shells)
     towards, side = view_direction(camera.forward, -camera.matrix[:3, 1])
     sight = sight_lines(camera, part)
-    size = 0.09 * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
-    body = camera_body(camera, size)
-    edges, bodies = [], [body]
+    lines = [(points, SIGHT_COLOUR) for _, points in sight]
+    bodies = [camera_body(camera, part)]
     if second is not None:
-        edges = [points for name, points in sight_lines(second, part) if not name]
-        bodies.append(camera_body(second, size))
-    box = box_around(
-        np.concatenate(
-            (
-                part.bounds,
-                *(shell.vertices.astype(np.float64) for shell in shells.shells),
-                *(points for _, points in sight),
-                *edges,
-                *(one.points.astype(np.float64) for one in bodies),
-            )
-        )
-    )
+        edges = (points for name, points in sight_lines(second, part) if not name)
+        lines += [(points, SECOND_COLOUR) for points in edges]
+        bodies.append(camera_body(second, part))
+    seen = [part.bounds, *(points for points, _ in lines)]
+    seen += [shell.vertices.astype(np.float64) for shell in shells.shells]
+    box = box_around(np.concatenate((*seen, *(body.points.astype(np.float64) for body in bodies))))
     view = fitting_view(towards, box, _PICTURE_PX)
-    drawn = drawn_shells(shells.shells)
 
     def draw(plotter: pv.Plotter) -> None:
         add_part(plotter, part)
-        for one in bodies:
-            plotter.add_mesh(one, color=_CAMERA_COLOUR, ambient=0.3)
-        drawn_lines = [(points, SIGHT_COLOUR) for _, points in sight]
-        for points, colour in (*drawn_lines, *((points, SECOND_COLOUR) for points in edges)):
-            lines = pv.lines_from_points(points)
-            plotter.add_mesh(lines, color=colour, line_width=3, lighting=False)
+        for body in bodies:
+            plotter.add_mesh(body, color=_CAMERA_COLOUR, ambient=0.3)
+        for points, colour in lines:
+            line = pv.lines_from_points(points)
+            plotter.add_mesh(line, color=colour, line_width=3, lighting=False)
         add_shells(plotter, shells, part.centre, side)
 
     devices = " and camera" if second is None else f", camera and {second_name}"
-    figure = titled_figure(*_titles(shells, len(drawn), camera, devices))
+    figure = titled_figure(*_titles(shells, camera, devices))
     axes = add_picture(figure, view, box, draw)
-    for text, points, place in _names(camera, view, sight, body.points):
+    for text, points, place in _names(camera, view, sight, bodies[0].points):
         _name(axes, view.pixels(points), text, place)
-    for one in bodies[1:]:
+    for body in bodies[1:]:
         name = second_name.capitalize()
-        _name(axes, view.pixels(one.points), name, "above", SECOND_COLOUR)
+        _name(axes, view.pixels(body.points), name, "above", SECOND_COLOUR)
+    norm = temperature_norm(shells)
     bar = figure.colorbar(
         ScalarMappable(norm, COLOUR_MAP),
         cax=figure.add_axes((0.885, 0.22, 0.022, 0.56)),
@@ -153,22 +143,15 @@ def temperature_ticks(norm: FuncNorm) -> list[float]:
     return ticks if len(ticks) > 1 else [round(low), round(high)]
 
 
-def camera_body(camera: Camera, size: float) -> pv.PolyData:
-    """A box and a lens behind the pinhole, about `size` mm wide; mm, world."""
-    box = pv.Cube(
-        center=(0.0, 0.0, -0.75 * size),
-        x_length=1.3 * size,
-        y_length=0.95 * size,
-        z_length=0.9 * size,
-    )
+def camera_body(camera: Camera, part: Part) -> pv.PolyData:
+    """A box and a lens behind the pinhole, of a size to be seen beside the part; mm, world."""
+    axis = (0.0, 0.0, 1.0)
+    box = pv.Cube(center=(0.0, 0.0, -0.75), x_length=1.3, y_length=0.95, z_length=0.9)
     lens = pv.Cylinder(
-        center=(0.0, 0.0, -0.15 * size),
-        direction=(0.0, 0.0, 1.0),
-        radius=0.36 * size,
-        height=0.3 * size,
-        resolution=48,
+        center=(0.0, 0.0, -0.15), direction=axis, radius=0.36, height=0.3, resolution=48
     )
     body: pv.PolyData = box.triangulate().append_polydata(lens.triangulate())
+    body.points *= 0.09 * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
     return body.transform(camera.matrix, inplace=True)
 
 
@@ -283,8 +266,8 @@ def _name(
     )
 
 
-def _titles(shells: ShellStack, drawn: int, camera: Camera, devices: str) -> tuple[str, str]:
-    count = len(shells.shells)
+def _titles(shells: ShellStack, camera: Camera, devices: str) -> tuple[str, str]:
+    count, drawn = len(shells.shells), len(drawn_shells(shells.shells))
     noun = "shell" if count == 1 else "shells"
     place = ", ".join(f"{value:.4g}" for value in camera.origin).replace("-", "\N{MINUS SIGN}")
     parts = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pyvista as pv
@@ -25,6 +25,7 @@ from iriftrace.figures.space import (
     add_picture,
     box_around,
     fitting_view,
+    oblique,
     thinned,
     titled_figure,
 )
@@ -112,14 +113,9 @@ def sweep_scene_figure(
             plotter.add_mesh(rings, color=_UNKNOWN_COLOUR, lighting=False)
         if shell:
             # Last, because it is blended with what lies behind it; only its front.
-            plotter.add_mesh(
-                thinned(polydata(*shell)),
-                color=_SHELL_COLOUR,
-                opacity=_SHELL_OPACITY,
-                culling="back",
-                smooth_shading=True,
-                ambient=0.5,
-            )
+            look: Any = {"culling": "back", "smooth_shading": True, "ambient": 0.5}
+            surface = thinned(polydata(*shell))
+            plotter.add_mesh(surface, color=_SHELL_COLOUR, opacity=_SHELL_OPACITY, **look)
 
     hidden = "" if shown.all() else "  ·  the best at each place"
     entries: list[Artist] = [*marks(summary, ~quantity.known, BEST_RING)]
@@ -205,10 +201,7 @@ def towards_cameras(offsets: FloatArray) -> FloatArray:
     # Cameras all around leave the side open.
     azimuth = np.arctan2(mean[1], mean[0]) if np.hypot(*mean[:2]) > 0.1 else np.radians(-60.0)
     turns = azimuth + np.radians((0.0, 15.0, -15.0, 30.0, -30.0))
-    level = min(turns, key=lambda turn: round(abs(abs(np.cos(turn)) - abs(np.sin(turn))), 6))
-    elevation = np.radians(20.0)
-    horizontal = np.array((np.cos(level), np.sin(level), 0.0))
-    return np.asarray(np.cos(elevation) * horizontal + (0.0, 0.0, np.sin(elevation)))
+    return oblique(np.stack((np.cos(turns), np.sin(turns), 0.0 * turns), axis=1))
 
 
 def best_at_each_place(summary: SweepSummary) -> BoolArray:
@@ -262,12 +255,6 @@ def _framed(title: str, subtitle: str, scale: ColourScale, entries: Sequence[Art
     """Titles, colour bar and legend around the room for pictures."""
     figure = titled_figure(title, subtitle)
     scale.add_bar(figure, cax=figure.add_axes((0.872, 0.2, 0.02, 0.62)))
-    figure.legend(
-        handles=list(entries),
-        loc="lower center",
-        bbox_to_anchor=(0.5, 0.005),
-        ncols=len(entries),
-        fontsize=9,
-        frameon=False,
-    )
+    place: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 0.005), "ncols": len(entries)}
+    figure.legend(handles=list(entries), fontsize=9, frameon=False, **place)
     return figure

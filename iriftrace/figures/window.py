@@ -47,13 +47,8 @@ CLOUD_COLUMNS = {
 """Columns of clouds, mm, by which points are coloured, and what they are called."""
 
 SCALAR_BAR: Any = {
-    "vertical": True,
-    "position_x": 0.84,
-    "position_y": 0.2,
-    "height": 0.6,
-    "title_font_size": 22,
-    "label_font_size": 18,
-    "fmt": "%.4g",
+    **{"vertical": True, "position_x": 0.84, "position_y": 0.2, "height": 0.6},
+    **{"title_font_size": 22, "label_font_size": 18, "fmt": "%.4g"},
 }
 """Beside what is drawn, not over its axes."""
 
@@ -327,8 +322,7 @@ def _part(path: Path, length_unit: str | None) -> Draw:
 
 def add_device(plotter: pv.Plotter, camera: Camera, part: Part, colour: str) -> None:
     """Add a camera or projector, the edges of its view and the outlines of its focus interval."""
-    size = 0.09 * float(np.linalg.norm(np.ptp(part.bounds, axis=0)))
-    plotter.add_mesh(camera_body(camera, size), color=colour, ambient=0.3)
+    plotter.add_mesh(camera_body(camera, part), color=colour, ambient=0.3)
     for _, points in sight_lines(camera, part):
         plotter.add_mesh(pv.lines_from_points(points), color=colour, line_width=2, lighting=False)
 

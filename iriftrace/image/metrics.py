@@ -235,16 +235,14 @@ def pose_metrics(
             numbers["ensemble"] = ensemble_metrics(image, rays.pixels[members], own_hits)
         return numbers
 
-    region_of_ray = part.region_of_face[rays.face]
-    region_of_hit = part.region_of_face[hit_face]
-    regions = {}
-    for i, name in enumerate(part.region_names):
-        of_region = region_of_hit == i
-        members = np.flatnonzero(region_of_ray == i)
-        regions[name] = ViewMetrics(
-            rays=RayCounts(hit=int(of_region.sum()), **_by_status(status[hits][of_region])),
-            **view(members, hits[of_region], slice(i, i + 1)),
+    def of_region(number: int) -> ViewMetrics:
+        chosen = part.region_of_face[hit_face] == number
+        members = np.flatnonzero(part.region_of_face[rays.face] == number)
+        return ViewMetrics(
+            rays=RayCounts(hit=int(chosen.sum()), **_by_status(status[hits][chosen])),
+            **view(members, hits[chosen], slice(number, number + 1)),
         )
+
     counts = image.header.get("counts") or {}
     times = image.header.get("time_s") or {}
     included = [Status(code).key for code in sorted(include)]
@@ -265,7 +263,7 @@ def pose_metrics(
         wavelength_nm=image.header.get("wavelength_nm"),
         camera=image.camera,
         assumptions={**(image.header.get("assumptions") or {}), "included_rays": included},
-        regions=regions,
+        regions={name: of_region(number) for number, name in enumerate(part.region_names)},
         full_resolution=None if full is None else (int(full[0]), int(full[1])),
     )
 

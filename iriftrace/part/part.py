@@ -295,18 +295,7 @@ def part_of_mesh(
         )
     points = np.asarray(vertices, dtype=np.float64)
     triangles = np.asarray(faces, dtype=np.int64)
-    if len(triangles) > MOST_FACES:
-        raise InputError(
-            f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be told apart "
-            "in the EXR; simplify the mesh."
-        )
-    if not np.isfinite(points).all():
-        raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
-    if np.abs(points).max(initial=0.0) > FARTHEST_MM:
-        raise InputError(
-            f"{name} has a vertex {np.abs(points).max():.3g} mm from the origin, farther than any "
-            f"part ({FARTHEST_MM:g} mm); export the part again."
-        )
+    _refuse_unusable(name, points, triangles)
     welded = weld(points)
     distinct = distinct_triangles(name, welded[triangles])
     if not distinct.all():
@@ -336,6 +325,21 @@ def part_of_mesh(
         closed=not neighbours.open_edges,
     )
     return part if transform is None else part.transformed(transform)
+
+
+def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None:
+    if len(triangles) > MOST_FACES:
+        raise InputError(
+            f"{name} has {len(triangles)} triangles, but at most {MOST_FACES} can be told apart "
+            "in the EXR; simplify the mesh."
+        )
+    if not np.isfinite(points).all():
+        raise InputError(f"{name} has vertices that are NaN or infinite; export the part again.")
+    if np.abs(points).max(initial=0.0) > FARTHEST_MM:
+        raise InputError(
+            f"{name} has a vertex {np.abs(points).max():.3g} mm from the origin, farther than any "
+            f"part ({FARTHEST_MM:g} mm); export the part again."
+        )
 
 
 def save_part(part: Part, path: str | Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations, permutations
 from typing import TYPE_CHECKING
 
@@ -156,46 +156,24 @@ def plan_pairs(
     areas = np.array(part.face_areas)
     areas[~in_region(region, np.arange(len(areas)), part)] = 0.0
     views = _views(dataset, len(areas))
-    cosines = np.cos(np.radians((high, low)))
-    both = combinations if system == "stereo" else permutations
-    rows = []
-    for i, j in both(range(len(views)), 2):
-        if views[i].scene != views[j].scene:
-            continue
-        found = _pair(views[i], views[j], part, areas, cosines, criteria, system, bool(feature))
-        if found is not None:
-            rows.append((i, j, *found))
-    if not rows:
+    table = _table(views, part, areas, criteria, system, bool(feature), angles_deg)
+    if not len(table):
         raise InputError(
             f"No two poses of the sweep have {criteria.min_hits} rays each on faces of {region} "
             f"that both see at {low:g} to {high:g} degrees"
             + (f", and {criteria.min_coverage:.1%} of its area" if criteria.min_coverage else "")
             + "; sweep closer poses, or give another --angle."
         )
-    table = np.array(rows)
     size, bias, coverage, angle = table[:, 2:].T
     counted = quantities(table[:, 2:].T, bool(feature))
     limits = {name: limits_of(values, criteria.percentile) for name, values in counted.items()}
     score = score_of_pairs(counted, limits, criteria, clipped=True)
     order = np.argsort(score, kind="stable")
-    pairs = table[order, :2].astype(np.int64)
-    exact, engine = [], ""
-    scenes: dict[str, LoadedScene] = {}
-    for i, j in pairs[: CONFIRMED if confirm else 0]:
-        scene = scenes.get(views[i].scene) or scene_of_pairs(dataset, i)
-        scenes[views[i].scene] = scene
-        try:
-            scan = measure(scene, views[i].camera, views[j].camera, system=system)
-            engine = scan.provenance["engine"]
-            exact.append(
-                size_error(scan, part, feature)
-                if feature
-                else statistic_along(scan, in_region(region, scan.face, part), criteria)
-            )
-        except InputError as reason:
-            raise InputError(
-                f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
-            ) from reason
+    exact: list[float] = []
+    engine = ""
+    if confirm:
+        best = table[order[:CONFIRMED], :2].astype(np.int64)
+        exact, engine = _measured(dataset, views, best, part, criteria, system, feature, region)
     if exact:
         # The measured ones change places by what they measured.
         best = order[: len(exact)].copy()
@@ -220,6 +198,59 @@ def plan_pairs(
         angles_deg=angles_deg,
         limits=limits,
     )
+
+
+def _table(
+    views: Sequence[_View],
+    part: Part,
+    areas: FloatArray,
+    criteria: Criteria,
+    system: System,
+    feature: bool,
+    angles_deg: tuple[float, float],
+) -> FloatArray:
+    """Rows (n, 6) of the pairs that share enough: both poses, and the values of `quantities`."""
+    low, high = angles_deg
+    cosines = np.cos(np.radians((high, low)))
+    both = combinations if system == "stereo" else permutations
+    rows = []
+    for i, j in both(range(len(views)), 2):
+        if views[i].scene == views[j].scene:
+            found = _pair(views[i], views[j], part, areas, cosines, criteria, system, feature)
+            if found is not None:
+                rows.append((i, j, *found))
+    return np.array(rows)
+
+
+def _measured(
+    dataset: xr.Dataset,
+    views: Sequence[_View],
+    pairs: IntArray,
+    part: Part,
+    criteria: Criteria,
+    system: System,
+    feature: str | None,
+    region: str,
+) -> tuple[list[float], str]:
+    """Errors of pairs (k, 2) by the exact solver, mm, and the engine that bent the rays."""
+    exact, engine = [], ""
+    scenes: dict[str, LoadedScene] = {}
+    for i, j in pairs:
+        scene = scenes.get(views[i].scene) or scene_of_pairs(dataset, i)
+        scenes[views[i].scene] = scene
+        try:
+            scan = measure(scene, views[i].camera, views[j].camera, system=system)
+            engine = scan.provenance["engine"]
+            exact.append(
+                size_error(scan, part, feature)
+                if feature
+                else statistic_along(scan, in_region(region, scan.face, part), criteria)
+            )
+        except InputError as reason:
+            raise InputError(
+                f"Poses {i} and {j} cannot be measured: {reason} Or {LEAVE_OUT}"
+            ) from reason
+    return exact, engine
 
 
 def quantities(values: FloatArray, feature: bool) -> dict[str, FloatArray]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -144,20 +144,7 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     score = weighted(costs, {name: criteria.weights[name] for name in needed})
     order = np.argsort(score, kind="stable")[: np.count_nonzero(ranked)]
 
-    messages = []
-    if same := [name for name in needed if name in constant]:
-        messages.append(
-            f"The ranked poses ({len(order)}) do not differ in "
-            f"{', '.join(name_of(name, criteria) for name in same)}, which therefore "
-            "counts 0 in the score."
-        )
-    messages += [
-        f"The ranked poses differ in {name_of(name, criteria)} by {100 * spreads[name]:.2g} % "
-        "only, which the normalisation stretches so that it decides as much as the others; give "
-        "it the weight 0 if so little does not matter."
-        for name in needed
-        if _ROUNDING < spreads[name] < _LITTLE
-    ]
+    messages = _of_spreads(spreads, needed, criteria, len(order))
     if "coverage" in needed:
         messages += _of_face_sizes(dataset, criteria.region, metrics["coverage"], ranked)
     for message in messages:
@@ -174,6 +161,27 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
         criteria=criteria,
         warnings=tuple(messages),
     )
+
+
+def _of_spreads(
+    spreads: Mapping[str, float], needed: Sequence[str], criteria: Criteria, count: int
+) -> list[str]:
+    """Sentences about metrics that differ not at all, or hardly, between the ranked poses."""
+    messages = []
+    if same := [name for name in needed if spreads[name] <= _ROUNDING]:
+        messages.append(
+            f"The ranked poses ({count}) do not differ in "
+            f"{', '.join(name_of(name, criteria) for name in same)}, which therefore "
+            "counts 0 in the score."
+        )
+    messages += [
+        f"The ranked poses differ in {name_of(name, criteria)} by {100 * spreads[name]:.2g} % "
+        "only, which the normalisation stretches so that it decides as much as the others; give "
+        "it the weight 0 if so little does not matter."
+        for name in needed
+        if _ROUNDING < spreads[name] < _LITTLE
+    ]
+    return messages
 
 
 def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
@@ -147,11 +145,6 @@ def test_fields_that_do_not_fit_together_are_refused():
         IndexField(grid.triangulate(), np.ones(3), Air(), source)
     with pytest.raises(InputError, match="linear_volume"):
         IndexField(grid, np.ones(8), Air(), source)
-
-
-def test_reading_a_field_needs_no_mitsuba():
-    code = "import sys, iriftrace.field; assert 'mitsuba' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def _field(grid: pv.UnstructuredGrid, refractivity: np.ndarray) -> IndexField:

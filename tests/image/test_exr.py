@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from iriftrace.core.errors import InputError
-from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, Status, read_exr, write_exr
+from iriftrace.image.aov_image import CHANNELS, SCHEMA, AovImage, read_exr, write_exr
 
 HEADER = {
     "schema": SCHEMA,
@@ -189,21 +189,3 @@ def test_vectors_status_and_resolution() -> None:
     assert image.vector("shift.px")[0, 0].tolist() == [10.0, 11.0]
     with pytest.raises(InputError, match="no vector 'path'"):
         image.vector("path")
-
-
-def test_status_keys_are_those_of_the_metrics_json() -> None:
-    assert [status.key for status in Status] == [
-        "good",
-        "missed",
-        "out_of_focus",
-        "refracted_missed",
-        "only_refracted",
-        "index_mismatch",
-        "gave_up",
-        "blocked",
-    ]
-
-
-def test_exr_does_not_import_mitsuba() -> None:
-    code = "import sys, iriftrace.image.aov_image; sys.exit('mitsuba' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -97,23 +95,6 @@ def test_summary_says_why_an_axial_resolution_is_0(
     monkeypatch.setattr("iriftrace.cli.output.out", console)
     print_summary(metrics)
     assert f"lateral 1000 um, axial {text} (step to the next pixel)" in console.file.getvalue()
-
-
-def test_regions_with_long_names_have_a_line_each_on_80_columns(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    part = plate((10, 0, 0), (0, 5, 0), (0, 0, 50))
-    header = {**HEADER, "part": {"path": "by hand", "sha256": part.sha256}}
-    metrics = pose_metrics(make_image(CAMERA, part, header=header), part)
-    metrics.time_s.update(dict.fromkeys(TIMES, 1.0))
-    (region,) = metrics.regions.values()
-    name = "hole 5 (x -21.5, y -37.24, r 12.25)"
-    console = Console(width=80, file=io.StringIO())
-    monkeypatch.setattr("iriftrace.cli.output.out", console)
-    print_summary(evolve(metrics, regions={name: region}))
-    lines = console.file.getvalue().partition("Assumptions")[0].splitlines()
-    assert any(f"region {name}" in line for line in lines)
-    assert max(map(len, lines)) <= 80
 
 
 def test_rays_of_every_status_are_counted_and_sum_up() -> None:
@@ -238,9 +219,3 @@ def test_json_is_plain_and_written_whole(tmp_path: Path) -> None:
             write_metrics(path, evolve(metrics, assumptions={"bad": bad}))
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_metrics_import_neither_mitsuba_nor_vtk() -> None:
-    modules = "{'mitsuba', 'drjit', 'vtk', 'vtkmodules', 'pyvista'}"
-    code = f"import sys, iriftrace.image.metrics; sys.exit(bool({modules} & set(sys.modules)))"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

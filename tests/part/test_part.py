@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
@@ -352,12 +350,6 @@ def test_more_faces_than_the_exr_can_number_are_refused(
     monkeypatch.setattr("iriftrace.part.part.MOST_FACES", 11)
     with pytest.raises(InputError, match="12 triangles, but at most 11"):
         read_part(box)
-
-
-def test_part_imports_neither_mitsuba_nor_vtk() -> None:
-    modules = "{'mitsuba', 'drjit', 'vtk', 'vtkmodules', 'pyvista'}"
-    code = f"import sys, iriftrace.part.part; sys.exit(bool({modules} & set(sys.modules)))"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_parts_are_immutable() -> None:

@@ -200,12 +200,6 @@ def test_using_switches_and_comes_back(variant: str, former: str) -> None:
         mitsuba.set_variant(variant)
 
 
-def test_using_the_variant_that_is_set_already_changes_nothing(variant: str) -> None:
-    with runtime.using(variant):
-        assert mitsuba.variant() == variant
-    assert mitsuba.variant() == variant
-
-
 def test_cuda_without_a_device_is_an_error_that_names_the_other_variant(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

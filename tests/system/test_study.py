@@ -15,12 +15,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 from rich.console import Console
 
-from iriftrace.cli import main
+from iriftrace.cli import main, study_tables
 from iriftrace.cli.study import study
-from iriftrace.cli.study_tables import print_comparison
 from iriftrace.studies.study import read_study
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
@@ -118,55 +116,17 @@ def test_times_are_printed_as_ratios(
     assert out.with_suffix(".png").is_file()
 
 
-@pytest.mark.parametrize(
-    ("width", "value", "fields", "texts"),
-    [
-        (80, 0.1246789, ["A", "B"], ["124.679", "1259.4%", "54321"]),
-        (80, 12.345678, ["plume", "plume_refined_twice"], ["12345.678", "124703.8%", "54321"]),
-        (40, 0.1246789, ["A", "B"], ["124.679", "1259.4%", "54321"]),
-    ],
-)
-def test_numbers_of_a_study_are_never_cut(
-    width: int,
-    value: float,
-    fields: list[str],
-    texts: list[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+@pytest.mark.parametrize("width", [40, 80])
+def test_numbers_of_a_table_are_never_cut(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Many digits, long names of modes and fields, and a narrow terminal: words may wrap."""
-    shape = (1, 2, 1)
-    numbers = {
-        name: value
-        for name in ("median", "p95", "rmse_trimmed", "rmse", "only_here", "only_reference")
-    }
-    dataset = xr.Dataset(
-        {
-            **{
-                name: (("mode", "field", "reference"), np.full(shape, number))
-                for name, number in {**numbers, "matched": 900}.items()
-            },
-            **{
-                name: (("mode", "field"), np.full(shape[:2], number))
-                for name, number in {"displacement_median": 0.0099, "rays_lost": 54321}.items()
-            },
-        },
-        coords={
-            "mode": ["paper's but inside hits refracted"],
-            "field": fields,
-            "reference": ["20"],
-        },
-    )
     console = Console(width=width, file=io.StringIO())
-    monkeypatch.setattr("iriftrace.cli.study_tables.out", console)
-    print_comparison(dataset)
+    monkeypatch.setattr(study_tables, "out", console)
+    row = ("plume_refined_twice", "paper's but inside hits refracted", *["12345.678"] * 7)
+    study_tables.print_table("Differences", ("field", "mode"), list("abcdefg"), [row, row])
     said = console.file.getvalue()
-    assert "Difference from 20 shells of the same mode / um" in " ".join(said.split())
-    for text in texts:
-        assert said.split().count(text) >= 2
-    if (width, fields[0]) == (80, "A"):
-        assert max(map(len, said.splitlines())) <= 80
+    assert said.split().count("12345.678") == 14
+    assert "refracted" in said
     assert "…" not in said
-    assert "lost: rays" in " ".join(said.split())
 
 
 def test_a_picture_of_few_rays_is_refused(

@@ -100,7 +100,7 @@ def test_the_demo_runs_in_an_empty_folder_outside_the_checkout(
         cwd=tmp_path,
     ).stdout.split()
     assert not [path for path in where if Path(path).is_relative_to(CHECKOUT)]
-    run(program, "demo", "-o", "out", cwd=tmp_path)
+    run(program, "demo", "-o", "out", "-D", "scale=0.1", cwd=tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     assert list((tmp_path / "out").rglob("*.exr"))
     assert len(list((tmp_path / "out").rglob("*.png"))) >= 2  # displacement, and the scene in 3-D

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import pytest
 import trimesh
 
@@ -210,23 +209,6 @@ def test_the_scene_does_not_replace_the_part(fails: Failing, hot: HotBlock, tmp_
 # Fields --------------------------------------------------------------------------------------
 
 
-FILES = {
-    "text called .vtu": ("field.vtu", b"x y z T\n0 0 0 300\n", "field.vtu"),
-    "broken XML called .vtu": ("field.vtu", b"<VTKFile type='Unstr", "field.vtu"),
-    "empty file": ("field.vtk", b"", "field.vtk"),
-    "spreadsheet": ("field.xlsx", b"PK", "can be read here"),
-    "empty collection": ("field.pvd", b"<?xml version='1.0'?><VTKFile/>", "field.pvd"),
-}
-
-
-@pytest.mark.parametrize(("name", "content", "words"), FILES.values(), ids=FILES.keys())
-def test_files_that_are_no_field(
-    fails: Failing, tmp_path: Path, name: str, content: bytes, words: str
-) -> None:
-    (tmp_path / name).write_bytes(content)
-    assert re.search(words, fails("shells", name, "-o", "shells"))
-
-
 def test_a_volume_as_isosurfaces_and_the_reverse(fails: Failing, hot: HotBlock) -> None:
     assert "triangles" in fails("shells", hot.field, "-o", "shells", "--isosurfaces")
     table = hot.scene.parent / "shells" / "shells.vtm"
@@ -349,38 +331,7 @@ def test_a_field_in_place_of_a_scene(fails: Failing, hot: HotBlock) -> None:
     assert "is no scene of Mitsuba's" in fails("render", hot.field)
 
 
-def test_a_damaged_table_of_shells(fails: Failing, scene: Path) -> None:
-    (scene.parent / "shells" / "shells.json").write_text("{")
-    assert "shells.json" in fails("render", scene, "-o", "out.exr")
-
-
-def test_a_damaged_mesh(fails: Failing, scene: Path) -> None:
-    part = scene.parent / "part.ply"
-    part.write_bytes(part.read_bytes()[:-20])
-    assert "part.ply" in fails("render", scene, "-o", "out.exr")
-
-
 # Images --------------------------------------------------------------------------------------
-
-
-def foreign(path: Path, header: dict[str, str]) -> Path:
-    """An EXR of another program."""
-    pixels = np.zeros((4, 4), dtype=np.float32)
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, **header}, {"Y": pixels}).write(str(path))
-    return path
-
-
-def test_images_of_others(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
-    (tmp_path / "text.exr").write_text("no picture\n")
-    assert "not an OpenEXR file" in fails("metrics", "text.exr")
-    assert "no AOV image" in fails("metrics", foreign(tmp_path / "theirs.exr", {}))
-    older = foreign(tmp_path / "older.exr", {"iriftrace.schema": "iriftrace.aov/0"})
-    assert "iriftrace.aov/0" in fails("metrics", older)
-    bare = foreign(tmp_path / "bare.exr", {"iriftrace.schema": "iriftrace.aov/1"})
-    assert "channels" in fails("metrics", bare)
-    content = hot.image.read_bytes()
-    (tmp_path / "cut.exr").write_bytes(content[: len(content) // 2])
-    assert "damaged or incomplete" in fails("metrics", "cut.exr")
 
 
 def test_another_part(fails: Failing, hot: HotBlock, tmp_path: Path) -> None:
