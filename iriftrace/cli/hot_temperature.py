@@ -78,10 +78,4 @@ class HotTemperatures:
 
 def nearest_wall(read: Callable[[Part], IndexField]) -> Callable[[Part], Temperatures]:
     """Temperatures of the wall of a field that is read for a part."""
-
-    def field_wall(part: Part) -> Temperatures:
-        from iriftrace.field.wall import wall_temperatures
-
-        return wall_temperatures(read(part))
-
-    return field_wall
+    return lambda part: read(part).wall_temperature_k

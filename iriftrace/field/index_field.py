@@ -8,6 +8,7 @@ import numpy as np
 import pyvista as pv
 from attrs import field, frozen
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray, as_float64
@@ -121,6 +122,21 @@ class IndexField:
         numbered.point_data["number"] = np.arange(numbered.n_points)
         wall: pv.PolyData = inner_wall(numbered)
         return wall
+
+    def wall_temperature_k(self, points: ArrayLike) -> FloatArray:
+        """Temperature (m,), K, of the point of the wall that is nearest to each of (m, 3), mm.
+
+        An InputError if the data have no inner boundary.
+        """
+        wall = self.wall
+        if not wall.n_points:
+            raise InputError(
+                f"{self.source.path} has no inner boundary where the part sits, so its wall has no "
+                "temperature; give the temperatures of the part (--hot-temperature)."
+            )
+        nearest = cKDTree(np.asarray(wall.points)).query(points)[1]
+        kelvins: FloatArray = self.temperature_k[np.asarray(wall.point_data["number"])[nearest]]
+        return kelvins
 
     @property
     def hottest_refractivity(self) -> float:

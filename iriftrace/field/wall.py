@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyvista as pv
-from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError
 from iriftrace.geometry.topology import connected, piece_boxes
 from iriftrace.geometry.triangles import area_vectors, polydata
-
-if TYPE_CHECKING:
-    from iriftrace.field.index_field import IndexField
 
 # Boundary patches smaller than this share of the largest one are gaps between cells of different
 # refinement, not walls.
@@ -54,22 +48,6 @@ def inner_wall(grid: Any) -> Any:
     for name in grid.point_data:
         wall.point_data[name] = surface.point_data[name]
     return wall.remove_unused_points()
-
-
-def wall_temperatures(field: IndexField) -> Callable[[FloatArray], FloatArray]:
-    """Temperature, (n,) array, K, of the point of a field's wall that is nearest to each of (n, 3).
-
-    An InputError if the data have no inner boundary.
-    """
-    wall = field.wall
-    if not wall.n_points:
-        raise InputError(
-            f"{field.source.path} has no inner boundary where the part sits, so its wall has no "
-            "temperature; give the temperatures of the part (--hot-temperature)."
-        )
-    tree = cKDTree(np.asarray(wall.points))
-    kelvins = field.temperature_k[np.asarray(wall.point_data["number"], dtype=np.int64)]
-    return lambda points: kelvins[tree.query(points)[1]]
 
 
 def _wall_faces(points: FloatArray, faces: IntArray, areas: FloatArray) -> BoolArray:

@@ -81,7 +81,7 @@ def _filled(lines: Sequence[str], first: str) -> int:
     return sum(bool(line) and not line.startswith(tuple(MARKS)) for line in kept)
 
 
-def _without_words(lines: list[str]) -> list[str]:
+def _without_words(lines: Sequence[str]) -> list[str]:
     """Lines of a table with nan in place of words, such as names or dates, next to three numbers.
 
     Of the separators that with the most such lines.

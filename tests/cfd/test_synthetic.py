@@ -23,7 +23,6 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import origin_of
 from iriftrace.field.read import read_field
 from iriftrace.field.source import FieldSource
-from iriftrace.field.wall import wall_temperatures
 from iriftrace.image.aov_image import read_exr
 from iriftrace.part.part import Part, part_of_mesh
 from validation.inputs.parts import gear
@@ -95,7 +94,7 @@ def test_regions_have_their_own_temperature() -> None:
     assert_allclose(ends, (800.0, WALL), atol=1.0)
     assert "head +x 800 K" in air.origin
     field = synthetic_field(air, evolve(usual_mesh(air), cell_mm=1.0, height_mm=20.0))
-    wall = wall_temperatures(field)(np.array(((15.0, 0.0, 0.0), (-15.0, 0.0, 0.0))))
+    wall = field.wall_temperature_k(np.array(((15.0, 0.0, 0.0), (-15.0, 0.0, 0.0))))
     assert_allclose(wall, (800.0, WALL), atol=2.0)
 
 

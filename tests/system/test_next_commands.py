@@ -52,7 +52,7 @@ def test_after_a_simulation(capsys: Printed) -> None:
     _print_simulation(
         Simulation(Path("case/field.vtu"), (), 1000, 1.0, None, 0.1, 60.0),
         Path("a part.stl"),
-        PartOptions(length_unit="m", expansion=14e-6, hot_temperature=1373.15),
+        PartOptions(length_unit="m", expansion=14e-6, hot_temperature=["1100 degC"]),
         SimulationOptions(wall_temperature=1373.15, ambient=298.15, pressure=9e4),
     )
     assert next_words(capsys) == [
