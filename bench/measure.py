@@ -9,7 +9,8 @@ from iriftrace.camera.pose import look_at
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.render import render_scene
 from iriftrace.triangulation.correct import correct
-from iriftrace.triangulation.scan import Scan, measure
+from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import Scan
 
 
 def measure_over_trace(scene: LoadedScene, repeats: int) -> tuple[float, Scan]:

@@ -111,8 +111,8 @@ from .triangulation.correction import Correction as Correction
 from .triangulation.correction import CorrectionStatus as CorrectionStatus
 from .triangulation.features import Feature as Feature
 from .triangulation.features import fit_feature as fit_feature
+from .triangulation.measure import measure as measure
 from .triangulation.scan import Scan as Scan
 from .triangulation.scan import ScanStatus as ScanStatus
-from .triangulation.scan import measure as measure
 
 __version__: str

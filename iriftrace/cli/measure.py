@@ -79,7 +79,7 @@ def write_scan(
     """Simulate the measurement of a scene's two devices, write its files and say what it found."""
     from iriftrace.triangulation.acceptance import acceptance as accepted
     from iriftrace.triangulation.feature_table import check_choices
-    from iriftrace.triangulation.scan import measure as simulate
+    from iriftrace.triangulation.measure import measure as simulate
 
     check_choices(feature or (), loaded.part)
     with working("Measuring"):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from iriftrace.core.arrays import FloatArray
     from iriftrace.planning.pairs import PairPlan
-    from iriftrace.triangulation.scan import System
+    from iriftrace.triangulation.devices import System
 
 
 def print_pairs(
@@ -76,7 +76,7 @@ def _print_pair(
     names: Iterable[str], matrices: FloatArray, distances_mm: FloatArray, system: System
 ) -> None:
     """Both poses of a pair, and how what they measure is simulated."""
-    from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+    from iriftrace.triangulation.devices import DEVICE_OF_SYSTEM
 
     sensors = ("the first sensor", f'the second sensor (id="{DEVICE_OF_SYSTEM[system]}")')
     for name, matrix, distance, sensor in zip(names, matrices, distances_mm, sensors, strict=True):

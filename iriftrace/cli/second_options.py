@@ -239,7 +239,7 @@ def devices_of(
     def place(field: IndexField | None, stack: ShellStack) -> tuple[Camera, dict[str, Any]]:
         if not two_devices:
             return first.camera(part, field, stack), {}
-        from iriftrace.triangulation.scan import DEVICE_OF_SYSTEM
+        from iriftrace.triangulation.devices import DEVICE_OF_SYSTEM
 
         if stereo is not None:
             camera, device = rig.devices(stereo, first, second, part, field, stack)

@@ -20,9 +20,11 @@ from iriftrace.planning.criteria import STANDARD, Criteria
 from iriftrace.planning.rank import limits_of
 from iriftrace.sweep.reload import load_swept_scene, swept_camera, swept_part
 from iriftrace.sweep.store import WHOLE_PART
+from iriftrace.triangulation.devices import System
 from iriftrace.triangulation.feature_table import chosen_points, surface_kind
 from iriftrace.triangulation.first_order import first_order_error, first_order_size
-from iriftrace.triangulation.scan import Scan, System, measure
+from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import Scan
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -26,7 +26,7 @@ from iriftrace.planning.pairs import (
 from iriftrace.planning.refine import around_pose, check_evaluations, search, write_search
 from iriftrace.sweep.reload import swept_camera
 from iriftrace.trace.rays import is_inside
-from iriftrace.triangulation.scan import measure
+from iriftrace.triangulation.measure import measure
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -16,7 +16,8 @@ from iriftrace.part.part import Part
 from iriftrace.scene.load import LoadedScene
 from iriftrace.trace.rays import is_inside
 from iriftrace.triangulation.feature_table import found_features
-from iriftrace.triangulation.scan import Scan, ScanStatus, measure
+from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import Scan, ScanStatus
 
 FEWEST_POINTS = 100
 """Points of a region below which nothing is stated of it; as rays of a picture."""

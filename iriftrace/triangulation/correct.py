@@ -27,15 +27,15 @@ from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose
 from iriftrace.trace.lost import warn_of_lost_points
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
-from iriftrace.triangulation.field_state import field_state
-from iriftrace.triangulation.larger import Larger, larger_than
-from iriftrace.triangulation.scan import (
+from iriftrace.triangulation.devices import (
     Phase,
     System,
     devices_of,
     provenance_of_two,
     triangulated,
 )
+from iriftrace.triangulation.field_state import field_state
+from iriftrace.triangulation.larger import Larger, larger_than
 from iriftrace.triangulation.two_points import lines_of_sight
 
 REACH_MM = 1.0

@@ -18,7 +18,7 @@ from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.reload import swept_camera
 from iriftrace.sweep.store import read_sweep
-from iriftrace.triangulation.scan import measure
+from iriftrace.triangulation.measure import measure
 
 BY_ERROR = Criteria(
     displacement=1.0, coverage=0.0, axial=0.0, lateral=0.0, statistic="median", min_coverage=0.15

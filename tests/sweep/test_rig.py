@@ -17,7 +17,7 @@ from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import rank_poses
 from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scenes import folder_of
-from iriftrace.triangulation.scan import measure
+from iriftrace.triangulation.measure import measure
 
 pytestmark = [
     pytest.mark.usefixtures("variant"),

@@ -24,7 +24,8 @@ from iriftrace.trace.lost import warn_of_lost_points, warn_of_lost_rays
 from iriftrace.trace.rays import trace_rays
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.correction import CorrectionStatus
-from iriftrace.triangulation.scan import ScanStatus, measure
+from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import ScanStatus
 from validation.oracles.closed_forms import RoundAir
 
 pytestmark = pytest.mark.usefixtures("variant")

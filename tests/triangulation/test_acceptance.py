@@ -19,7 +19,7 @@ from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.part.shapes.reference import ball_bar, plate, sphere
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.acceptance import acceptance
-from iriftrace.triangulation.scan import measure
+from iriftrace.triangulation.measure import measure
 from validation.inputs.scene_rays import loaded
 from validation.oracles.closed_forms import RoundAir, slab_pair_error_um
 

@@ -32,7 +32,8 @@ from iriftrace.triangulation.cloud import read_cloud
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.features import fit_feature
-from iriftrace.triangulation.scan import Scan, ScanStatus, measure
+from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import Scan, ScanStatus
 from validation.inputs import hot_block
 
 DEVICES = [

@@ -13,7 +13,7 @@ from iriftrace.scenes import folder_of
 from iriftrace.trace.rays import trace_rays
 from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.first_order import first_order_error, first_order_size
-from iriftrace.triangulation.scan import measure
+from iriftrace.triangulation.measure import measure
 
 J_MM = 2.5e-3
 """Integral of n0 - n over the height of the layers."""

@@ -19,7 +19,8 @@ from iriftrace.scene.load import LoadedScene, load_scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.intersection import nearest_point, on_plane
-from iriftrace.triangulation.scan import Scan, ScanStatus, measure
+from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import Scan, ScanStatus
 from validation.inputs.scene_rays import loaded
 from validation.inputs.shell_fields import AMBIENT, field_of
 from validation.line import beyond

@@ -27,7 +27,8 @@ from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.correction import CorrectionStatus
 from iriftrace.triangulation.field_state import field_state
-from iriftrace.triangulation.scan import ScanStatus, measure
+from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import ScanStatus
 from validation.inputs import hot_block
 from validation.inputs.shell_fields import scaled
 

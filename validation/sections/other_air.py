@@ -17,7 +17,8 @@ from iriftrace.scene.load import LoadedScene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.features import fit_feature
-from iriftrace.triangulation.scan import Scan, measure
+from iriftrace.triangulation.measure import measure
+from iriftrace.triangulation.scan import Scan
 from validation.inputs.scene_rays import loaded
 from validation.inputs.solved_fields import SOLVED, camera_at
 from validation.line import Line, Section

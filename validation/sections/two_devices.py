@@ -11,7 +11,7 @@ from iriftrace.camera.pose import look_at
 from iriftrace.scene.load import LoadedScene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.triangulation.correct import correct
-from iriftrace.triangulation.scan import measure
+from iriftrace.triangulation.measure import measure
 from validation.inputs.hot_air import (
     cylinder_cells,
     cylinder_medium,

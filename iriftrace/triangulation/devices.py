@@ -1,0 +1,104 @@
+"""Two devices that triangulate: what kind of sensor they are, and where their lines meet."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError
+from iriftrace.geometry.triangles import cross_rows, unit_vectors
+from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.scene import AnyScene, loaded_scene
+from iriftrace.scene.viewpoint import refuse_one_place
+from iriftrace.trace.provenance import provenance
+from iriftrace.triangulation.intersection import nearest_point, on_plane
+
+System = Literal["stereo", "fringe", "laser"]
+Phase = Literal["columns", "rows", "both"]
+
+SYSTEM_OF_DEVICE: dict[str, System] = {
+    "camera_2": "stereo",
+    "projector": "fringe",
+    "laser": "laser",
+}
+"""Kind of sensor by the id of the scene's second device."""
+
+DEVICE_OF_SYSTEM = {system: device for device, system in SYSTEM_OF_DEVICE.items()}
+
+
+def devices_of(
+    scene: AnyScene,
+    camera: Camera | None,
+    second: Camera | None,
+    system: System | None,
+    phase: Phase | None,
+) -> tuple[LoadedScene, Camera, Camera, System, Phase]:
+    """The scene, its two devices and the kind of sensor, with the defaults of `measure`."""
+    loaded = loaded_scene(scene)
+    camera = loaded.camera if camera is None else camera
+    second = loaded.second if second is None else second
+    if second is None:
+        raise InputError(
+            f"{loaded.name} has no second device, so there is nothing to triangulate with; write "
+            "it with one (iriftrace scene --second X,Y,Z), or give second=Camera(...) from Python."
+        )
+    if system is None:
+        system = SYSTEM_OF_DEVICE.get(loaded.second_id, "stereo")
+    for value, kinds, what in ((system, System, "system"), (phase, Phase, "phase")):
+        if value is not None and value not in get_args(kinds):
+            raise InputError(f"There is no {what} {value!r}; use {' or '.join(get_args(kinds))}.")
+    if "orthographic" in (camera.projection, second.projection):
+        raise InputError(
+            "A device with parallel rays has no place from which to triangulate; give both devices "
+            "a focal length."
+        )
+    refuse_one_place(camera, second)
+    if system == "stereo":
+        return loaded, camera, second, system, "both"
+    if system == "laser":
+        return loaded, camera, second, system, "columns"
+    return loaded, camera, second, system, phase or better_phase(camera, second)
+
+
+def better_phase(camera: Camera, projector: Camera) -> Phase:
+    """The lines of a projector's picture that run more across the way to the camera."""
+    base = projector.matrix[:3, :2].T @ (camera.origin - projector.origin)
+    return "columns" if abs(base[0]) >= abs(base[1]) else "rows"
+
+
+def provenance_of_two(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
+    """Provenance of what two devices measure of a scene, as plain JSON values."""
+    found = provenance(scene, camera)
+    found["assumptions"]["exposure"] = "one instant: both devices see the same air"
+    return found
+
+
+def triangulated(
+    camera: Camera, second: Camera, a: FloatArray, b: FloatArray, system: System, phase: Phase
+) -> tuple[FloatArray, FloatArray]:
+    """Measured points, mm, and gaps, mm, of lines of the camera and of the second device."""
+    if phase == "both":
+        return nearest_point(camera.origin, a, second.origin, b)
+    if system == "laser":
+        # The plane of the laser's middle column.
+        middle, height = (second.resolution[0] - 1) / 2, second.resolution[1]
+        _, (top, bottom) = second.rays(((middle, -0.5), (middle, height - 0.5)))
+        across = np.cross(top, bottom)
+        normal = np.broadcast_to(across / np.linalg.norm(across), a.shape)
+    else:
+        normal = phase_planes(second, b, phase)
+    return on_plane(camera.origin, a, second.origin, normal), np.zeros(len(a))
+
+
+def phase_planes(projector: Camera, direction: FloatArray, phase: str) -> FloatArray:
+    """Normals of the planes of a projector's columns or rows at its lines of sight.
+
+    With a distorting lens a column is no plane; the plane through its tangent takes its place.
+    """
+    place = projector.project(projector.origin + direction)
+    along = np.array((0.0, 0.5) if phase == "columns" else (0.5, 0.0))
+    (_, before), (_, after) = projector.rays(place - along), projector.rays(place + along)
+    return unit_vectors(cross_rows(before, after))

@@ -1,0 +1,294 @@
+"""Simulate what two devices measure through hot air.
+
+The camera's pixel sees X on the part along a bent ray, and the second device sees or lights X along
+another one. The sensor's software knows neither: it intersects the two straight lines of sight of
+its calibration, and finds X'. The error is X' - X.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve
+from numpy.typing import NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.camera.tiles import pixels_in_tiles
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.geometry.triangles import row_lengths
+from iriftrace.image.aov_image import Status
+from iriftrace.part.part import Part
+from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.member_weights import MemberWeights
+from iriftrace.scene.scene import AnyScene
+from iriftrace.trace.engine import choose
+from iriftrace.trace.lost import warn_of_lost_points
+from iriftrace.trace.rays import traced_as_chosen
+from iriftrace.triangulation.devices import (
+    Phase,
+    System,
+    devices_of,
+    provenance_of_two,
+    triangulated,
+)
+from iriftrace.triangulation.scan import Scan, ScanStatus
+from iriftrace.triangulation.two_points import lines_of_sight
+
+LEAST_ANGLE = math.radians(1.0)
+"""Lines at a smaller angle are warned of: their intersection moves 57 times as far as they do."""
+
+CLEAR_MM = 1e-3
+"""Length of a ray that may lack at a point it sees: what the miss allows at 0.06 degrees."""
+
+
+def measure(
+    scene: AnyScene,
+    camera: Camera | None = None,
+    second: Camera | None = None,
+    *,
+    system: System | None = None,
+    phase: Phase | None = None,
+) -> Scan:
+    """Simulate a measurement with two devices in hot air.
+
+    Of an ensemble of fields the weighted means over its members, with their scatter.
+
+    The camera's pixels (the rays of the sheet, of a laser) are traced along their bent rays to the
+    part. The other device's line of sight to each point is found by `lines_of_sight`. The measured
+    point is where the straight lines meet:
+
+    - ``stereo``: the midpoint between two cameras' lines.
+    - ``fringe``: the camera's line meets the plane of the projector's column (``phase="columns"``)
+      or row (``"rows"``) that lights the point; with ``"both"`` the midpoint between the lines.
+    - ``laser``: the camera's line meets the sheet of light, which is the middle column of the
+      second device.
+
+    Parameters
+    ----------
+    scene : Scene, LoadedScene or path
+    camera, second : Camera, optional
+        The scene's own two sensors by default.
+    system : str, optional
+        By default what the id of the scene's second sensor says: ``camera_2``, ``projector`` or
+        ``laser``; stereo for other ones.
+    phase : str, optional
+        Of fringe projection; by default columns or rows, whichever run more across the way from the
+        projector to the camera.
+
+    Raises
+    ------
+    InputError
+        If there is no second device, both stand at one place, or they see nothing in common (of an
+        ensemble: in the air of every member).
+
+    Warns
+    -----
+    IriftraceWarning
+        Half of the lines meet at less than 1 degree, or as :func:`iriftrace.trace.engine.choose`.
+    """
+    loaded, camera, second, system, phase = devices_of(scene, camera, second, system, phase)
+    started = time.perf_counter()
+    chosen = choose(loaded, camera, second).scene
+    if chosen.ensemble is None:
+        found = _scan(chosen, camera, second, system, phase)
+    else:
+        members = chosen.ensemble.scenes()
+        scans = [_scan(member, camera, second, system, phase) for member in members]
+        found = evolve(
+            _together(scans, chosen.ensemble.weights),
+            provenance=provenance_of_two(chosen, camera),
+        )
+    measure_s = time.perf_counter() - started
+    time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
+    return evolve(found, time_s=time_s)
+
+
+def _together(scans: Sequence[Scan], weights: MemberWeights) -> Scan:
+    """Weighted means of the points that are measured in the air of every member of an ensemble."""
+    status = np.max([scan.status for scan in scans], axis=0)
+    kept = (status == ScanStatus.MEASURED).ravel()
+    if not kept.any():
+        raise InputError(
+            "No point is measured in the air of every member of the ensemble; point both devices "
+            "at the same side, or measure one member (-D member=1)."
+        )
+    # Row by row of the picture, as the points of each scan are.
+    rows = [np.cumsum(scan.status == ScanStatus.MEASURED)[kept] - 1 for scan in scans]
+
+    def each(name: str) -> FloatArray:
+        pairs = zip(scans, rows, strict=True)
+        return np.array([getattr(scan, name)[chosen] for scan, chosen in pairs])
+
+    true, errors = weights.mean(each("true")), each("error")
+    first = scans[0]
+    return evolve(
+        first,
+        points=true + weights.mean(errors),
+        true=true,
+        normal=first.normal[rows[0]],
+        gap=weights.mean(each("gap")),
+        angle=weights.mean(each("angle")),
+        pixel=first.pixel[rows[0]],
+        face=first.face[rows[0]],
+        status=status,
+        errors=errors,
+        weights=weights,
+    )
+
+
+def _scan(scene: LoadedScene, camera: Camera, second: Camera, system: System, phase: Phase) -> Scan:
+    forward, solved = (second, camera) if system == "laser" else (camera, second)
+    lit = _lit_points(scene, forward, sheet=system == "laser")
+    codes, lines = _seen_by(scene, solved, forward, lit)
+    status = lit.status
+    status[lit.pixel] = codes
+    missing = int((status == ScanStatus.LOST).sum())
+    warn_of_lost_points(missing, len(lit.point) + lit.lost, "are left out")
+    good = np.flatnonzero(codes[lines.asked] == ScanStatus.MEASURED)
+    good = good[np.argsort(lit.pixel[lines.asked[good]])]
+    kept = lines.asked[good]
+    if len(kept) == 0:
+        raise InputError(_nothing_in_common(lit.outcome, codes))
+    one, other = lit.direction[kept], lines.direction[good]
+    a, b = (other, one) if system == "laser" else (one, other)
+    points, gap = triangulated(camera, second, a, b, system, phase)
+    angle = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1.0, 1.0))
+    _warn_of_angle(float(np.median(angle)))
+    return Scan(
+        points=points,
+        true=lit.point[kept],
+        normal=lit.normal[kept],
+        gap=gap,
+        angle=angle,
+        pixel=camera.project(camera.origin + a) if system == "laser" else lit.place[kept],
+        face=lit.face[kept],
+        status=status.reshape(lit.shape),
+        system=system,
+        phase=phase,
+        camera=camera,
+        second=second,
+        provenance=provenance_of_two(scene, camera),
+    )
+
+
+class _Lit(NamedTuple):
+    """Points of the part that the rays of the device end on that is traced forward."""
+
+    point: FloatArray  # (n, 3), mm
+    normal: FloatArray  # (n, 3), of the part
+    face: IntArray  # (n,)
+    place: FloatArray  # (n, 2), px, from where the ray came
+    direction: FloatArray  # (n, 3), in which it started
+    pixel: IntArray  # (n,) row-major number of its pixel
+    outcome: IntArray  # `Status` of all rays that were traced
+    lost: int  # of them
+    status: NDArray[np.int64]  # `ScanStatus` of all pixels that have no point
+    shape: tuple[int, int]  # rows and columns
+
+
+def _lit_points(scene: LoadedScene, forward: Camera, *, sheet: bool) -> _Lit:
+    """Trace the rays of a device, of the middle column of one that sends a sheet of light."""
+    pixels, number, shape = _pixels(forward, sheet=sheet)
+    towards = _towards_part(forward, scene.part, pixels)
+    status = np.full(len(towards), ScanStatus.NOT_SEEN, dtype=np.int64)
+    pixels, number = pixels[towards], number[towards]
+    if len(pixels) == 0:
+        raise InputError(_nothing_in_common(np.empty(0, np.int64), np.empty(0, np.int64)))
+    origin, direction = forward.rays(pixels)
+    hits = traced_as_chosen(
+        scene, origin, direction, focus_mm=forward.focus_mm, coherent=True, trace_all=False
+    )
+    seen = hits.status == Status.GOOD
+    lost = np.isin(hits.status, [code for code in Status if code.lost])
+    status[number[hits.ray[lost]]] = ScanStatus.LOST
+    ray, face = hits.ray[seen], hits.refracted_face[seen]
+    return _Lit(
+        point=hits.refracted[seen],
+        normal=scene.part.surface.normals[face],
+        face=face,
+        place=pixels[ray],
+        direction=direction[ray],
+        pixel=number[ray],
+        outcome=hits.status,
+        lost=int(lost.sum()),
+        status=status,
+        shape=shape,
+    )
+
+
+class _Lines(NamedTuple):
+    """Lines of sight from the other device to points."""
+
+    asked: IntArray  # (m,) numbers of the points
+    direction: FloatArray  # (m, 3)
+
+
+def _seen_by(
+    scene: LoadedScene, solved: Camera, forward: Camera, lit: _Lit
+) -> tuple[IntArray, _Lines]:
+    """`ScanStatus` of lit points for the other device, and its lines of sight to them."""
+    distance = row_lengths(lit.point - solved.origin)
+    near, far = solved.focus_mm
+    # An open part may be seen from the back of its triangles, by both devices then.
+    sides = (np.einsum("ij,ij->i", lit.normal, d.origin - lit.point) for d in (forward, solved))
+    turned = np.prod(list(sides), axis=0) <= 0
+    with np.errstate(invalid="ignore"):
+        inside = solved.holds(solved.project(lit.point))
+    codes = np.select(
+        [~inside, (distance < near) | (distance > far), turned],
+        [ScanStatus.OUTSIDE_PICTURE, ScanStatus.OUT_OF_FOCUS, ScanStatus.SHADOW],
+        ScanStatus.MEASURED,
+    )
+    asked = np.flatnonzero(codes == ScanStatus.MEASURED)
+    lines = lines_of_sight(scene, solved.origin, lit.point[asked])
+    clear = np.abs(lines.lacking) <= CLEAR_MM
+    codes[asked[~lines.found]] = ScanStatus.SEVERAL_IMAGES
+    codes[asked[lines.lost]] = ScanStatus.LOST
+    codes[asked[lines.found & ~clear]] = ScanStatus.SHADOW
+    return codes, _Lines(asked, lines.direction)
+
+
+def _warn_of_angle(median: float) -> None:
+    if median < LEAST_ANGLE:
+        warnings.warn(
+            f"The lines of the two devices meet at {np.degrees(median):.2g} degrees (median), so "
+            "that small errors of either become large in depth; set them farther apart.",
+            IriftraceWarning,
+            stacklevel=5,
+        )
+
+
+def _nothing_in_common(forward: IntArray, solved: IntArray) -> str:
+    """Why no point is measured, by what became of the rays of the one and of the other device."""
+    blurred = (forward == Status.OUT_OF_FOCUS).sum() + (solved == ScanStatus.OUT_OF_FOCUS).sum()
+    if blurred > 0.5 * len(forward):
+        return (
+            "The two devices see no point of the part in common, as most of what they see is out "
+            "of focus; move them, or change focus_near and focus_far (iriftrace scene --focus)."
+        )
+    return "The two devices see no point of the part in common; point both at the same side."
+
+
+def _pixels(device: Camera, sheet: bool) -> tuple[FloatArray, NDArray[np.uint32], tuple[int, int]]:
+    """Positions of a device's rays, px, in tiles; their row-major numbers; rows and columns."""
+    width, height = device.resolution
+    columns = np.array([(width - 1) / 2]) if sheet else np.arange(width, dtype=np.float64)
+    number = pixels_in_tiles(len(columns), height)
+    row, column = np.divmod(number, len(columns))
+    return np.column_stack((columns[column], row)), number, (height, len(columns))
+
+
+def _towards_part(device: Camera, part: Part, pixels: FloatArray) -> NDArray[np.bool_]:
+    """Mask of the places in a picture, px, at which the part may be seen along straight lines."""
+    places = device.project(part.vertices)
+    # A distorting lens bends the outline beyond its corners; behind the device there are none.
+    if device.distortion is not None or not np.isfinite(places).all():
+        return np.ones(len(pixels), dtype=np.bool_)
+    low, high = places.min(axis=0), places.max(axis=0)
+    return np.asarray(((pixels >= low - 1.0) & (pixels <= high + 1.0)).all(axis=1))
