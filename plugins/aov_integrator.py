@@ -14,9 +14,9 @@ from iriftrace.camera.camera import Camera
 from iriftrace.image.aov_image import CHANNELS
 from iriftrace.plugins.film import Window, camera_of
 from iriftrace.plugins.kernels.bundle import Bundle, Trace, straight_twins, trace_bundle
-from iriftrace.plugins.kernels.picture import PixelRays, channel_values, sharp_rays, written
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import StraightHits
+from iriftrace.plugins.picture import PixelRays, channel_values, sharp_rays, written
 from iriftrace.runtime.variant import full_precision
 
 
@@ -108,7 +108,7 @@ def integrator_class(variant: str) -> type:
         def sharp_rays(
             self, sensor: Any, straight: StraightHits, most: int
         ) -> tuple[Any, Any] | None:
-            """See :func:`iriftrace.plugins.kernels.picture.sharp_rays`."""
+            """See :func:`iriftrace.plugins.picture.sharp_rays`."""
             return sharp_rays(PixelRays(sensor, len(self.aov_names())), straight, most)
 
         def image(

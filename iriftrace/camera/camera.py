@@ -18,6 +18,7 @@ import numpy as np
 from attrs import evolve, field, frozen
 from numpy.typing import ArrayLike
 
+from iriftrace.camera.check import check_camera
 from iriftrace.camera.distortion import (
     Distortion,
     SeenField,
@@ -31,8 +32,6 @@ from iriftrace.camera.pose_set import fixed
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import unit_vectors
-
-PROJECTIONS = ("pinhole", "orthographic")
 
 
 def _pair(value: Sequence[float]) -> tuple[float, float]:
@@ -96,7 +95,15 @@ class Camera:
         if point is None:
             point = ((self.resolution[0] - 1) / 2, (self.resolution[1] - 1) / 2)
         object.__setattr__(self, "principal_point_px", _pair(point))
-        _check(self)
+        check_camera(
+            self.projection,
+            self.focal_length_mm,
+            self.sensor_mm,
+            self.resolution,
+            self.focus_mm,
+            self.matrix,
+            distorted=self.distortion is not None,
+        )
         if self.distortion is not None:
             _ = self.seen_field  # refuses a picture that the lens folds
 
@@ -368,45 +375,3 @@ class Camera:
                 f"The camera in the file has something else than numbers ({error}); write the "
                 "file again."
             ) from error
-
-
-def _check(camera: Camera) -> None:
-    """Refuse a camera that cannot form a picture."""
-    if camera.projection not in PROJECTIONS:
-        raise InputError(f"Unknown projection '{camera.projection}'; use one of {PROJECTIONS}.")
-    if camera.projection == "pinhole" and not (
-        math.isfinite(camera.focal_length_mm) and camera.focal_length_mm > 0
-    ):
-        raise InputError(
-            f"Focal length is {camera.focal_length_mm} mm, so no picture forms; "
-            "give a positive length."
-        )
-    if not all(math.isfinite(s) and s > 0 for s in camera.sensor_mm):
-        raise InputError(
-            f"Sensor size is {camera.sensor_mm[0]} x {camera.sensor_mm[1]} mm, so no picture "
-            "forms; both must be positive."
-        )
-    if min(camera.resolution) < 1:
-        raise InputError(
-            f"Resolution is {camera.resolution[0]} x {camera.resolution[1]} pixels; "
-            "both must be at least 1."
-        )
-    near, far = camera.focus_mm
-    if not 0 <= near < far:
-        raise InputError(
-            f"Focus interval {near} to {far} mm is empty; the near distance must be at least 0 "
-            "and smaller than the far one."
-        )
-    rotation = camera.matrix[:3, :3] if camera.matrix.shape == (4, 4) else np.zeros((3, 3))
-    rigid = np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-6)
-    if not (rigid and np.linalg.det(rotation) > 0 and np.isfinite(camera.matrix).all()):
-        raise InputError(
-            "The camera pose is not a rigid motion (4 x 4, rotation and translation only); "
-            "remove scale and mirroring."
-        )
-    if camera.distortion is not None:
-        if camera.projection != "pinhole":
-            raise InputError(
-                f"A lens distortion is given for an {camera.projection} camera, for which it is "
-                "not defined; leave it out."
-            )

@@ -26,7 +26,6 @@ from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
 from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
 from iriftrace.scene.wavelength import set_shells
 from iriftrace.scene.write import SCALE
-from iriftrace.shells.table import AirStatement
 
 if TYPE_CHECKING:
     from iriftrace.field.part_fit import Fit
@@ -197,7 +196,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
     notes = {**air.notes, **scene.notes_of_fit(number)}
     if len(air.states) > 1:
         notes["member"] = f"{number + 1}: {state.label}"
-    stated = AirStatement.of(state.shells, notes)
+    stated = state.shells.stated(notes)
     devices = {"camera": camera} | ({} if second is None else {scene.second_id: second})
     found = mitsuba_scene(
         part,

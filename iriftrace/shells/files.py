@@ -97,7 +97,7 @@ def save_shells(
     if paraview:
         written.append(_write_paraview(folder, stack))
     remove_stale(folder, stack, paraview)
-    stated = AirStatement.of(stack, dict(notes or {}))
+    stated = stack.stated(notes or {})
     rows = tuple(
         evolve(row, file=path.name, sha256=sha256_of(path))
         for path, row in zip(written, stated.shells, strict=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from attrs import Attribute, field, frozen
@@ -15,7 +15,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.field.source import FieldSource
 from iriftrace.shells.hessian import DERIVATIVES
 from iriftrace.shells.levels import RULES
-from iriftrace.shells.table import SmallComponents
+from iriftrace.shells.table import AirStatement, ShellRow, SmallComponents
 
 KINDS = (*RULES, "custom", "imported")
 
@@ -181,3 +181,18 @@ class ShellStack:
     def has_normals(self) -> bool:
         """True if every shell knows the direction of grad(n) at its vertices."""
         return all(shell.normals is not None for shell in self.shells)
+
+    def stated(self, notes: Mapping[str, str]) -> AirStatement:
+        """What the table beside the shells' files states, but for the files."""
+        rows = tuple(
+            ShellRow(s.layer, s.refractivity, s.ext, s.int_, kelvin, len(s.faces))
+            for s, kelvin in zip(self.shells, self.temperature_k.tolist(), strict=True)
+        )
+        return AirStatement(
+            rule=self.rule,
+            air=self.air,
+            source=self.source,
+            notes=dict(notes),
+            small_components=self.small_components,
+            shells=rows,
+        )

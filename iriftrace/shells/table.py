@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 from attrs import evolve, field, frozen
 
 from iriftrace.air.refractivity import Air, dispersion
 from iriftrace.field.source import FieldSource
-
-if TYPE_CHECKING:
-    from iriftrace.shells.stack import ShellStack
 
 SCHEMA = "iriftrace.shells/1"
 
@@ -76,23 +70,6 @@ class AirStatement:
     part: PartOrigin | None = None
     small_components: tuple[SmallComponents, ...] = ()
     shells: tuple[ShellRow, ...] = ()
-
-    @classmethod
-    def of(cls, stack: ShellStack, notes: dict[str, str]) -> AirStatement:
-        """The statement of a stack of shells."""
-        temperatures: Sequence[float] = stack.temperature_k.tolist()
-        rows = tuple(
-            ShellRow(s.layer, s.refractivity, s.ext, s.int_, kelvin, len(s.faces))
-            for s, kelvin in zip(stack.shells, temperatures, strict=True)
-        )
-        return cls(
-            rule=stack.rule,
-            air=stack.air,
-            source=stack.source,
-            notes=notes,
-            small_components=stack.small_components,
-            shells=rows,
-        )
 
     def at_wavelength(self, wavelength_nm: float) -> AirStatement:
         """The same air in other light; an InputError where the air is not stated."""

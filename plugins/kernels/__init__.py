@@ -11,7 +11,6 @@ Light follows d/ds (n dr/ds) = grad n. Read in this order:
 - `ledger`: the conserved sum of index steps, by which lost crossings are noticed.
 - `bundle`: straight and bent hits joined, and each ray's status.
 - `projection`: pixels to rays and points to pixels.
-- `picture`: a film's rays, and the values of its channels.
 - `tables` and `prepared`: all of a scene that these gather from.
 - `types`: names of Dr.Jit's arrays for annotations.
 
