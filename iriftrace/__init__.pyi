@@ -31,6 +31,8 @@ from .field.index_field import IndexField as IndexField
 from .field.part_fit import Fit as Fit
 from .field.part_fit import fit_part_to_field as fit_part_to_field
 from .field.read import read_field as read_field
+from .field.source import FieldFacts as FieldFacts
+from .field.source import FieldKind as FieldKind
 from .field.source import FieldSource as FieldSource
 from .figures.pose import displacement_figure as displacement_figure
 from .figures.report import write_report as write_report
@@ -95,6 +97,7 @@ from .shells.report import ShellReport as ShellReport
 from .shells.report import report_shells as report_shells
 from .shells.stack import Shell as Shell
 from .shells.stack import ShellStack as ShellStack
+from .shells.table import AirStatement as AirStatement
 from .sweep.store import read_sweep as read_sweep
 from .sweep.sweep import SweepOptions as SweepOptions
 from .sweep.sweep import run_sweep as run_sweep
