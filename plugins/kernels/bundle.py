@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from iriftrace.image.aov_image import Status
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.prepared import PreparedScene
 from iriftrace.plugins.kernels.queries import (
     GAVE_UP,
@@ -23,24 +24,24 @@ ROUNDING = 1e-9
 class Trace(NamedTuple):
     """Hits and status of a bundle; one entry per traced ray (see :func:`trace_bundle`)."""
 
-    ray: Any  # UInt32: number of the ray in the bundle
-    origin: Any  # Point3d
-    direction: Any  # Vector3d
-    straight: Any  # Point3d
-    straight_length: Any  # Float64
-    straight_outcome: Any  # UInt32
-    straight_face: Any  # UInt32: face of the part
-    incidence: Any  # Float64, rad
+    ray: dt.UInt32  # number of the ray in the bundle
+    origin: dt.Point3d
+    direction: dt.Vector3d
+    straight: dt.Point3d
+    straight_length: dt.Float64
+    straight_outcome: dt.UInt32
+    straight_face: dt.UInt32  # face of the part
+    incidence: dt.Float64  # rad
     refracted: Any  # RefractedHits or CurvedHits
-    status: Any  # UInt32
-    open_boundary: Any  # Bool
+    status: dt.UInt32
+    open_boundary: dt.Bool
 
 
 class Bundle(NamedTuple):
     """A trace and what was found of the rays that were not refracted."""
 
     trace: Trace | None  # None if no ray was to be traced on
-    status: Any  # UInt32, every ray of the bundle: its status if it was not traced on
+    status: dt.UInt32  # every ray of the bundle: its status if it was not traced on
     time_s: dict[str, float]
     straight: StraightHits  # every ray of the bundle; faces are those of the part, from 0
 
@@ -126,9 +127,9 @@ def straight_twins(prepared: PreparedScene, rays: Any, count: int, coherent: boo
 def _judged(
     prepared: PreparedScene,
     chosen: Any,
-    origin: Any,
-    direction: Any,
-    straight: Any,
+    origin: dt.Point3d,
+    direction: dt.Vector3d,
+    straight: dt.Point3d,
     refracted: Any,
     check: Callable[[Any], tuple[Any, Any]],
     focus: tuple[float, float],
@@ -182,12 +183,12 @@ def _judged(
     )
 
 
-def is_lost(direction: Any, refracted: Any) -> Any:
+def is_lost(direction: dt.Vector3d, refracted: Any) -> Any:
     """Mask of rays (Bool) that gave up or are bent too much, from their first directions."""
     return (refracted.outcome == GAVE_UP) | _bent_too_much(direction, refracted)
 
 
-def _bent_too_much(direction: Any, refracted: Any) -> Any:
+def _bent_too_much(direction: dt.Vector3d, refracted: Any) -> Any:
     """Mask of rays (Bool) that are deflected more than the index range along them can give.
 
     Through layers, n times the sine of the angle to their gradient is conserved: a ray that enters

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.geometry.topology import find_neighbours, weld
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
 
 ROUNDS = 3
@@ -36,11 +37,11 @@ def edge_neighbours(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 def settle(
     tables: Any,
-    origin: Any,
-    direction: Any,
-    face: Any,
-    distance: Any,
-    active: Any,
+    origin: dt.Point3d,
+    direction: dt.Vector3d,
+    face: dt.UInt32,
+    distance: dt.Float64,
+    active: dt.Bool,
 ) -> tuple[Any, Any]:
     """Face and distance of a hit on the part, moved across the edges that it lies beyond.
 
@@ -71,7 +72,7 @@ def settle(
     return face, distance
 
 
-def _room(point: Any, triangle: Triangle, normal: Any) -> tuple[Any, Any]:
+def _room(point: dt.Point3d, triangle: Triangle, normal: dt.Vector3d) -> tuple[Any, Any]:
     """Distance to the nearest edge's line, negative outside the triangle, and that edge."""
     import drjit as dr
     import mitsuba as mi

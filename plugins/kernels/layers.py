@@ -35,6 +35,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import (
     AtShell,
     between_shells,
@@ -58,18 +59,18 @@ from iriftrace.plugins.kernels.tables import SceneTables
 class Passage(NamedTuple):
     """A ray's way to the next shell, and its crossing there."""
 
-    direction: Any  # Vector3d, unit: along the way
-    length: Any  # Float64, mm: since the shell before, or the start
-    first: Any  # Bool: there is no shell before
-    point: Any  # Point3d, mm: where it crosses the shell
-    outward: Any  # Bool: along the shell's normals
-    face: Any  # UInt32: row of the triangle in the tables
+    direction: dt.Vector3d  # unit: along the way
+    length: dt.Float64  # mm: since the shell before, or the start
+    first: dt.Bool  # there is no shell before
+    point: dt.Point3d  # mm: where it crosses the shell
+    outward: dt.Bool  # along the shell's normals
+    face: dt.UInt32  # row of the triangle in the tables
     triangle: Triangle
-    facet: Any  # Vector3d: the triangle's unit normal
-    shape: Any  # UInt32: number of the shell
-    near: Any  # Float64: index of the layer that it comes from
-    far: Any  # Float64: index of the layer that it goes into
-    crossed: Any  # Bool: the ray does cross a shell
+    facet: dt.Vector3d  # the triangle's unit normal
+    shape: dt.UInt32  # number of the shell
+    near: dt.Float64  # index of the layer that it comes from
+    far: dt.Float64  # index of the layer that it goes into
+    crossed: dt.Bool  # the ray does cross a shell
 
 
 class AtShells:
@@ -103,7 +104,12 @@ class AtShells:
         return bent, reflected, memory
 
     def end(
-        self, memory: tuple[Any, ...], direction: Any, length: Any, facet: Any, any_shell: Any
+        self,
+        memory: tuple[Any, ...],
+        direction: dt.Vector3d,
+        length: dt.Float64,
+        facet: dt.Vector3d,
+        any_shell: dt.Bool,
     ) -> tuple[Any, Any]:
         """Lateral offset of the last way's end (Vector3d, mm), and the direction there."""
         return 0 * direction, direction
@@ -112,12 +118,12 @@ class AtShells:
 class Memory(NamedTuple):
     """What :class:`InLayers` remembers of a ray."""
 
-    gradient: Any  # Vector3f, 1/mm: of the index at the last shell
-    change: Any  # Vector3f, 1/mm^2: of the gradient along the ray
-    index: Any  # Float64: of the air at that shell
-    beyond: Any  # Float64: of the layer behind it
-    offset: Any  # Vector3f, mm: lateral offset of the ray from the one that is marched
-    along: Any  # Float64, mm: how much further along it is, where it crosses the shell's plane
+    gradient: dt.Vector3f  # 1/mm: of the index at the last shell
+    change: dt.Vector3f  # 1/mm^2: of the gradient along the ray
+    index: dt.Float64  # of the air at that shell
+    beyond: dt.Float64  # of the layer behind it
+    offset: dt.Vector3f  # mm: lateral offset of the ray from the one that is marched
+    along: dt.Float64  # mm: how much further along it is, where it crosses the shell's plane
 
     @property
     def shell(self) -> AtShell:
@@ -195,7 +201,12 @@ class InLayers:
         return dr.normalize(ahead), mi.Bool(False), kept
 
     def _layer(
-        self, before: AtShell, here: AtShell, passage: Passage, heading: Any, length: Any
+        self,
+        before: AtShell,
+        here: AtShell,
+        passage: Passage,
+        heading: dt.Vector3d,
+        length: dt.Float64,
     ) -> tuple[Any, Any]:
         """Deflection and lateral offset on the way to a shell."""
         import drjit as dr
@@ -215,7 +226,12 @@ class InLayers:
         )
 
     def end(
-        self, memory: Any, direction: Any, length: Any, facet: Any, any_shell: Any
+        self,
+        memory: Any,
+        direction: dt.Vector3d,
+        length: dt.Float64,
+        facet: dt.Vector3d,
+        any_shell: dt.Bool,
     ) -> tuple[Any, Any]:
         """Lateral offset of the last way's end (Vector3d, mm), and the direction there."""
         import drjit as dr

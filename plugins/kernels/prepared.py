@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.core.sampling import r2_sequence
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.queries import query_step, ray_query, same_crossing
 from iriftrace.plugins.kernels.tables import PART, SceneTables, shell_indices, surface_index
 from iriftrace.plugins.kernels.vertex_table import SHELL, aligned
@@ -138,7 +139,9 @@ class PreparedScene:
         counted = np.array(index).reshape(2, lines, -1)
         return np.array([self._majority(index) for index in counted])
 
-    def between_shells(self, origin: Any, direction: Any, length: Any, unmet: Any) -> Any:
+    def between_shells(
+        self, origin: dt.Point3d, direction: dt.Vector3d, length: dt.Float64, unmet: dt.Bool
+    ) -> Any:
         """Mask (Bool) of the rays among `unmet` that run through air which is not ambient.
 
         They have origins (Point3d, mm), unit directions (Vector3d) and straight lengths (Float64,
@@ -218,7 +221,7 @@ def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
 
 
 def crossed_steps(
-    scene: Any, tables: SceneTables, origin: Any, direction: Any, step: float
+    scene: Any, tables: SceneTables, origin: dt.Point3d, direction: dt.Vector3d, step: float
 ) -> tuple[Any, Any]:
     """Index steps along straight lines to infinity, opaque shapes being transparent.
 
@@ -232,15 +235,15 @@ def crossed_steps(
     smallest_step = dr.opaque(mi.Float64, step)
 
     class State(NamedTuple):
-        travelled: Any
-        gap: Any  # since the last crossing
-        index_sum: Any
-        last_index: Any
-        enclosed: Any
-        shape: Any
-        outward: Any
-        count: Any
-        active: Any
+        travelled: dt.Float64
+        gap: dt.Float64  # since the last crossing
+        index_sum: dt.Float64
+        last_index: dt.Float64
+        enclosed: dt.Bool
+        shape: dt.UInt32
+        outward: dt.Bool
+        count: dt.UInt32
+        active: dt.Bool
 
     def advance(*values: Any) -> tuple[Any, ...]:
         s = State(*values)

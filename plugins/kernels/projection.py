@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import distorted, fold_radius, newton_step
+from iriftrace.plugins.kernels import types as dt
 
 
 def flip_axes(matrix: ArrayLike) -> NDArray[np.float64]:
@@ -56,7 +57,7 @@ class Projection:
             self.rounds = camera.seen_field.rounds
             self.fold_radius = opaque(fold_radius(camera.distortion))
 
-    def rays64(self, x: Any, y: Any) -> tuple[Any, Any]:
+    def rays64(self, x: dt.Float64, y: dt.Float64) -> tuple[Any, Any]:
         """Origins (Point3d, mm) and unit directions (Vector3d) through image positions, world."""
         import drjit as dr
 
@@ -69,7 +70,7 @@ class Projection:
             return self.origin + offset, self.forward + 0 * offset
         return self.origin + 0 * offset, dr.normalize(offset + self.forward * self.focal_length)
 
-    def _undistorted(self, across: Any, along: Any) -> tuple[Any, Any]:
+    def _undistorted(self, across: dt.Float64, along: dt.Float64) -> tuple[Any, Any]:
         """Places on the sensor (mm from the axis) without distortion; NaN where nothing is seen."""
         import drjit as dr
 
@@ -85,7 +86,7 @@ class Projection:
         factor = dr.select(right, self.focal_length, dr.nan)
         return x * factor, y * factor
 
-    def project64(self, point: Any) -> tuple[Any, Any, Any]:
+    def project64(self, point: dt.Point3d) -> tuple[Any, Any, Any]:
         """Image position (Float64, px) of points (Point3d, mm, world), and if it means anything.
 
         It does (Bool) before the pinhole, and not so far beside the picture that the lens

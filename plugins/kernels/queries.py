@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import settle
 from iriftrace.plugins.kernels.snell import distance_to_plane
 from iriftrace.plugins.kernels.tables import PART, SceneTables
@@ -35,9 +36,9 @@ eight times as long, none with this one).
 class StraightHits(NamedTuple):
     """First hits of unbent rays on opaque shapes."""
 
-    distance: Any  # Float64, mm
-    outcome: Any  # UInt32: ESCAPED, HIT_PART or HIT_BLOCKER
-    face: Any  # UInt32: row of the part's face in the tables
+    distance: dt.Float64  # mm
+    outcome: dt.UInt32  # ESCAPED, HIT_PART or HIT_BLOCKER
+    face: dt.UInt32  # row of the part's face in the tables
 
 
 def query_step(scene: Any) -> float:
@@ -46,7 +47,7 @@ def query_step(scene: Any) -> float:
     return RELATIVE_STEP * max(abs(x) for corner in (box.min, box.max) for x in corner)
 
 
-def query_error(origin: Any, smallest_step: Any) -> Any:
+def query_error(origin: dt.Point3d, smallest_step: dt.Float64) -> Any:
     """Largest error of a query from a point across the ray, mm; more from far away."""
     import drjit as dr
 
@@ -55,7 +56,12 @@ def query_error(origin: Any, smallest_step: Any) -> Any:
 
 
 def same_crossing(
-    shape: Any, outward: Any, last_shape: Any, last_outward: Any, gap: Any, smallest_step: Any
+    shape: dt.UInt32,
+    outward: dt.Bool,
+    last_shape: dt.UInt32,
+    last_outward: dt.Bool,
+    gap: dt.Float64,
+    smallest_step: dt.Float64,
 ) -> Any:
     """True where a crossing is the last one met again.
 
@@ -66,7 +72,9 @@ def same_crossing(
     return repeated & (gap < SAME_CROSSING_STEPS * smallest_step)
 
 
-def ray_query(scene: Any, origin: Any, direction: Any, coherent: bool, active: Any) -> Any:
+def ray_query(
+    scene: Any, origin: dt.Point3d, direction: dt.Vector3d, coherent: bool, active: dt.Bool
+) -> Any:
     """First triangle along rays, in single precision (PreliminaryIntersection3f)."""
     import drjit as dr
     import mitsuba as mi
@@ -81,7 +89,13 @@ def ray_query(scene: Any, origin: Any, direction: Any, coherent: bool, active: A
 
 
 def straight_hits(
-    opaque: Any, tables: SceneTables, origin: Any, direction: Any, *, coherent: bool, step: float
+    opaque: Any,
+    tables: SceneTables,
+    origin: dt.Point3d,
+    direction: dt.Vector3d,
+    *,
+    coherent: bool,
+    step: float,
 ) -> StraightHits:
     """First hits of straight rays on the opaque shapes, a scene without shells.
 

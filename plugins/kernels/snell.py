@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from iriftrace.plugins.kernels import types as dt
+
 GRAZING = 1e-9
 """Sine of the angle at which a ray leaves a triangle that it would not have left by itself."""
 
@@ -36,7 +38,12 @@ def facet_normal(triangle: Triangle) -> Any:
 
 
 def distance_to_plane(
-    origin: Any, direction: Any, triangle: Triangle, normal: Any, rough: Any, tolerance: Any
+    origin: dt.Point3d,
+    direction: dt.Vector3d,
+    triangle: Triangle,
+    normal: dt.Vector3d,
+    rough: dt.Float64,
+    tolerance: dt.Float64,
 ) -> Any:
     """Distance along a ray to the plane of a triangle, mm (Float64).
 
@@ -55,7 +62,7 @@ def distance_to_plane(
     return dr.clip(exact, rough - reach, rough + reach)
 
 
-def corner_weights(point: Any, triangle: Triangle, facet: Any) -> tuple[Any, Any]:
+def corner_weights(point: dt.Point3d, triangle: Triangle, facet: dt.Vector3d) -> tuple[Any, Any]:
     """Weights (Float64) of a triangle's corners b and c at a point; that of a is the rest of 1.
 
     The point (Point3d, mm) is on the triangle's plane, of the unit normal `facet`; outside the
@@ -78,7 +85,9 @@ def between_corners(vectors: Triangle, weights: tuple[Any, Any]) -> Any:
     return vectors.a * (1 - b - c) + vectors.b * b + vectors.c * c
 
 
-def interpolated_normal(point: Any, triangle: Triangle, normals: Triangle, facet: Any) -> Any:
+def interpolated_normal(
+    point: dt.Point3d, triangle: Triangle, normals: Triangle, facet: dt.Vector3d
+) -> Any:
     """Unit normal (Vector3d) between the vertex normals at a point of the triangle.
 
     The facet's own where the interpolated one vanishes.
@@ -90,7 +99,7 @@ def interpolated_normal(point: Any, triangle: Triangle, normals: Triangle, facet
     return dr.select(length > 1e-3, normal / length, facet)
 
 
-def _push(cosine: Any, step: Any) -> tuple[Any, Any]:
+def _push(cosine: dt.Float64, step: Any) -> tuple[Any, Any]:
     """Push along a normal by which a direction of length one gains ``step`` in squared length.
 
     The gain is that of the cosine's square alone. Returns the push, and whether there is one: a
@@ -104,7 +113,7 @@ def _push(cosine: Any, step: Any) -> tuple[Any, Any]:
     return dr.select(total != 0, step / total, 0), squared > 0
 
 
-def _stretch(direction: Any, push: Any, smooth: Any, step: Any) -> Any:
+def _stretch(direction: dt.Vector3d, push: Any, smooth: dt.Vector3d, step: Any) -> Any:
     """Share of the mean direction that a push along ``smooth`` lacks to gain ``step``.
 
     It changes no direction, but would if it were added on one side of the triangle only.
@@ -115,7 +124,9 @@ def _stretch(direction: Any, push: Any, smooth: Any, step: Any) -> Any:
     return (0.5 * step - push * dr.dot(mean, smooth)) / dr.squared_norm(mean)
 
 
-def _gradual_push(direction: Any, flat: Any, smooth: Any, step: Any) -> tuple[Any, Any]:
+def _gradual_push(
+    direction: dt.Vector3d, flat: dt.Vector3d, smooth: dt.Vector3d, step: Any
+) -> tuple[Any, Any]:
     """Vector that is added to a direction of length one at a triangle with interpolated normals.
 
     The rule of :func:`cross_surface`, for the ray's mean direction before and behind the triangle,
@@ -146,7 +157,11 @@ def _gradual_push(direction: Any, flat: Any, smooth: Any, step: Any) -> tuple[An
 
 
 def cross_surface(
-    direction: Any, facet: Any, shading: Any | None, ratio: Any, outward: Any
+    direction: dt.Vector3d,
+    facet: dt.Vector3d,
+    shading: Any | None,
+    ratio: dt.Float64,
+    outward: dt.Bool,
 ) -> tuple[Any, Any]:
     """Direction behind a surface between two media, by Snell's law.
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from iriftrace.core.errors import InputError
 from iriftrace.part.tessellation import MOST_FACES
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.edges import NONE, edge_neighbours
 from iriftrace.plugins.kernels.snell import Triangle, facet_normal
 from iriftrace.plugins.kernels.vertex_table import (
@@ -73,7 +74,7 @@ def is_closed(vertices: NDArray[np.float32], faces: NDArray[np.uint32]) -> bool:
     )
 
 
-def _runs_against_its_normals(shape: Any) -> bool:
+def _runs_against_its_normals(shape: dt.UInt32) -> bool:
     """True if most of a mesh's triangles face away from its vertex normals, by area."""
     import drjit as dr
     import mitsuba as mi
@@ -110,7 +111,7 @@ def _part_of(shapes: list[Any]) -> tuple[Any, int]:
     return part, parts[0]
 
 
-def _described(shape: Any, is_part: bool) -> Described:
+def _described(shape: dt.UInt32, is_part: bool) -> Described:
     """A shape's row of the tables; InputError for a shell that cannot be traced."""
     sides = shell_indices(shape.bsdf())
     if sides is None and not is_part:
@@ -190,7 +191,7 @@ class SceneTables:
         table[registry] = np.arange(len(shapes))
         return mi.UInt32(table)
 
-    def shape_number(self, preliminary: Any, active: Any) -> Any:
+    def shape_number(self, preliminary: Any, active: dt.Bool) -> Any:
         """Place of the hit shape in the scene's list (UInt32)."""
         import drjit as dr
         import mitsuba as mi
@@ -198,14 +199,14 @@ class SceneTables:
         registry = dr.reinterpret_array(mi.UInt32, preliminary.shape)
         return dr.gather(mi.UInt32, self._number, registry, active)
 
-    def kind(self, shape: Any, active: Any) -> Any:
+    def kind(self, shape: dt.UInt32, active: dt.Bool) -> Any:
         """SHELL, PART or BLOCKER (UInt32)."""
         import drjit as dr
         import mitsuba as mi
 
         return dr.gather(mi.UInt32, self._kind, shape, active)
 
-    def sides(self, shape: Any, active: Any) -> tuple[Any, Any]:
+    def sides(self, shape: dt.UInt32, active: dt.Bool) -> tuple[Any, Any]:
         """Index outside and inside a shell (Float64)."""
         import drjit as dr
         import mitsuba as mi
@@ -224,36 +225,38 @@ class SceneTables:
         other._outside, other._inside = mi.Float64(outside), mi.Float64(inside)
         return other
 
-    def face(self, shape: Any, primitive: Any, active: Any) -> Any:
+    def face(self, shape: dt.UInt32, primitive: dt.UInt32, active: dt.Bool) -> Any:
         """Row of a triangle in the face table (UInt32)."""
         import drjit as dr
         import mitsuba as mi
 
         return dr.gather(mi.UInt32, self._first_face, shape, active) + primitive
 
-    def triangle(self, face: Any, active: Any) -> Triangle:
+    def triangle(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
         """Corners of triangles in double precision."""
         return self._table.triangle(face, active)
 
-    def vertex_normals(self, face: Any, active: Any) -> Triangle:
+    def vertex_normals(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
         """Vertex normals of triangles in double precision; zero where a mesh has none."""
         return self._table.normals(face, active)
 
-    def gradients(self, face: Any, direction: Any, active: Any) -> tuple[Triangle, Triangle]:
+    def gradients(
+        self, face: dt.UInt32, direction: dt.Vector3d, active: dt.Bool
+    ) -> tuple[Triangle, Triangle]:
         """Gradient of the index at the corners of shells' triangles, 1/mm (Vector3f).
 
         And its change along a direction (Vector3f), 1/mm^2.
         """
         return self._table.gradients(face, direction, active)
 
-    def level(self, shape: Any, active: Any) -> Any:
+    def level(self, shape: dt.UInt32, active: dt.Bool) -> Any:
         """Index of the air on a shell itself (Float64)."""
         import drjit as dr
         import mitsuba as mi
 
         return dr.gather(mi.Float64, self._level, shape, active)
 
-    def neighbour(self, face: Any, edge: Any, active: Any) -> Any:
+    def neighbour(self, face: dt.UInt32, edge: dt.UInt32, active: dt.Bool) -> Any:
         """Row of the part's face beyond an edge of another (UInt32); ``NONE`` without one."""
         import drjit as dr
         import mitsuba as mi
@@ -310,7 +313,7 @@ class SceneTables:
         )
         return int(dr.count(seen & ~part)[0])
 
-    def plane(self, face: Any, active: Any) -> tuple[Triangle, Any]:
+    def plane(self, face: dt.UInt32, active: dt.Bool) -> tuple[Triangle, Any]:
         """Corners and unit normal of triangles."""
         triangle = self.triangle(face, active)
         return triangle, facet_normal(triangle)

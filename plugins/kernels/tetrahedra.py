@@ -18,6 +18,7 @@ from scipy.spatial import KDTree
 from iriftrace.field.gradient import consistent_gradient, point_gradient
 from iriftrace.field.path_data import FieldCells
 from iriftrace.field.tetrahedra import BOUNDARY, OPPOSITE, tetrahedra_of
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.between import length_gain
 from iriftrace.plugins.kernels.prepared import scene_beside
 from iriftrace.plugins.kernels.vertex_table import aligned
@@ -44,20 +45,20 @@ WAYS = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)]) + np
 class Entrance(NamedTuple):
     """The next face of the data's boundary along a ray."""
 
-    found: Any  # Bool
-    distance: Any  # Float64, mm, as single precision has it
-    place: Any  # UInt32: the tetrahedron behind the face, and the face
-    wall: Any  # Bool: the face belongs to the inner boundary, where the part is
+    found: dt.Bool
+    distance: dt.Float64  # mm: as single precision has it
+    place: dt.UInt32  # the tetrahedron behind the face, and the face
+    wall: dt.Bool  # the face belongs to the inner boundary, where the part is
 
 
 class Passage(NamedTuple):
     """The way through one tetrahedron."""
 
-    distance: Any  # Float64, mm; negative in a tetrahedron that is turned inside out
-    place: Any  # UInt32: where the ray comes to; meaningless where the data end
-    ends: Any  # Bool: the data end there
-    wall: Any  # Bool: and it is the inner boundary
-    lost: Any  # Bool: the ray was not in the tetrahedron
+    distance: dt.Float64  # mm; negative in a tetrahedron that is turned inside out
+    place: dt.UInt32  # where the ray comes to; meaningless where the data end
+    ends: dt.Bool  # the data end there
+    wall: dt.Bool  # and it is the inner boundary
+    lost: dt.Bool  # the ray was not in the tetrahedron
 
 
 class Cell:
@@ -67,7 +68,7 @@ class Cell:
     of it; a ray's own point and velocity are summed up in double precision elsewhere.
     """
 
-    def __init__(self, air: TetrahedralAir, place: Any, active: Any) -> None:
+    def __init__(self, air: TetrahedralAir, place: dt.UInt32, active: dt.Bool) -> None:
         import drjit as dr
         import mitsuba as mi
 
@@ -97,13 +98,13 @@ class Cell:
             dr.gather(mi.Vector4f, air.points, 2 * c + 1, active).xyz for c in corners
         ]
 
-    def refractivity(self, point: Any) -> Any:
+    def refractivity(self, point: dt.Point3d) -> Any:
         """Linear n - 1 at points (Float64; Point3d, mm)."""
         import mitsuba as mi
 
         return self._air.ambient_air + mi.Float64(self._excess(point))
 
-    def acceleration(self, point: Any, heading: Any) -> Any:
+    def acceleration(self, point: dt.Point3d, heading: dt.Vector3d) -> Any:
         """n grad n, with the gradient that bends a ray of a unit direction (Vector3d, 1/mm)."""
         import mitsuba as mi
 
@@ -111,13 +112,13 @@ class Cell:
         gradient = self._smooth_gradient(point, heading) if air.recovered else self.constant
         return mi.Vector3d(gradient * (1 + mi.Float(air.ambient_air) + self._excess(point)))
 
-    def _excess(self, point: Any) -> Any:
+    def _excess(self, point: dt.Point3d) -> Any:
         """Linear n less that of the ambient air."""
         import drjit as dr
 
         return self._index + dr.dot(self.constant, self._local(point))
 
-    def gradient_error(self, point: Any, heading: Any) -> Any:
+    def gradient_error(self, point: dt.Point3d, heading: dt.Vector3d) -> Any:
         """Gradient with the recovered direction less the constant one (Vector3f, 1/mm).
 
         The usual estimate of the constant one's error (Zienkiewicz and Zhu 1987, "A simple error
@@ -127,13 +128,13 @@ class Cell:
 
         return dr.select(self._solid, self._smooth_gradient(point, heading) - self.constant, 0)
 
-    def _local(self, point: Any) -> Any:
+    def _local(self, point: dt.Point3d) -> Any:
         """The way from the first corner to a point."""
         import mitsuba as mi
 
         return mi.Vector3f(point - self._origin)
 
-    def _smooth_gradient(self, point: Any, heading: Any) -> Any:
+    def _smooth_gradient(self, point: dt.Point3d, heading: dt.Vector3d) -> Any:
         """Along the recovered direction N, as strong as n changes along the ray.
 
         With g the cell's own gradient and d the ray's direction that is (g.d) / (N.d) N, so that
@@ -158,7 +159,9 @@ class Cell:
         strength += length_gain(cosine) * (dr.dot(self.constant, ahead) - cosine * strength)
         return dr.select(self._solid, direction * strength, 0)
 
-    def _faces_along(self, point: Any, direction: Any) -> tuple[list[Any], list[Any], list[Any]]:
+    def _faces_along(
+        self, point: dt.Point3d, direction: dt.Vector3d
+    ) -> tuple[list[Any], list[Any], list[Any]]:
         r"""For each face: how far inside a line passes, its area across the line, the distance.
 
         Seen from the line's origin, :math:`w_{ab} = d \cdot (a \times b)` says at which side the
@@ -195,7 +198,7 @@ class Cell:
             )
         return inside, across, distance
 
-    def entry_distance(self, point: Any, direction: Any) -> tuple[Any, Any]:
+    def entry_distance(self, point: dt.Point3d, direction: dt.Vector3d) -> tuple[Any, Any]:
         """Distance from a point close by to the entry face (mm), and whether rays enter there.
 
         A cell turned inside out lies on the wrong side of its face, but behind it all the same.
@@ -203,7 +206,7 @@ class Cell:
         _, across, distance = self._faces_along(point, direction)
         return _chosen(distance, self.entry), _chosen(across, self.entry) < 0
 
-    def passage(self, point: Any, direction: Any) -> Passage:
+    def passage(self, point: dt.Point3d, direction: dt.Vector3d) -> Passage:
         """Straight way to the face through which a ray leaves the tetrahedron.
 
         A tetrahedron that is turned inside out lies on the near side of the face by which it is
@@ -316,16 +319,16 @@ class TetrahedralAir:
     def _tree(self) -> KDTree:
         return KDTree(self.cells.points)
 
-    def cell(self, place: Any, active: Any) -> Cell:
+    def cell(self, place: dt.UInt32, active: dt.Bool) -> Cell:
         """The tetrahedra at places."""
         return Cell(self, place, active)
 
     @staticmethod
-    def unentered(place: Any) -> Any:
+    def unentered(place: dt.UInt32) -> Any:
         """The same tetrahedra, not entered through one of their faces."""
         return (place >> 3) * 8 + NO_FACE
 
-    def entrance(self, preliminary: Any, active: Any) -> Entrance:
+    def entrance(self, preliminary: Any, active: dt.Bool) -> Entrance:
         """The next boundary face, from a ray query of `boundary_beside`."""
         import drjit as dr
         import mitsuba as mi

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.plugins.kernels import types as dt
 from iriftrace.plugins.kernels.snell import Triangle
 from iriftrace.shells.hessian import HESSIAN_AXES, PLY_COLUMNS
 
 
-def has_derivatives(shape: Any) -> bool:
+def has_derivatives(shape: dt.UInt32) -> bool:
     """True if a shell has the derivatives of the index at its vertices, False if it has none.
 
     InputError for some of them, or under other names: they would be ignored in silence.
@@ -41,7 +42,7 @@ def _listed(attributes: dict[str, int]) -> str:
 
 
 def shell_derivatives(
-    shape: Any, normals: NDArray[np.floating], step: float
+    shape: dt.UInt32, normals: NDArray[np.floating], step: float
 ) -> tuple[FloatArray, FloatArray]:
     """Normals, (n, 3), and derivatives of the index, (n, 7), at the vertices of a shell with them.
 
@@ -151,19 +152,21 @@ class VertexTable:
         self._rows = mi.Float(rows)
         self._corners = mi.UInt32(corners)
 
-    def triangle(self, face: Any, active: Any) -> Triangle:
+    def triangle(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
         """Corners of triangles (Point3d, mm)."""
         import mitsuba as mi
 
         return Triangle(*(mi.Point3d(row.xyz) for row in self._gather(0, face, active)))
 
-    def normals(self, face: Any, active: Any) -> Triangle:
+    def normals(self, face: dt.UInt32, active: dt.Bool) -> Triangle:
         """Vertex normals of triangles (Vector3d); zero where a mesh has none."""
         import mitsuba as mi
 
         return Triangle(*(mi.Vector3d(row.xyz) for row in self._gather(1, face, active)))
 
-    def gradients(self, face: Any, direction: Any, active: Any) -> tuple[Triangle, Triangle]:
+    def gradients(
+        self, face: dt.UInt32, direction: dt.Vector3d, active: dt.Bool
+    ) -> tuple[Triangle, Triangle]:
         """Gradient of the index at corners, 1/mm, and its change along a direction, 1/mm^2.
 
         All vectors are Vector3f.
@@ -180,7 +183,7 @@ class VertexTable:
             )
         return Triangle(*gradients), Triangle(*changes)
 
-    def _gather(self, row: int, face: Any, active: Any) -> list[Any]:
+    def _gather(self, row: int, face: dt.UInt32, active: dt.Bool) -> list[Any]:
         """One row of each corner of triangles (three Vector4f)."""
         import drjit as dr
         import mitsuba as mi
@@ -195,7 +198,7 @@ SHELL, PART, BLOCKER = 0, 1, 2
 class Described(NamedTuple):
     """One shape, as the tables have it."""
 
-    shape: Any
+    shape: dt.UInt32
     kind: int
     sides: tuple[float, float]  # index outside and inside
     level: float  # index of the air on it
