@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -18,6 +19,14 @@ INTRODUCTION = """# Accuracy
 Computed by `make accuracy`; a section alone by `make accuracy PARTS="{first}"`. `make test-all`
 checks what has a bound, but for the agreement of the engines. mitsuba {mitsuba}, drjit {drjit},
 variant {variant}.
+
+Of each section: figures that have a bound, and the largest share of its bound that one of them
+takes. Expected values are closed forms, conserved sums, or rays that other code leads in double
+precision.
+
+| section | bounded figures | largest error over its bound |
+|---|---|---|
+{short}
 """
 
 
@@ -27,15 +36,9 @@ PROCESSES = 2
 
 def write_page(path: Path, sections: Sequence[Section], variant: str) -> list[Line]:
     """Compute sections and write the page; pictures go beside it. Returns the lines."""
-    pieces = [
-        INTRODUCTION.format(
-            first=sections[0].name,
-            mitsuba=version("mitsuba"),
-            drjit=version("drjit"),
-            variant=variant,
-        )
-    ]
-    lines = []
+    pieces: list[str] = []
+    short: list[str] = []
+    lines: list[Line] = []
     with tempfile.TemporaryDirectory() as name:
         folders = [Path(name) / section.name for section in sections]
         for folder in folders:
@@ -43,10 +46,18 @@ def write_page(path: Path, sections: Sequence[Section], variant: str) -> list[Li
         computed = _computed(sections, folders, variant)
         for section, folder, found in zip(sections, folders, computed, strict=True):
             pieces.append(section_text(section, found))
+            short.append(_in_short(section, found))
             lines += found
             if section.picture:
                 shutil.copy(folder / section.picture, path.with_name(section.picture))
-    path.write_text("\n".join(pieces), encoding="utf-8")
+    opening = INTRODUCTION.format(
+        first=sections[0].name,
+        mitsuba=version("mitsuba"),
+        drjit=version("drjit"),
+        variant=variant,
+        short="\n".join(short),
+    )
+    path.write_text("\n".join((opening, *pieces)), encoding="utf-8")
     return lines
 
 
@@ -66,6 +77,15 @@ def _computed(
             )
         }
         return [jobs[section.name].result() for section in sections]
+
+
+def _in_short(section: Section, lines: Sequence[Line]) -> str:
+    """A section's row in the table at the head of the page."""
+    anchor = re.sub(r"[^a-z0-9 -]", "", section.title.lower()).replace(" ", "-")
+    shares = [abs(line.error) / line.bound for line in lines if line.error and line.bound]
+    bounded = sum(line.bound is not None for line in lines)
+    largest = f"{max(shares, default=0.0):.2g}" if bounded else ""
+    return f"| [{section.title}](#{anchor}) | {bounded} of {len(lines)} | {largest} |"
 
 
 def section_text(section: Section, lines: Sequence[Line]) -> str:
