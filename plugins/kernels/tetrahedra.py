@@ -140,7 +140,7 @@ class Cell:
         With g the cell's own gradient and d the ray's direction that is (g.d) / (N.d) N, so that
         the changes of n along the ray add up without error, whatever the cells' noise. As N.d falls
         below ``DIRECTION_ERROR``, the recovered gradient's own length takes its place; see
-        `iriftrace.plugins.kernels.layers.length_gain`.
+        `iriftrace.plugins.kernels.between.length_gain`.
         """
         import drjit as dr
         import mitsuba as mi
