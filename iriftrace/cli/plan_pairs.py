@@ -120,6 +120,7 @@ def print_refined_pair(
 
 @contextmanager
 def search_progress(evaluations: int) -> Iterator[Callable[[int, float], None]]:
+    """Progress of a search, for the terminal."""
     from rich.progress import BarColumn, MofNCompleteColumn
 
     columns = "Refining, best score {task.fields[score]:.4f}", BarColumn(), MofNCompleteColumn()

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 
 def setting_text(summary: SweepSummary, pose: int) -> str:
+    """How a pose was taken, in brackets; empty where the poses do not differ in it."""
     from iriftrace.sweep.diagnostics import setting_of
 
     setting = setting_of(summary.varied, pose)
@@ -40,6 +41,7 @@ def print_pose(
 
 
 def print_table(title: str | None, headings: Iterable[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table; columns without a heading hold words and are flush left."""
     # Without rules between the columns, so that numbers are not cut in a terminal 80 wide.
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 0, 0, 1))
     for heading in headings:

@@ -70,6 +70,7 @@ def names_part(named: Any) -> bool:
 
 
 def encoded(key: str, value: Any) -> str:
+    """An entry of the header as text; InputError if it is not plain JSON."""
     # What JSON cannot read comes back as it is.
     if isinstance(value, str) and decoded(value) is value:
         return value
@@ -80,6 +81,7 @@ def encoded(key: str, value: Any) -> str:
 
 
 def decoded(text: Any) -> Any:
+    """The entry that a text of the header stands for."""
     try:
         return json.loads(text)
     except (TypeError, ValueError):

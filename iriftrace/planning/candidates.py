@@ -161,5 +161,6 @@ def ranked_region(dataset: xr.Dataset, variables: list[str], region: str) -> int
 
 
 def values_of(dataset: xr.Dataset, variable: str, region: int) -> FloatArray:
+    """A variable's values (poses,) in a region, by the region's number."""
     values = np.asarray(dataset[variable].isel(region=region).to_numpy(), dtype=np.float64)
     return np.where(np.isfinite(values), values, np.nan)

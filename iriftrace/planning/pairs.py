@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations, permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
 
-from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.geometry.triangles import unit_vectors
-from iriftrace.image.sightings import FaceSightings, sightings_of
 from iriftrace.part.part import Part
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.criteria import STANDARD, Criteria
+from iriftrace.planning.pair_table import PoseView, pair_table, statistic_of, views_of
 from iriftrace.planning.rank import limits_of
-from iriftrace.sweep.reload import load_swept_scene, swept_camera, swept_part
+from iriftrace.sweep.reload import load_swept_scene, swept_part
 from iriftrace.sweep.store import WHOLE_PART
 from iriftrace.triangulation.devices import System
 from iriftrace.triangulation.feature_table import chosen_points, surface_kind
-from iriftrace.triangulation.first_order import first_order_error, first_order_size
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan
 
@@ -91,16 +87,6 @@ class PairPlan:
     limits: dict[str, tuple[float, float]]
 
 
-@frozen(eq=False)
-class _View:
-    """What one pose sees."""
-
-    scene: str
-    camera: Camera
-    seen: FaceSightings
-    row: IntArray  # of each face in `seen`, -1 where it is not seen
-
-
 def plan_pairs(
     dataset: xr.Dataset,
     criteria: Criteria = STANDARD,
@@ -157,8 +143,8 @@ def plan_pairs(
     region = feature_region(feature, criteria, part) if feature else criteria.region
     areas = np.array(part.face_areas)
     areas[~in_region(region, np.arange(len(areas)), part)] = 0.0
-    views = _views(dataset, len(areas))
-    table = _table(views, part, areas, criteria, system, bool(feature), angles_deg)
+    views = views_of(dataset, len(areas))
+    table = pair_table(views, part, areas, criteria, system, bool(feature), angles_deg)
     if not len(table):
         raise InputError(
             f"No two poses of the sweep have {criteria.min_hits} rays each on faces of {region} "
@@ -202,31 +188,9 @@ def plan_pairs(
     )
 
 
-def _table(
-    views: Sequence[_View],
-    part: Part,
-    areas: FloatArray,
-    criteria: Criteria,
-    system: System,
-    feature: bool,
-    angles_deg: tuple[float, float],
-) -> FloatArray:
-    """Rows (n, 6) of the pairs that share enough: both poses, and the values of `quantities`."""
-    low, high = angles_deg
-    cosines = np.cos(np.radians((high, low)))
-    both = combinations if system == "stereo" else permutations
-    rows = []
-    for i, j in both(range(len(views)), 2):
-        if views[i].scene == views[j].scene:
-            found = _pair(views[i], views[j], part, areas, cosines, criteria, system, feature)
-            if found is not None:
-                rows.append((i, j, *found))
-    return np.array(rows)
-
-
 def _measured(
     dataset: xr.Dataset,
-    views: Sequence[_View],
+    views: Sequence[PoseView],
     pairs: IntArray,
     part: Part,
     criteria: Criteria,
@@ -321,73 +285,6 @@ def in_region(region: str, face: IntArray, part: Part) -> BoolArray:
     return chosen_points("" if region == WHOLE_PART else f":{region}", face, part)[2]
 
 
-def _views(dataset: xr.Dataset, faces: int) -> list[_View]:
-    if swept_camera(dataset, 0).projection == "orthographic":
-        raise InputError(
-            "A camera with parallel rays has no place from which to triangulate; sweep with a "
-            "focal length."
-        )
-    count = dataset.sizes["pose"]
-    scenes = dataset["scene"].values.astype(str) if "scene" in dataset else np.full(count, "")
-    views = []
-    for pose, matrix in enumerate(dataset["matrix"].values):
-        seen = sightings_of(dataset, pose)
-        row = np.full(faces, -1, dtype=np.int64)
-        row[seen.face] = np.arange(len(seen))
-        placed = swept_camera(dataset, pose).at(matrix)
-        views.append(_View(str(scenes[pose]), placed, seen, row))
-    return views
-
-
-def _pair(
-    one: _View,
-    other: _View,
-    part: Part,
-    areas: FloatArray,
-    cosines: FloatArray,
-    criteria: Criteria,
-    system: System,
-    of_diameter: bool,
-) -> tuple[float, float, float, float] | None:
-    """`error_mm`, `bias_mm`, `coverage` and `angle_deg`; None where a pair cannot be ranked."""
-    face = one.seen.face[(other.row[one.seen.face] >= 0) & (areas[one.seen.face] > 0)]
-    if len(face) == 0:
-        return None
-    points = part.face_centres[face]
-    a, b = unit_vectors(points - one.camera.origin), unit_vectors(points - other.camera.origin)
-    cosine = np.einsum("ij,ij->i", a, b)
-    within = (cosine >= cosines[0]) & (cosine <= cosines[1])
-    face, points, cosine = face[within], points[within], cosine[within]
-    first, second = one.row[face], other.row[face]
-    hits = min(one.seen.rays[first].sum(), other.seen.rays[second].sum())
-    coverage = float(areas[face].sum() / areas.sum())
-    if hits < criteria.min_hits or coverage < criteria.min_coverage:
-        return None
-    offsets = one.seen.offset[first], other.seen.offset[second]
-    error = first_order_error(one.camera, other.camera, points, *offsets, system)
-    along = np.einsum("ij,ij->i", error, part.face_normals[face])
-    # As many points are measured on a face as the camera has pixels there.
-    rays = one.seen.rays[first].astype(np.float64)
-    angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, rays))))
-    bias = (
-        first_order_size(points, part.face_normals[face], error, rays)
-        if of_diameter
-        else _quantile(along, 0.5, rays)
-    )
-    return _statistic(along, criteria, rays), bias, coverage, angle
-
-
-def _statistic(errors: FloatArray, criteria: Criteria, weights: FloatArray) -> float:
-    """The criteria's statistic of the size of some errors, with weights."""
-    if criteria.statistic == "mean":
-        return float(np.average(np.abs(errors), weights=weights))
-    return _quantile(np.abs(errors), 0.5 if criteria.statistic == "median" else 0.95, weights)
-
-
-def _quantile(values: FloatArray, share: float, weights: FloatArray) -> float:
-    return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
-
-
 def scene_of_pairs(dataset: xr.Dataset, pose: int) -> LoadedScene:
     """The scene of a pose."""
     try:
@@ -410,4 +307,4 @@ def statistic_along(scan: Scan, chosen: BoolArray, criteria: Criteria) -> float:
     errors = scan.error_normal[chosen]
     if len(errors) == 0:
         raise InputError(f"they measure no point of {criteria.region}.")
-    return _statistic(errors, criteria, np.ones(len(errors)))
+    return statistic_of(errors, criteria, np.ones(len(errors)))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from conftest import Failing
 
 import iriftrace
 from iriftrace.camera.pose import look_at
@@ -99,20 +100,9 @@ def test_ranked_poses_are_saved_for_other_programs(
     ],
 )
 def test_poses_that_cannot_be_saved_are_refused(
-    words: list[str],
-    said: str,
-    sweep: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    words: list[str], said: str, sweep: Path, fails: Failing
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    capsys.readouterr()
-    assert main(["plan", str(sweep), *words]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert said in captured.err
-    assert list(tmp_path.iterdir()) == []
+    assert said in fails("plan", sweep, *words)
 
 
 def test_a_complete_sweep_says_so(
@@ -237,18 +227,6 @@ def test_the_report_holds_what_plan_prints(
 # Wrong input -------------------------------------------------------------------------------------
 
 
-def refusal(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
-    """The one sentence that the program says instead of working."""
-    capsys.readouterr()
-    assert main([*map(str, arguments)]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    (line,) = said.err.splitlines()
-    assert line.startswith("error: ")
-    assert line.endswith(".")
-    return line
-
-
 RANKING = [
     (("--region=hat",), "no region 'hat'"),
     (("--min-coverage=30",), "from 0 to 1, such as 0.3"),
@@ -260,16 +238,10 @@ RANKING = [
 @pytest.mark.parametrize("command", ["plan", "report"])
 @pytest.mark.parametrize(("options", "words"), RANKING)
 def test_rankings_that_make_no_sense(
-    sweep: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    command: str,
-    options: tuple[str, ...],
-    words: str,
+    sweep: Path, fails: Failing, command: str, options: tuple[str, ...], words: str
 ) -> None:
-    output = ["-o", tmp_path / "report.html"] if command == "report" else []
-    assert words in refusal(capsys, command, sweep, *output, *options)
-    assert list(tmp_path.iterdir()) == []
+    output = ["-o", "report.html"] if command == "report" else []
+    assert words in fails(command, sweep, *output, *options)
 
 
 @pytest.mark.parametrize(
@@ -287,53 +259,39 @@ def test_rankings_that_make_no_sense(
     ],
 )
 def test_plans_that_make_no_sense(
-    sweep: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    options: tuple[str, ...],
-    words: str,
+    sweep: Path, fails: Failing, options: tuple[str, ...], words: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert words in refusal(capsys, "plan", sweep, *options)
-    assert list(tmp_path.iterdir()) == []
+    assert words in fails("plan", sweep, *options)
 
 
-@pytest.mark.parametrize("command", ["plan", "report"])
-def test_files_that_hold_no_sweep(
-    sweep: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    command: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.parametrize("command", ["plan", "report", "plot"])
+def test_files_that_hold_no_sweep(sweep: Path, fails: Failing, command: str) -> None:
     Path("text.nc").write_text("no netCDF")
-    Path("nothing.nc").touch()
     Path("folder.nc").mkdir()
     xr.Dataset({"t": ("x", [1.0])}).to_netcdf("other.nc", engine="h5netcdf")
     with xr.open_dataset(sweep, engine="h5netcdf") as data:
         data.isel(pose=[]).to_netcdf("empty.nc", engine="h5netcdf")
-    before = sorted(tmp_path.iterdir())
     for name, words in {
         "gone.nc": "no sweep gone.nc",
         "text.nc": "no netCDF",
-        "nothing.nc": "no netCDF",
         "folder.nc": "folder",
         "other.nc": "no sweep",
         "empty.nc": "no pose",
     }.items():
-        assert words in refusal(capsys, command, name)
-    assert sorted(tmp_path.iterdir()) == before
+        assert words in fails(command, name)
 
 
 def test_an_older_sweep_has_no_faces_and_a_lost_scene_no_refinement(
-    sweep: Path, hot: HotBlock, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sweep: Path,
+    hot: HotBlock,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    fails: Failing,
 ) -> None:
     with xr.open_dataset(sweep, engine="h5netcdf") as data:
         old = data.load().drop_dims(["face", "sighting"]).drop_vars("sightings")
     old.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
-    assert "which faces each pose sees" in refusal(capsys, "plan", tmp_path / "old.nc", "--views=2")
+    assert "which faces each pose sees" in fails("plan", tmp_path / "old.nc", "--views=2")
     printed(capsys, "plan", tmp_path / "old.nc")
 
     copy = tmp_path / "scene"
@@ -342,19 +300,15 @@ def test_an_older_sweep_has_no_faces_and_a_lost_scene_no_refinement(
     assert main(["sweep", str(copy / "scene.xml"), "-o", str(moved), "--azimuth=0:90:2"]) == 0
     text = (copy / "scene.xml").read_text()
     (copy / "scene.xml").write_text(text + "<!-- edited -->")
-    assert "has changed since the sweep" in refusal(capsys, "plan", moved, "--refine")
+    assert "has changed since the sweep" in fails("plan", moved, "--refine")
     (copy / "scene.xml").unlink()
-    assert "is gone" in refusal(capsys, "plan", moved, "--refine")
+    assert "is gone" in fails("plan", moved, "--refine")
 
 
-def test_reports_that_cannot_be_written(
-    sweep: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert "must end in .html" in refusal(capsys, "report", sweep, "-o", tmp_path / "r.pdf")
-    assert "is a folder" in refusal(capsys, "report", sweep, "-o", tmp_path)
-    lost = tmp_path / "no" / "report.html"
-    assert "does not exist" in refusal(capsys, "report", sweep, "-o", lost)
-    assert list(tmp_path.iterdir()) == []
+def test_reports_that_cannot_be_written(sweep: Path, tmp_path: Path, fails: Failing) -> None:
+    assert "must end in .html" in fails("report", sweep, "-o", "r.pdf")
+    assert "is a folder" in fails("report", sweep, "-o", tmp_path)
+    assert "does not exist" in fails("report", sweep, "-o", Path("no") / "report.html")
 
 
 def test_a_sweep_keeps_what_it_warned_of_and_plans_show_it(

@@ -1,0 +1,124 @@
+"""Pairs of a sweep's poses to first order: error, bias, coverage and angle of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations, permutations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import frozen
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import InputError
+from iriftrace.geometry.triangles import unit_vectors
+from iriftrace.image.sightings import FaceSightings, sightings_of
+from iriftrace.part.part import Part
+from iriftrace.planning.criteria import Criteria
+from iriftrace.sweep.reload import swept_camera
+from iriftrace.triangulation.devices import System
+from iriftrace.triangulation.first_order import first_order_error, first_order_size
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@frozen(eq=False)
+class PoseView:
+    """What one pose sees."""
+
+    scene: str
+    camera: Camera
+    seen: FaceSightings
+    row: IntArray  # of each face in `seen`, -1 where it is not seen
+
+
+def pair_table(
+    views: Sequence[PoseView],
+    part: Part,
+    areas: FloatArray,
+    criteria: Criteria,
+    system: System,
+    feature: bool,
+    angles_deg: tuple[float, float],
+) -> FloatArray:
+    """Rows (n, 6) of the pairs that share enough: both poses, and the values of `quantities`."""
+    low, high = angles_deg
+    cosines = np.cos(np.radians((high, low)))
+    both = combinations if system == "stereo" else permutations
+    rows = []
+    for i, j in both(range(len(views)), 2):
+        if views[i].scene == views[j].scene:
+            found = _pair(views[i], views[j], part, areas, cosines, criteria, system, feature)
+            if found is not None:
+                rows.append((i, j, *found))
+    return np.array(rows)
+
+
+def views_of(dataset: xr.Dataset, faces: int) -> list[PoseView]:
+    """What each pose of a sweep sees of the part's `faces`; InputError for parallel rays."""
+    if swept_camera(dataset, 0).projection == "orthographic":
+        raise InputError(
+            "A camera with parallel rays has no place from which to triangulate; sweep with a "
+            "focal length."
+        )
+    count = dataset.sizes["pose"]
+    scenes = dataset["scene"].values.astype(str) if "scene" in dataset else np.full(count, "")
+    views = []
+    for pose, matrix in enumerate(dataset["matrix"].values):
+        seen = sightings_of(dataset, pose)
+        row = np.full(faces, -1, dtype=np.int64)
+        row[seen.face] = np.arange(len(seen))
+        placed = swept_camera(dataset, pose).at(matrix)
+        views.append(PoseView(str(scenes[pose]), placed, seen, row))
+    return views
+
+
+def _pair(
+    one: PoseView,
+    other: PoseView,
+    part: Part,
+    areas: FloatArray,
+    cosines: FloatArray,
+    criteria: Criteria,
+    system: System,
+    of_diameter: bool,
+) -> tuple[float, float, float, float] | None:
+    """`error_mm`, `bias_mm`, `coverage` and `angle_deg`; None where a pair cannot be ranked."""
+    face = one.seen.face[(other.row[one.seen.face] >= 0) & (areas[one.seen.face] > 0)]
+    if len(face) == 0:
+        return None
+    points = part.face_centres[face]
+    a, b = unit_vectors(points - one.camera.origin), unit_vectors(points - other.camera.origin)
+    cosine = np.einsum("ij,ij->i", a, b)
+    within = (cosine >= cosines[0]) & (cosine <= cosines[1])
+    face, points, cosine = face[within], points[within], cosine[within]
+    first, second = one.row[face], other.row[face]
+    hits = min(one.seen.rays[first].sum(), other.seen.rays[second].sum())
+    coverage = float(areas[face].sum() / areas.sum())
+    if hits < criteria.min_hits or coverage < criteria.min_coverage:
+        return None
+    offsets = one.seen.offset[first], other.seen.offset[second]
+    error = first_order_error(one.camera, other.camera, points, *offsets, system)
+    along = np.einsum("ij,ij->i", error, part.face_normals[face])
+    # As many points are measured on a face as the camera has pixels there.
+    rays = one.seen.rays[first].astype(np.float64)
+    angle = float(np.degrees(np.arccos(_quantile(cosine, 0.5, rays))))
+    bias = (
+        first_order_size(points, part.face_normals[face], error, rays)
+        if of_diameter
+        else _quantile(along, 0.5, rays)
+    )
+    return statistic_of(along, criteria, rays), bias, coverage, angle
+
+
+def statistic_of(errors: FloatArray, criteria: Criteria, weights: FloatArray) -> float:
+    """The criteria's statistic of the size of some errors, with weights."""
+    if criteria.statistic == "mean":
+        return float(np.average(np.abs(errors), weights=weights))
+    return _quantile(np.abs(errors), 0.5 if criteria.statistic == "median" else 0.95, weights)
+
+
+def _quantile(values: FloatArray, share: float, weights: FloatArray) -> float:
+    return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
