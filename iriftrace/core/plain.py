@@ -18,7 +18,7 @@ _KINDS: dict[type, tuple[str, tuple[type, ...]]] = {
     bool: ("truth value", (bool,)),
     int: ("whole number", (int,)),
     float: ("number", (int, float)),
-    str: ("text", (str,)),  # enumerations of texts are texts, in JSON, too
+    str: ("text", (str,)),
 }
 
 
@@ -51,6 +51,7 @@ def _converter() -> Converter:
     converter = Converter(use_alias=True, unstruct_collection_overrides={tuple: list})
     for kind, (name, taken) in _KINDS.items():
         converter.register_structure_hook(kind, _strict(kind, name, taken))
+    converter.register_structure_hook(StrEnum, lambda value, kind: kind(value))
     converter.register_structure_hook_factory(has, _from_dictionary)
     return converter
 
@@ -79,7 +80,7 @@ def _strict(kind: type, name: str, taken: tuple[type, ...]) -> Callable[[Any, An
     """cattrs would make numbers of texts, texts of anything, and take NaN, which JSON has not."""
 
     def convert(value: Any, _: Any) -> Any:
-        if not (type(value) in taken or isinstance(value, StrEnum)) or value != value:
+        if type(value) not in taken or value != value:
             raise ValueError(f"{value!r} is no {name}")
         return kind(value)
 

@@ -22,7 +22,7 @@ from iriftrace.field.flow import ENTHALPY_FLUX, HEAT_STORAGE, AirFlow, carried_h
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.origin import WALL_HEAT
 from iriftrace.field.read import read_field
-from iriftrace.field.source import FieldSource
+from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.part.part import read_part
 from validation.inputs import hot_block
 from validation.inputs.conducting_sphere import RADIUS, ROOM, WALL, conducting_sphere, finding
@@ -264,7 +264,8 @@ def test_nothing_is_stored_in_a_steady_field(tmp_path: Path) -> None:
     part = read_part(tmp_path / "block.stl")
 
     def judged(origin: str, steady: bool | None) -> tuple[str, str]:
-        source = evolve(field.source, wall_heat_w=leaving, origin=origin)
+        facts = FieldFacts.in_words(origin)
+        source = evolve(field.source, wall_heat_w=leaving, origin=origin, facts=facts)
         check = check_field(evolve(field, source=source), part, steady=steady)
         (said,) = (f.remark for f in check.findings if f.name == "heat balance")
         return finding(check, "heat balance")["verdict"], said

@@ -14,6 +14,8 @@ from matplotlib.figure import Figure
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose import pose_text
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import plain
+from iriftrace.field.source import FieldSource
 from iriftrace.figures import report as report_module
 from iriftrace.figures.report import report_content, write_report
 from iriftrace.image.aov_image import Status
@@ -99,10 +101,14 @@ def test_the_numbers_are_those_of_the_plan(page: Page) -> None:
     summary = summary_of(sweep())
     ranking = ranking_table(summary, 2)
     tables = {tuple(table[0]): table[1:] for table in page.tables}
-    both = [table[1:] for table in page.tables if tuple(table[0]) == ranking.headings]
-    assert [tuple(row) for row in both[0]] == list(ranking.rows)
-    # The front has the same columns and all its poses.
-    poses = [int(row[1]) for row in both[1]]
+    # On the first page, in full, and those of the front, which has the same columns.
+    first, whole, front = (
+        [tuple(row) for row in table[1:]]
+        for table in page.tables
+        if tuple(table[0]) == ranking.headings
+    )
+    assert first == whole == list(ranking.rows)
+    poses = [int(row[1]) for row in front]
     assert sorted(poses) == summary.front.tolist()
     assert f"poses {', '.join(map(str, summary.front.tolist()))}." in front_text(summary)
     assert stability_text(summary) in page.text
@@ -110,7 +116,7 @@ def test_the_numbers_are_those_of_the_plan(page: Page) -> None:
     text = pose_text(summary.matrices[best], summary.distance[best])
     assert page.by_id["matrix"].splitlines() == list(text.matrix)
     assert page.by_id["xml"].splitlines() == list(text.xml)
-    assert text.look_at in page.by_id["best"]
+    assert text.look_at in page.by_id["summary"]
     assert (
         "weight of",
         "rank at \N{MINUS SIGN}50 %",
@@ -121,7 +127,7 @@ def test_the_numbers_are_those_of_the_plan(page: Page) -> None:
 
 
 def test_setting_and_limits_are_complete(page: Page) -> None:
-    setting = dict(page.tables[0])
+    setting = dict(next(table for table in page.tables if table[0][0] == "Part"))
     assert setting["Field"] == "air.vtu (SHA-256 12…), temperature; light of 633 nm"
     assert setting["Camera"].endswith(
         "240 \N{MULTIPLICATION SIGN} 200 pixels, in focus from 50 mm to infinity"
@@ -198,8 +204,9 @@ def test_rounding_of_a_plane_seen_frontally_is_0(resolution: Any, frontal: bool)
 def test_what_decides_stands_in_the_first_box(tmp_path: Path) -> None:
     """The field is made up, and the sweep warned of the best pose."""
     table = sweep()
-    field = {"path": "air.vtu", "sha256": "12", "origin": "synthetic: formulas, no simulation"}
-    table.attrs["field"] = json.dumps(field)
+    origin = "synthetic: formulas, no simulation"
+    field = FieldSource("air.vtu", "12", "T", "temperature", "mm", origin)
+    table.attrs["field"] = json.dumps(plain(field))
     table.attrs["part"] = json.dumps({"path": "/a/part.ply", "source": "flange.stl"})
     best = summary_of(table).plan.best
     table["warned"] = ("pose", np.where(np.arange(4) == best, 1 + 8, 0).astype("i1"))
@@ -231,7 +238,7 @@ def test_several_views_and_the_best_pose_are_shown(
     file.write_bytes(b"content")
     write_report(tmp_path / "report.html", file, table, summary_of(table), views=2)
     page = read_page(tmp_path / "report.html")
-    assert "What the best pose sees." in page.by_id["best"]
+    assert "What the best pose sees." in page.by_id["summary"]
     assert "What the best pose sees." not in page.by_id["figures"]
     # Pose 1 sees both faces that any pose sees, 3 of 4 mm^2; another one would add nothing.
     assert "Together they see 75.00 % of the area of the part" in page.by_id["views"]
