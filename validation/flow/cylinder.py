@@ -43,7 +43,8 @@ long; the {MIDDLE_MM:g} mm at mid-length count. The plane solution is the one of
 check`: a Boussinesq fluid of Pr 0.7, far boundary at 20 diameters, within 0.6 % of Saitoh, Sajiki
 and Maruhara (1993; quoted from memory) at Ra 10,000. The simulated numbers are the heat fluxes
 of the solver's own faces, with the properties of the film temperature. The plane solution
-leaves out the ends of the cylinder and how the air's properties vary: 1 % at 33.5 °C, up to 4 % at 60 °C."""
+leaves out the ends of the cylinder and how the air's properties vary: 1 % at 33.5 °C, up
+to 4 % at 60 °C."""
 
 RAYS_TEXT = f"""\
 Bending along 200 mm of the axis of a cylinder at 60 °C, by the distance from its surface, in the

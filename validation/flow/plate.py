@@ -44,7 +44,8 @@ The expected values come from the equations in the variables of Howarth and Doro
 differential equation of the ray. With constant properties these equations are those of Ostrach
 (NACA Report 1111, 1953), whose wall values, quoted from memory, they reproduce. The engine's
 values come from the cells of the scene `hot_plate`, made for each wall temperature from the
-equations in physical variables. Another temperature: `python -m validation.flow --wall-temperature 500`."""
+equations in physical variables. Another temperature:
+`python -m validation.flow --wall-temperature 500`."""
 
 FLUX_TEXT = f"""\
 A plate of {SIZE_MM[0]:g} x {SIZE_MM[1]:g} x {SIZE_MM[2]:g} mm (width, thickness, height) by
