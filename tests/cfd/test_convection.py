@@ -68,7 +68,7 @@ def test_small_differences_need_no_reference() -> None:
     ],
 )
 def test_local_numbers_are_those_of_saitoh(rayleigh: float, saitoh: tuple[float, ...]) -> None:
-    """1993, from the bottom in steps of 30 degrees."""
+    """1993, from memory, from the bottom in steps of 30 degrees."""
     found = local_nusselt(np.arange(0, 181, 30), rayleigh)
     np.testing.assert_allclose(found, saitoh, rtol=0.01)
 

@@ -22,7 +22,7 @@ BENDING_MRAD = {
 
 
 def test_the_oracle_reproduces_ostrachs_table() -> None:
-    """NACA Report 1111 (1953), Pr 0.72: F''(0) = 0.6760, H'(0) = -0.5046."""
+    """NACA Report 1111 (1953), from memory, Pr 0.72: F''(0) = 0.6760, H'(0) = -0.5046."""
     constant = [np.ones_like] * 3
     wall = similarity(0.72, *constant)(0.0)
     assert wall[2] == pytest.approx(0.6760, abs=1e-4)

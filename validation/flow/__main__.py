@@ -13,8 +13,11 @@ from pathlib import Path
 
 from attrs import evolve, frozen
 
+from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.runtime.variant import ensure
+from iriftrace.scenes.plate import PlateAir
 from validation.flow import cylinder, plate
 from validation.flow.table import Table
 
@@ -108,6 +111,11 @@ def main() -> int:
         parser.error(f"there is no section {', '.join(sorted(unknown))}; choose of {names}")
     other = given.wall_temperature is not None
     wanted = given.sections or (names[:1] if other else names)
+    if other:
+        try:
+            PlateAir(given.wall_temperature + ZERO_CELSIUS_K)
+        except InputError as error:
+            parser.error(str(error))
     ensure(None)
     computed, beyond = {}, []
     for section in sections(given.wall_temperature):

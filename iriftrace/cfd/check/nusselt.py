@@ -41,7 +41,7 @@ LOCAL = {
 Own solutions of the equations of the plane steady flow of a Boussinesq fluid, Pr 0.7, in stream
 function, vorticity and temperature on 81 x 61 points up to 20 diameters; within 0.6 % (1e4) and
 1 % (1e3) of T. Saitoh, T. Sajiki and K. Maruhara, International Journal of Heat and Mass Transfer
-36 (1993) 1251.
+36 (1993) 1251, whose numbers were quoted from memory.
 """
 
 SECTORS = {"bottom": (0.0, 15.0), "side": (75.0, 105.0), "top": (165.0, 180.0)}
