@@ -55,7 +55,7 @@ def fit(
         default that of the board, in which the hot part takes the board's place.
     noise
         Standard deviation of a component of shifts, px; by default estimated from how much
-        neighbouring dots differ.
+        neighbouring dots differ in what the fit leaves.
     camera_motion
         Fit a rigid motion of the camera between the two pictures, too.
     """

@@ -176,7 +176,7 @@ def fit_members(
         resolution (:func:`iriftrace.read_measured_shift`).
     noise_px : float, px, optional
         Standard deviation of a component of the shifts; by default from the differences of
-        neighbours (`shift_noise`).
+        neighbours in what the fit leaves (`shift_noise`).
     camera_motion : bool
         Fit a rigid motion of the camera between the pictures, too.
 
@@ -197,7 +197,6 @@ def fit_members(
     camera = _full_camera(loaded)
     check_count(len(shifts.places), len(ensemble), "dots on the board")
     _check_in_picture(shifts, camera)
-    noise = shift_noise(shifts.places, shifts.shifts) if noise_px is None else noise_px
     hot = shifts.places + shifts.shifts
     chosen = choose(loaded, camera).scene.ensemble
     assert chosen is not None
@@ -207,8 +206,11 @@ def fit_members(
     _check_dots(dots, len(ensemble))
     predicted = hot[good] - np.array([camera.project(seen[good]) for seen in points])
     free = interaction_matrix(camera, points[0][good]) if camera_motion else None
-    _check_spread(_rms(predicted - predicted.mean(axis=0)), noise)
     found = ShiftMixture(predicted, shifts.shifts[good], free)
+    noise = noise_px
+    if noise is None:
+        noise = shift_noise(shifts.places[good][found.used], found.left(found.weights))
+    _check_spread(_rms(predicted - predicted.mean(axis=0)), noise)
     return member_fit(
         ensemble.members,
         found,
