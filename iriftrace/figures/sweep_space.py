@@ -128,7 +128,7 @@ def sweep_scene_figure(
     if surroundings.blockers:
         entries.append(Patch(facecolor=BLOCKER_COLOUR, label="Blocks the view"))
     if shell:
-        entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell of air"))
+        entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell"))
     title = f"{quantity.title} of each camera pose"
     figure = _framed(title, f"{summary.subtitle}{hidden}", scale, entries)
     axes = add_picture(figure, view, box, draw, (0, _FOOT_PX))
@@ -267,7 +267,8 @@ def _framed(title: str, subtitle: str, scale: ColourScale, entries: Sequence[Art
         loc="lower center",
         bbox_to_anchor=(0.5, 0.005),
         ncols=len(entries),
-        fontsize=9,
+        fontsize=9 if len(entries) < 5 else 8,
+        columnspacing=1.2,
         frameon=False,
     )
     return figure
