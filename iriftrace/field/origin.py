@@ -18,6 +18,7 @@ SYNTHETIC = "synthetic"
 """With this word the origin of a field begins that a model made up."""
 
 _STEADY = re.compile(r"(?<!not )(?<![\w-])steady\b", re.IGNORECASE)
+_MIRRORED = re.compile(r"mirrored at [xyz] = \S+ mm(?: and [xyz] = \S+ mm)*")
 
 
 def origin_of(data: Any) -> str:
@@ -51,6 +52,20 @@ def is_steady(origin: str | None) -> bool:
     The model of synthetic fields is steady, and of a simulation's the origin says so.
     """
     return synthetic_mark(origin) is not None or _STEADY.search(origin or "") is not None
+
+
+def stated_time(origin: str | None) -> str:
+    """What a field says it is in time: "steady", "mean", "snapshot" or "not stated"."""
+    if is_steady(origin):
+        return "steady"
+    words = {"averaged over": "mean", "snapshot": "snapshot"}
+    return next((time for word, time in words.items() if word in (origin or "")), "not stated")
+
+
+def stated_symmetry(origin: str | None) -> str:
+    """Symmetry that a field says it has, "mirrored at y = 0 mm", else "not stated"."""
+    found = _MIRRORED.search(origin or "")
+    return found[0] if found else "not stated"
 
 
 def synthetic_mark(origin: str | None) -> str | None:

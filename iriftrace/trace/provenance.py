@@ -10,7 +10,7 @@ from typing import Any
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
-from iriftrace.field.origin import is_steady
+from iriftrace.field.origin import stated_symmetry, stated_time
 from iriftrace.scene.load import LoadedEnsemble, LoadedScene
 
 _MOST_LISTED = 2
@@ -23,7 +23,7 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
     source, wavelength = table.get("source"), scene.wavelength_nm
     sources = [source] if ensemble is None else [m.source for m in ensemble.members]
     known = [one for one in sources if one]
-    steady = all(is_steady((one or {}).get("origin")) for one in sources)
+    origins = [(one or {}).get("origin") for one in sources]
     rules = {"index_rule": scene.index_rule, "normals": scene.normals}
     return {
         "version": version("iriftrace"),
@@ -60,8 +60,8 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
             # As the fields state it, where the user did not.
-            "field_time": notes.get("time") or ("steady" if steady else "not stated"),
-            "field_symmetry": notes.get("symmetry", "not stated"),
+            "field_time": notes.get("time") or _listed(map(stated_time, origins)),
+            "field_symmetry": notes.get("symmetry") or _listed(map(stated_symmetry, origins)),
             **({"field_fit": notes["fit"]} if "fit" in notes else {}),
             "open_boundary": "air beyond the data is not modelled",
             "camera": camera.lens,
