@@ -31,9 +31,11 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
     table = Table(title=f"{len(stack.shells)} shells, {stack.triangles:,} triangles")
     for heading in ("shell", "(n - 1) 1e6", "degC", "triangles", "gap next", "gap part", "cut"):
         table.add_column(heading, justify="right")
-    table.add_column("closed")
+    table.add_column("open edges", justify="right")
+    open_at: dict[str, list[str]] = {}
     for report in reports:
-        openings = ", ".join(f"{place} ({edges} edges)" for place, edges in report.open_at)
+        for place, _ in report.open_at:
+            open_at.setdefault(place, []).append(str(report.layer))
         table.add_row(
             str(report.layer),
             f"{report.refractivity * 1e6:.2f}",
@@ -42,7 +44,7 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
             _length(report.gap_next_mm),
             _length(report.gap_part_mm),
             "" if report.part_cut_share is None else f"{report.part_cut_share:.2%}",
-            "closed" if report.closed else f"open at {openings}",
+            "closed" if report.closed else f"{sum(edges for _, edges in report.open_at):,}",
         )
     out.print(table)
     air, source = stack.air, stack.source
@@ -50,8 +52,11 @@ def print_shells(stack: ShellStack, reports: Sequence[ShellReport], fit: Fit | N
         f"Ambient air n - 1 = {air.ambient_refractivity:.4e} at "
         f"{air.temperature_k - ZERO_CELSIUS_K:g} degC, {air.wavelength_nm:g} nm; index rule "
         f"{stack.rule}; lengths in mm, field read in "
-        f"{'mm' if source is None else source.length_unit}; cut: share of a shell inside the part."
+        f"{'mm' if source is None else source.length_unit}; gap: smallest distance to the next "
+        "shell and to the part; cut: fraction of a shell inside the part."
     )
+    for place, layers in open_at.items():
+        out.print(f"Open at the {place}: shells {', '.join(layers)}.")
     if source is not None and source.origin:
         say(f"Field: {source.origin}.")
     for small in stack.small_components:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
-from iriftrace.cli.console import notes, say
+from iriftrace.cli.console import notes, noticed, say
 
 if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.run import State
@@ -26,11 +26,22 @@ def simulation_progress() -> Iterator[Display]:
     # Finished bars would stay on a terminal that only logs.
     with Progress(*columns, console=notes, transient=True) as bar:
         task = bar.add_task("Case", total=None, flow="")
+        kept = ""
 
         def watch(state: State) -> None:
+            nonlocal kept
+            kept = (
+                f"the flow is at {state.time:.3g} of {state.end:g} s; give the same command again "
+                "to go on"
+            )
             bar.update(task, total=state.end, completed=state.time, flow=flow_text(state))
 
-        yield Display(lambda text: bar.update(task, description=text), _say_expected, watch)
+        try:
+            yield Display(lambda text: bar.update(task, description=text), _say_expected, watch)
+        except BaseException as error:
+            if kept and (noticed() or isinstance(error, KeyboardInterrupt)):
+                raise KeyboardInterrupt(kept) from error
+            raise
 
 
 def _say_expected(cells: int, seconds: float) -> None:

@@ -37,12 +37,18 @@ class FieldFacts:
         Largest less smallest temperature at the restless one of some points in the plume.
     bodies : tuple of str
         Names of the bodies beside the part around which the field was solved.
+    time : str
+        ``"mean"`` or ``"snapshot"``; "" where it does not say.
+    symmetry : str
+        Such as "mirrored at y = 0 mm"; "" where it does not say.
     """
 
     kind: FieldKind = FieldKind.NOT_STATED
     heat_variation: float | None = None
     plume_swing_k: float | None = None
     bodies: tuple[str, ...] = ()
+    time: str = ""
+    symmetry: str = ""
 
     @classmethod
     def in_words(cls, origin: str) -> FieldFacts:
@@ -98,6 +104,11 @@ class FieldSource:
     def steady(self) -> bool:
         """True for air that does not change in time, as that of the synthetic model."""
         return self.facts.kind in (FieldKind.STEADY, FieldKind.SYNTHETIC)
+
+    @property
+    def time(self) -> str:
+        """What the field is in time: ``"steady"``, ``"mean"``, ``"snapshot"`` or ""."""
+        return "steady" if self.steady else self.facts.time
 
 
 def stated_source(values: object) -> FieldSource | None:

@@ -124,7 +124,7 @@ def sweep_scene_figure(
     if surroundings.blockers:
         entries.append(Patch(facecolor=BLOCKER_COLOUR, label="Blocks the view"))
     if shell:
-        entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell of air"))
+        entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell"))
     title = f"{quantity.title} of each camera pose"
     figure = _framed(title, f"{summary.subtitle}{hidden}", scale, entries)
     axes = add_picture(figure, view, box, draw, (0, _FOOT_PX))
@@ -255,6 +255,13 @@ def _framed(title: str, subtitle: str, scale: ColourScale, entries: Sequence[Art
     """Titles, colour bar and legend around the room for pictures."""
     figure = titled_figure(title, subtitle)
     scale.add_bar(figure, cax=figure.add_axes((0.872, 0.2, 0.02, 0.62)))
-    place: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 0.005), "ncols": len(entries)}
-    figure.legend(handles=list(entries), fontsize=9, frameon=False, **place)
+    figure.legend(
+        handles=list(entries),
+        loc="lower center",
+        bbox_to_anchor=(0.5, 0.005),
+        ncols=len(entries),
+        fontsize=9 if len(entries) < 5 else 8,
+        columnspacing=1.2,
+        frameon=False,
+    )
     return figure

@@ -345,8 +345,8 @@ def _check_part(image: AovImage, part: Part, hit_face: IntArray) -> None:
 def _check_sampling(rays: int, faces: int) -> None:
     if faces and rays < _RAYS_PER_FACE * faces:
         warnings.warn(
-            f"only {rays / faces:.1f} rays fall on each visible face of the part, so `coverage` "
-            "depends on the tessellation; use `coverage_area` or more rays.",
+            f"fewer than {_RAYS_PER_FACE:g} rays fall on each visible face of the part, so "
+            "`coverage` depends on the tessellation; use `coverage_area` or more rays.",
             IriftraceWarning,
             stacklevel=3,
         )

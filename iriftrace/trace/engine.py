@@ -266,11 +266,10 @@ def _warn_of_coarse_shells(found: EngineTest, through_cells: bool) -> None:
             "none, so that no shell bends them"
         )
     warnings.warn(
-        f'{change}; the field itself was traced instead (load_scene with engine="shells", or '
-        "--engine shells, insists on shells)."
+        f"{change}; the field itself was traced instead, which --engine shells prevents."
         if through_cells
-        else f'{change}; load the scene with engine="cells" (--engine cells), or '
-        "make it with layers=20 (--layers 20).",
+        else f"{change}; trace the field itself (--engine cells), or use more shells "
+        "(--layers 20).",
         IriftraceWarning,
         stacklevel=4,
     )

@@ -22,7 +22,6 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
     source, wavelength, written = scene.source, scene.stated.wavelength_nm, scene.stated.part
     sources = [source] if ensemble is None else [m.source for m in ensemble.members]
     known = [one for one in sources if one]
-    steady = len(known) == len(sources) and all(one.steady for one in known)
     rules = {"index_rule": scene.index_rule, "normals": scene.normals}
     return {
         "version": version("iriftrace"),
@@ -59,8 +58,9 @@ def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
             **({} if ensemble is None else {"ensemble": _meaning(ensemble)}),
             **({"field_member": notes["member"]} if ensemble is None and "member" in notes else {}),
             # As the fields state it, where the user did not.
-            "field_time": notes.get("time") or ("steady" if steady else "not stated"),
-            "field_symmetry": notes.get("symmetry", "not stated"),
+            "field_time": notes.get("time") or _listed(one.time for one in known if one.time),
+            "field_symmetry": notes.get("symmetry")
+            or _listed(one.facts.symmetry for one in known if one.facts.symmetry),
             **({"field_fit": notes["fit"]} if "fit" in notes else {}),
             "open_boundary": "air beyond the data is not modelled",
             "camera": camera.lens,

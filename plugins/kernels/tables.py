@@ -97,7 +97,10 @@ def _part_of(shapes: list[Any]) -> tuple[Any, int]:
         )
     part = shapes[parts[0]]
     if shell_indices(part.bsdf()) is not None or not part.is_mesh():
-        raise InputError("The shape with id 'part' must be an opaque triangle mesh.")
+        raise InputError(
+            "The shape with id 'part' must be an opaque triangle mesh (ply, obj, mi.Mesh), since "
+            "faces and regions are numbered by it; a sphere or cylinder of Mitsuba is none."
+        )
     if part.face_count() == 0:
         raise InputError(
             "The part's file has no triangles, so there is nothing to see; give the part's surface "

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from iriftrace.cfd.openfoam import programs as installation
+from iriftrace.cfd.openfoam.run import State
 from iriftrace.cli import main
 from iriftrace.cli.simulation_progress import simulation_progress
 
@@ -117,3 +118,17 @@ def test_part_that_is_not_there(folder: Path, capsys: pytest.CaptureFixture[str]
 def test_doctor_says_how_to_get_openfoam(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["field", "doctor"]) == 2
     assert "make openfoam" in capsys.readouterr().err
+
+
+def test_an_interrupted_run_says_how_far_it_is() -> None:
+    def run(*states: State) -> None:
+        with simulation_progress() as display:
+            for state in states:
+                display.watch(state)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match=r"1\.78 of 2\.33 s; give the same command again"):
+        run(State(0.5, 2.33, None, None), State(1.78, 2.33, None, None))
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run()
+    assert str(caught.value) == ""

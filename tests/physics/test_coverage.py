@@ -187,7 +187,7 @@ def cylinder() -> Part:
     return read_part(CYLINDER)
 
 
-@pytest.mark.filterwarnings("ignore:only .* rays fall:iriftrace.core.errors.IriftraceWarning")
+@pytest.mark.filterwarnings("ignore:fewer than .* rays fall:iriftrace.core.errors.IriftraceWarning")
 @pytest.mark.parametrize(
     ("body", "origin"),
     [
@@ -228,7 +228,7 @@ def test_area_does_not_depend_on_the_tessellation(
             np.testing.assert_allclose(region[1:], region[0], rtol=0.002)
 
 
-@pytest.mark.filterwarnings("ignore:only .* rays fall:iriftrace.core.errors.IriftraceWarning")
+@pytest.mark.filterwarnings("ignore:fewer than .* rays fall:iriftrace.core.errors.IriftraceWarning")
 def test_paper_coverage_depends_on_the_tessellation() -> None:
     """Which is why there are two."""
     part = cylinder()

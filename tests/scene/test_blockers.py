@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import attrs
+import matplotlib.image
 import numpy as np
 import pytest
 
@@ -14,9 +15,11 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.origin import state_origin
 from iriftrace.field.source import FieldFacts
+from iriftrace.figures.window import view
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import part_of_mesh, save_part
 from iriftrace.part.shapes.board import Board
+from iriftrace.scene.outline import blocker_surfaces
 from validation.inputs import hot_block
 
 pytestmark = [
@@ -113,6 +116,16 @@ def test_command_takes_blockers_and_finds_bodies_of_the_field(
     bodies = [iriftrace.read_part(scene.parent / f"blocker_{k}.ply") for k in (1, 2)]
     np.testing.assert_allclose(bodies[0].bounds, ((-6,) * 3, (6,) * 3), atol=1e-5)
     np.testing.assert_allclose(bodies[1].bounds, table.bounds, atol=1e-5)
+    drawn = [np.ptp(vertices, axis=0) for vertices, _ in blocker_surfaces(scene)]
+    np.testing.assert_allclose(drawn, [np.ptp(body.bounds, axis=0) for body in bodies], atol=1e-5)
+    pictures = [tmp_path / f"{name}.png" for name in ("with", "without")]
+    view(scene, pictures[0])
+    hidden = scene.with_name("hidden.xml")
+    hidden.write_text(scene.read_text().replace('id="blocker_', 'id="body_'))
+    view(hidden, pictures[1])
+    shown, bare = map(matplotlib.image.imread, pictures)
+    grey = np.ptp(shown[..., :3], axis=2) < 0.1
+    assert np.mean(grey & (np.abs(shown - bare).max(axis=2) > 0.1)) > 0.005
     shapes = [shape.id() for shape in iriftrace.load_scene(scene).mitsuba_scene.shapes()]
     assert {"part", "blocker_1", "blocker_2"} <= set(shapes)
     assert main(["scene", *words, *camera.split()]) == 2

@@ -171,12 +171,12 @@ def test_commands_and_python_give_the_same_numbers(
 ) -> None:
     """Picture, points, correction and sweep of the gear, whichever engine is chosen for it."""
     part, field = gear
-    camera = iriftrace.load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.1}).camera
+    camera = iriftrace.load_scene(folder_of("cylinder") / "scene.xml", {"scale": 0.03}).camera
     camera = attrs.evolve(camera, focus_mm=(20.0, 600.0))
     camera = camera.at(iriftrace.look_at(place, (0.0, 0.0, 0.0)))
     beside = np.add(place, (0.0, 40.0, 0.0))
     second = camera.at(iriftrace.look_at(beside, (0.0, 0.0, 0.0)))
-    scene = iriftrace.Scene(part, iriftrace.HotAir(field, layers=26), camera, second, "camera_2")
+    scene = iriftrace.Scene(part, iriftrace.HotAir(field, layers=21), camera, second, "camera_2")
     path = scene.save(tmp_path / "scene.xml", scale=1.0)
 
     def command(*words: str | os.PathLike[str]) -> None:

@@ -237,6 +237,10 @@ def _check_mirrored_draught(draught: Draught, mirrors: str) -> None:
         )
 
 
+_PLACES = 2000
+"""On the wall, at which its temperatures are compared with those of its mirror image."""
+
+
 def symmetric_case(case: Case) -> str:
     """Axes of "xy" across which part, temperatures and bodies are their own mirror images."""
     return "".join(
@@ -249,10 +253,10 @@ def symmetric_case(case: Case) -> str:
 
 def _has_mirrored_wall(case: Case, name: str) -> bool:
     part, axis = case.part, "xy".index(name)
-    here = wall_temperature(case.wall, part, part.face_centres)
-    other = mirrored_points(part.face_centres, axis, part.centre[axis])
-    differs = np.abs(wall_temperature(case.wall, part, other) - here) > 1.0
-    return bool(part.face_areas[differs].sum() <= 0.01 * part.area)
+    places, _ = part.surface.even_places(_PLACES)
+    here = wall_temperature(case.wall, part, places)
+    other = mirrored_points(places, axis, part.centre[axis])
+    return bool(np.mean(np.abs(wall_temperature(case.wall, part, other) - here) > 1.0) <= 0.01)
 
 
 def _check_mirrored_wall(case: Case) -> None:

@@ -94,13 +94,14 @@ def write_mean(
         raise SetupError(f"the case {folder} has no mean density at t = {moment:g} s.")
     density = as_float64(grid.point_data["rhoMean"])
     kelvin = temperature_of_density(density, case.pressure_pa)
-    state, facts = "", FieldFacts()
+    state, facts = "", FieldFacts(time="mean")
     if steadiness is not None:
         state = f", {steadiness.text}"
         facts = FieldFacts(
             FieldKind.STEADY if steadiness.steady else FieldKind.UNSTEADY,
             steadiness.heat_variation,
             steadiness.plume_swing_k,
+            time="mean",
         )
     how = f"density averaged over {averaged:.3g} s up to t = {moment:.3g} s{state}"
     before = _at(folder, moment - averaged)
@@ -127,7 +128,7 @@ def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Pa
         if len(heat):
             watts = np.interp(moment, heat[:, 0], heat[:, 1])
             whole.field_data[WALL_HEAT] = [float(watts) * 2 ** len(case.mirrors)]
-        _write(case, whole, target, f"snapshot at t = {moment:.4g} s", FieldFacts())
+        _write(case, whole, target, f"snapshot at t = {moment:.4g} s", FieldFacts(time="snapshot"))
         files.append(target)
         entries.append(f'    <DataSet timestep="{moment:.9g}" part="0" file="{target.name}"/>')
     with whole_file(file) as temporary:
@@ -200,8 +201,8 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
     if case.floor is not None:
         parts.append(f"floor at z = {case.floor:g} mm")
     mirrored = [f"{name} = {value:g} mm" for name, value in case.domain.planes.items()]
-    if mirrored:
-        parts.append(f"mirrored at {' and '.join(mirrored)}")
+    symmetry = f"mirrored at {' and '.join(mirrored)}" if mirrored else ""
+    parts += [symmetry] if symmetry else []
     output = pv.UnstructuredGrid(
         grid.cells, grid.celltypes, np.asarray(grid.points, dtype=np.float32)
     )
@@ -212,6 +213,6 @@ def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: F
     for name in grid.field_data:
         output.field_data[name] = grid.field_data[name]
     names = tuple(body.name for body in case.bodies)
-    state_origin(output, ", ".join(parts), evolve(facts, bodies=names))
+    state_origin(output, ", ".join(parts), evolve(facts, bodies=names, symmetry=symmetry))
     with whole_file(file) as temporary:
         output.save(temporary)
