@@ -64,6 +64,10 @@ CASES: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("fine/at_0.13_from_090", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
     ("fine/at_0.17_from_090", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
     ("fine/at_0.15_from_090", tuple(f"turned/at_0.{w}_from_090" for w in (14, 16))),
+    (
+        "fine/at_0.15_from_090",
+        tuple(f"turned/at_0.{w}_from_0{a}" for w in (14, 16) for a in (80, 90)),
+    ),
     ("strong/field", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
     ("second/field", tuple(f"coarse/at_0.{w}_from_090" for w in (12, 14, 16, 18))),
 )
@@ -98,7 +102,8 @@ def main(part_file: str, folder: str) -> None:
         assert u is not None
         print(
             f"{found}; measured {_um(scan.error_normal)}, left by still air {_um(by_still)}, by "
-            f"the fit {_um(left)}, {np.mean(np.abs(left) <= 2.0 * u):.1%} within U",
+            f"the fit {_um(left)} of {len(left) / len(scan.points):.0%} of the points, "
+            f"{np.mean(np.abs(left) <= 2.0 * u):.1%} within U",
             flush=True,
         )
 
