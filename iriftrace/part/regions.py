@@ -134,9 +134,9 @@ class _Round:
         if not (self.hollow and self.whole):
             return f"{'hollow' if self.hollow else 'cylinder'} {radius}", ""
         along = _axis(self.axis)[2:]
-        places = [f"{name} {_short(self.point[k])}" for k, name in enumerate("xyz")]
         # A slanted hole has no two coordinates of its own.
-        shown = [place for place in places if along and not place.startswith(along)]
+        across = [k for k, name in enumerate("xyz") if along and name != along]
+        shown = [f"{'xyz'[k]} {_short(self.point[k])}" for k in across]
         return "hole", f" ({', '.join([*shown, radius])})"
 
 

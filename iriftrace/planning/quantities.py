@@ -72,7 +72,8 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     elif key == "coverage":
         name = "Coverage"
     else:
-        name = f"{key.capitalize()} resolution, {_READINGS[plan.criteria.resolution]}"
+        name = f"{key.capitalize()} resolution"
+    resolution = key in ("axial", "lateral")
     values = np.where(enough, plan.metrics[key], np.nan)
     low, high = plan.limits[key]
     factor, unit = 1e3, "µm"
@@ -84,8 +85,8 @@ def metric_quantity(plan: Plan, key: str, enough: BoolArray) -> Quantity:
     wide = key == "displacement" and bool(np.nanmin(values) > 0.0)
     return Quantity(
         key=key,
-        title=name.partition(",")[0],
-        name=name,
+        title=name,
+        name=f"{name}, {_READINGS[plan.criteria.resolution]}" if resolution else name,
         unit=unit,
         values=factor * values,
         limits=(factor * low, factor * high),

@@ -144,7 +144,7 @@ class SweepSummary:
     @property
     def is_one_direction(self) -> bool:
         """Whether the poses differ in their distance alone."""
-        others = [one for one in self.varied if not one.name.startswith("stand-off")]
+        others = [one for one in self.varied if one.quantity != "stand-off"]
         angles = np.stack((self.azimuth, self.elevation))
         # Those of one direction differ by rounding alone.
         near = np.ptp(angles, axis=1).max() < 1e-6

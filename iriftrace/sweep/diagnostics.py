@@ -19,14 +19,26 @@ _LENGTHS = (("focal_length", "focal length", "focal"), ("stand_off", "stand-off"
 
 @frozen
 class Varied:
-    """Something that has more than one value in a sweep; both names give the unit.
+    """Something that has more than one value in a sweep; the short label fits into a terminal."""
 
-    The short name fits into a terminal.
-    """
-
-    name: str
-    short_name: str
+    quantity: str
+    short: str
+    unit: str  # "" of what has none
     values: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """With the unit."""
+        return f"{self.quantity} ({self.unit})" if self.unit else self.quantity
+
+    @property
+    def short_name(self) -> str:
+        """With the unit."""
+        return f"{self.short} {self.unit}".strip()
+
+    def text(self, pose: int) -> str:
+        """Such as "focal length 8 mm"."""
+        return f"{self.quantity} {self.values[pose]} {self.unit}".strip()
 
 
 def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
@@ -35,13 +47,13 @@ def varied_of(dataset: xr.Dataset) -> tuple[Varied, ...]:
     if "scene" in dataset:
         scenes = [str(name) for name in dataset["scene"].values]
         if len(set(scenes)) > 1:
-            found.append(Varied("scene", "scene", tuple(_told_apart(scenes))))
+            found.append(Varied("scene", "scene", "", tuple(_told_apart(scenes))))
     for variable, name, short_name in _LENGTHS:
         if variable not in dataset:
             continue
         values = tuple(f"{value:g}" for value in dataset[variable].values.tolist())
         if len(set(values)) > 1:
-            found.append(Varied(f"{name} (mm)", f"{short_name} mm", values))
+            found.append(Varied(name, short_name, "mm", values))
     return tuple(found)
 
 
@@ -55,12 +67,7 @@ def series_of(varied: tuple[Varied, ...], poses: int) -> dict[str, IntArray]:
 
 def setting_of(varied: tuple[Varied, ...], pose: int) -> str:
     """Settings of a pose that others do not share, such as "focal length 8 mm"; may be empty."""
-    return ", ".join(_value(one.name, one.values[pose]) for one in varied)
-
-
-def _value(name: str, value: str) -> str:
-    quantity, _, unit = name.partition(" (")
-    return f"{quantity} {value}{' ' + unit.rstrip(')') if unit else ''}"
+    return ", ".join(one.text(pose) for one in varied)
 
 
 def _told_apart(names: list[str]) -> list[str]:

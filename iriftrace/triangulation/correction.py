@@ -27,7 +27,7 @@ from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
 from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
-from iriftrace.triangulation.relations import relations, value_key
+from iriftrace.triangulation.relations import relations, value_key, value_unit
 from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
 
 SCHEMA = "iriftrace.correction/1"
@@ -189,7 +189,7 @@ class Correction:
     def _with_uncertainty(self, row: dict[str, Any]) -> dict[str, Any]:
         """A feature or relation with its uncertainties and its worst member."""
         key = value_key(row)
-        unit = key.rpartition("_")[2]
+        unit = value_unit(row)
         sizes = row.get("by_member", {key: [None]})[key]
         scatter, worst = 0.0, {}
         if self.weights is not None and None not in sizes:

@@ -34,7 +34,12 @@ def relations(features: Sequence[Row]) -> list[dict[str, Any]]:
 
 def value_key(row: Row) -> str:
     """Key of a relation's or feature's values: ``angle_deg`` or ``size_mm``."""
-    return "angle_deg" if row["kind"] == "angle" else "size_mm"
+    return "angle_deg" if value_unit(row) == "deg" else "size_mm"
+
+
+def value_unit(row: Row) -> str:
+    """Unit at the end of the keys of a relation's or feature's values."""
+    return "deg" if row["kind"] == "angle" else "mm"
 
 
 def _relation(one: Row, other: Row) -> dict[str, Any] | None:

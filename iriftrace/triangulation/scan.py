@@ -20,7 +20,7 @@ from iriftrace.triangulation.cold_size import ColdSizes
 from iriftrace.triangulation.feature_table import feature_table
 from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
-from iriftrace.triangulation.relations import relations, value_key
+from iriftrace.triangulation.relations import relations, value_key, value_unit
 from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
 
 SCHEMA = "iriftrace.scan/1"
@@ -218,7 +218,7 @@ class Scan:
         if self.weights is None:
             return row
         sizes = row["by_member"][key]
-        scatter_key = f"size_scatter_{key.rpartition('_')[2]}"
+        scatter_key = f"size_scatter_{value_unit(row)}"
         if None in sizes:
             return row | {scatter_key: None}
         worst = worst_member(sizes, row[key]["cold"], key, self.provenance)
