@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -51,7 +50,6 @@ def _converter() -> Converter:
     converter = Converter(use_alias=True, unstruct_collection_overrides={tuple: list})
     for kind, (name, taken) in _KINDS.items():
         converter.register_structure_hook(kind, _strict(kind, name, taken))
-    converter.register_structure_hook(StrEnum, lambda value, kind: kind(value))
     converter.register_structure_hook_factory(has, _from_dictionary)
     return converter
 

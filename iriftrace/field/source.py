@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from enum import StrEnum
+from enum import Enum
 
 from attrs import Factory, field, frozen
 
@@ -13,7 +13,7 @@ _STEADY = re.compile(r"(?<![\w-])steady\b", re.IGNORECASE)
 _UNSTEADY = re.compile(r"\b(?:not steady|unsteady)\b", re.IGNORECASE)
 
 
-class FieldKind(StrEnum):
+class FieldKind(Enum):
     """What kind of air a field's file says that it holds."""
 
     SYNTHETIC = "synthetic"
@@ -53,7 +53,7 @@ class FieldFacts:
     @classmethod
     def in_words(cls, origin: str) -> FieldFacts:
         """What a text says of it, where nothing else does: files of other programs."""
-        if origin.lower().startswith(FieldKind.SYNTHETIC):
+        if origin.lower().startswith(FieldKind.SYNTHETIC.value):
             return cls(FieldKind.SYNTHETIC)
         if _UNSTEADY.search(origin):
             return cls(FieldKind.UNSTEADY)

@@ -17,6 +17,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, whole_file
 from iriftrace.core.netcdf import check_netcdf
+from iriftrace.core.plain import plain
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
 from iriftrace.image.ray_statistics import FEWEST_RAYS
@@ -170,7 +171,7 @@ class Study:
         fields = list(self.fields.values())
         return {
             "version": version("iriftrace"),
-            "fields": [asdict(each.source) for each in fields],
+            "fields": [plain(each.source) for each in fields],
             "part": {"path": str(self.scene.part.path), "sha256": self.scene.part.sha256},
             "air": asdict(fields[0].air),
             "wavelength_nm": fields[0].air.wavelength_nm,

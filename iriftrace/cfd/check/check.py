@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from attrs import asdict
 from numpy.typing import ArrayLike
 
 from iriftrace.cfd.check.finding import FieldCheck, Finding, edge_finding, view_finding
@@ -21,6 +20,7 @@ from iriftrace.cfd.check.wall import (
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import plain
 from iriftrace.field.index_field import IndexField
 from iriftrace.field.part_fit import (
     LARGEST_BARE_SHARE,
@@ -95,7 +95,7 @@ def check_field(
     if camera is not None:
         findings.append(view_finding(field, part, np.asarray(camera, dtype=np.float64)))
     return FieldCheck(
-        asdict(field.source), {"path": part.path, "sha256": part.sha256}, tuple(findings)
+        plain(field.source), {"path": part.path, "sha256": part.sha256}, tuple(findings)
     )
 
 
