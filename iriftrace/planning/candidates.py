@@ -103,7 +103,7 @@ def rankable(
             reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
         elif points is not None and points[pose] < min_hits:
             reasons[pose] = (
-                f"{points[pose]:.0f} points that both devices see, fewer than {min_hits}"
+                f"{points[pose]:.0f} points that both devices see in focus, fewer than {min_hits}"
             )
         elif seen[pose] < min_coverage:
             reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
