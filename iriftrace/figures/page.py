@@ -7,6 +7,9 @@ from typing import Any
 
 from iriftrace.core.files import whole_file
 
+Rows = tuple[tuple[str, ...], ...]
+"""Cells of a table, row by row."""
+
 
 def write_page(path: Path, template: str, **values: Any) -> None:
     """Write a page by one of the package's templates; its folder must exist."""

@@ -13,12 +13,10 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.source import stated_source, synthetic_mark
-from iriftrace.figures.page import file_text, name_of, value_text, write_page
+from iriftrace.figures.page import Rows, file_text, name_of, value_text, write_page
 
 SCHEMAS = {"iriftrace.scan/1": "cold", "iriftrace.correction/1": "corrected"}
 """Results that have such a report, and what their features' clouds without air are called."""
-
-Rows = tuple[tuple[str, ...], ...]
 
 
 @frozen
