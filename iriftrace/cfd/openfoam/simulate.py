@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,7 @@ class Simulation:
     steadiness: Steadiness | None  # over that time; None where it could not be told
     wall_error_k: float  # largest difference of the field at the wall from what was asked for
     seconds: float  # clock time of mesh and solver in this call
+    all_seconds: float = 0.0  # and in all calls that it took, those that were interrupted, too
 
 
 @frozen
@@ -97,10 +99,11 @@ def simulate(
     """
     check_solver(installation)
     begun = time.monotonic()
-    cells = make_mesh(case, folder, installation, display.say, like)
-    display.expect(cells, expected_seconds(case, cells, last_time(pieces_of(folder))))
-    display.say(f"Solver: {cells:,} cells")
-    averaged = solve(case, folder, installation, display.watch)
+    with _clock(folder) as all_seconds:
+        cells = make_mesh(case, folder, installation, display.say, like)
+        display.expect(cells, expected_seconds(case, cells, last_time(pieces_of(folder))))
+        display.say(f"Solver: {cells:,} cells")
+        averaged = solve(case, folder, installation, display.watch)
     seconds = time.monotonic() - begun
     display.say("Writing the field")
     write_bodies(case.bodies, file.parent)
@@ -119,7 +122,25 @@ def simulate(
         steadiness=steadiness,
         wall_error_k=_wall_error(case, grid),
         seconds=seconds,
+        all_seconds=all_seconds(),
     )
+
+
+@contextmanager
+def _clock(folder: Path) -> Iterator[Callable[[], float]]:
+    """Count the seconds of the clock over all runs of a case in a file of its folder."""
+    file, begun = folder / "seconds", time.monotonic()
+
+    def counted() -> float:
+        try:
+            return float(file.read_text())
+        except (OSError, ValueError):
+            return 0.0
+
+    try:
+        yield counted
+    finally:
+        file.write_text(f"{counted() + time.monotonic() - begun:.1f}\n")
 
 
 def check_solver(installation: Installation) -> None:
