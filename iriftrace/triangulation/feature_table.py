@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any, get_args
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -35,6 +36,9 @@ NO_FEATURE = 0.1
 
 FEWEST_MEASURED = 100
 """Measured points of a region for a feature of its own; metrics ask for as many rays."""
+
+_KINDS_OF_REGIONS: WeakKeyDictionary[Part, dict[str, str | None]] = WeakKeyDictionary()
+"""A sweep asks in every pose, and a gear's teeth take a second to be found no surface."""
 
 
 def feature_table(
@@ -218,7 +222,10 @@ def found_features(part: Part, face: IntArray) -> list[str]:
 
 def _kind_of_region(part: Part, name: str) -> str | None:
     """Kind of surface that a region is, None where it is none of `FOUND_KINDS`."""
-    return surface_kind(_corners(part, name))
+    known = _KINDS_OF_REGIONS.setdefault(part, {})
+    if name not in known:
+        known[name] = surface_kind(_corners(part, name))
+    return known[name]
 
 
 def _corners(part: Part, region: str) -> FloatArray:
