@@ -1,4 +1,4 @@
-"""What a camera must be to form a picture."""
+"""Check that a camera can form a picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a field's file states of its own making, in VTK field data."""
+"""Origin and facts of a field in the field data of its VTK file."""
 
 from __future__ import annotations
 

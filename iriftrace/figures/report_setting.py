@@ -1,4 +1,4 @@
-"""What a sweep's report says of the sweep: its setting, and what decides how much it is worth."""
+"""Setting of a sweep for its report, and the facts that its answer rests on."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ NEAREST = 4
 """Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
 
 WALL = 3.0
-"""How many times the relative uncertainty of the seen contrast is that of the layer at the wall.
+"""Relative uncertainty of the layer at the wall, over that of the contrast that the dots see.
 
 A coarse mesh errs most there, where the devices look and the board hardly does: meshes of 2.8 and
 2.2 mm at a cylinder's wall differ by 1.6 to 3.6 times as much in what devices measure, for as much

@@ -1,4 +1,4 @@
-"""What a scene states of its air: the JSON table beside its shells."""
+"""Statement of a scene's air: the JSON table beside its shells."""
 
 from __future__ import annotations
 

@@ -9,9 +9,9 @@ import pytest
 import pyvista as pv
 from numpy.testing import assert_allclose
 
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError
 from iriftrace.field.read import read_field
-from iriftrace.field.readers.members import member_at, members
+from iriftrace.field.readers.members import members
 from validation.field_files import cgns
 from validation.inputs import hot_block
 
@@ -53,24 +53,3 @@ def test_values_at_cells_and_a_unit_of_the_file(tmp_path: Path) -> None:
         other = cgns.write(tmp_path / "other.cgns", grid, units=wrong)
         with pytest.raises(InputError, match=said):
             read_field(other)
-
-
-@pytest.mark.filterwarnings("ignore:The coolest air")
-def test_a_file_with_several_times(tmp_path: Path) -> None:
-    grid = hot_block.air(6)
-    later = [(0.5, np.asarray(grid["T"]) + 10.0), (2.0, np.asarray(grid["T"]) + 20.0)]
-    path = cgns.write(tmp_path / "air.cgns", grid, later)
-    assert [member.time for member in members(path)] == [0.0, 0.5, 2.0]
-    chosen = read_field(path, member=member_at(path, "0.5").index)
-    assert chosen.temperature_k.max() == pytest.approx(hot_block.WALL + 10.0)
-    with pytest.warns(IriftraceWarning, match=r"3 states; the last one, t = 2\.0, is used"):
-        assert read_field(path).temperature_k.min() == pytest.approx(hot_block.AMBIENT + 20.0)
-
-
-def test_damaged_files_are_refused(tmp_path: Path) -> None:
-    path = cgns.write(tmp_path / "air.cgns", hot_block.air(6))
-    content = path.read_bytes()
-    for damaged in (content[: len(content) // 3], b"something else", b""):
-        path.write_bytes(damaged)
-        with pytest.raises(InputError, match=r"cannot be read|no volume cells"):
-            read_field(path)
