@@ -43,7 +43,6 @@ class SplitPolyhedra:
     centres: FloatArray  # (p, 3), their centroids
     pieces: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
     owners: dict[int, IntArray]  # VTK cell type to (k,) numbers from 0 to p - 1
-    face_sides: tuple[IntArray, IntArray]  # (s,) faces with a centre, and the grid's cells there
 
     def extended(self, grid: Any, values: NDArray[Any]) -> NDArray[Any]:
         """Point values, (n,) or (n, k), with the means of the corners at the points added.
@@ -88,11 +87,7 @@ def split_polyhedra(grid: Any, *, at_corner_means: bool = False) -> SplitPolyhed
         for kind, base in ((TETRAHEDRON, triangles), (PYRAMID, quads))
         if len(base)
     }
-    sides = np.unique(np.column_stack((fans[:, 2] - len(points), polyhedra[fan_owners])), axis=0)
-    return SplitPolyhedra(
-        *(polyhedra, face_centres, face_corners, centres, pieces, owners),
-        face_sides=(sides[:, 0], sides[:, 1]),
-    )
+    return SplitPolyhedra(polyhedra, face_centres, face_corners, centres, pieces, owners)
 
 
 @frozen(eq=False)

@@ -168,6 +168,21 @@ def test_polyhedra_keep_their_volume_and_value(tmp_path: Path) -> None:
     assert_allclose(440.0 + 8.0 * added[:, 0], values, rtol=1e-6)
 
 
+def test_linear_fields_stay_linear_where_cells_double_in_size(tmp_path: Path) -> None:
+    axis = np.array((-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 3.0, 7.0)) / 1e3
+    grid = pv.StructuredGrid(*np.meshgrid(axis, axis, axis, indexing="ij"))
+    grid = grid.cast_to_unstructured_grid()
+    slope = np.array((8e3, -5e3, 3e3))
+    values = 440.0 + np.asarray(grid.cell_centers().points) @ slope
+    folder = write_case(tmp_path, grid, {"1": {"T": values}}, [OUTSIDE])
+    field = read_field(folder, air=Air(temperature_k=values.min()))
+    points = np.asarray(field.grid.points)
+    inner = ((points > -7.9) & (points < 6.9)).all(axis=1)
+    assert inner.sum() == 6**3
+    expected = 440.0 + points[inner] / 1e3 @ slope
+    assert_allclose(field.temperature_k[inner], expected, rtol=4 * SINGLE)
+
+
 def test_faces_with_many_corners_are_split_alike_from_both_sides(tmp_path: Path) -> None:
     """Prisms on hexagons side by side: eight faces, two of them with six corners."""
     grid = hexagons()

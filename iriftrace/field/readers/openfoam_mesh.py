@@ -21,6 +21,9 @@ from iriftrace.field.polyhedra import SplitPolyhedra, added, split_polyhedra
 _CELLS, _PATCHES, _WALLS = range(3)
 """Kinds of places from which a point can have its value, the one that counts most last."""
 
+_LEAST = 0.1
+"""Least correction of a weight."""
+
 
 @frozen(eq=False)
 class Piece:
@@ -57,11 +60,12 @@ def split_piece(grid: Any, patches: Mapping[str, Any], walls: frozenset[str]) ->
 def joined(pieces: Sequence[Piece], names: Sequence[str]) -> pv.UnstructuredGrid:
     """One grid of all pieces, joined at points that coincide exactly, with values at its points.
 
-    A point has the mean of the places around it, weighted with the inverse distance as OpenFOAM
-    does it. VTK's own translation averages the cells alone, which puts air from half a cell away
-    onto the wall. Here points on patches have values of the patches' faces only, and points on
-    walls those of the walls' faces only, so a wall of one temperature keeps it to the last digit.
-    `names` are cell arrays, scalars or vectors, that all pieces have.
+    A point has a mean of the places around it that is exact for values linear in space, so that
+    cells may double in size there. VTK's own translation averages the cells alone, which puts air
+    from half a cell away onto the wall. Here points on patches have values of the patches' faces
+    only, and points on walls those of the walls' faces only, so a wall of one temperature keeps it
+    to the last digit. Centres of faces have the means of the faces' corners. `names` are cell
+    arrays, scalars or vectors, that all pieces have.
     """
     points = np.concatenate([piece.points for piece in pieces])
     number = np.arange(len(points))
@@ -85,36 +89,80 @@ def _point_means(
     pieces: Sequence[Piece], numbers: Sequence[IntArray], count: int, names: Sequence[str]
 ) -> dict[str, FloatArray]:
     """Values at `count` points, where `numbers` are those of the points of each piece."""
-    weight = np.zeros((3, count))
+    around = [
+        _Around(kind, number[corner], owner, arm, data)
+        for piece, number in zip(pieces, numbers, strict=True)
+        for kind, corner, owner, arm, data in _corners(piece)
+    ]
+    total = np.zeros((3, count))
     first = pieces[0].grid.cell_data
     sums = {name: np.zeros((3, count, *np.shape(first[name])[1:])) for name in names}
+    for places, weight in zip(around, _weights(around, count), strict=True):
+        total[places.kind] += np.bincount(places.point, weight, minlength=count)
+        for name in names:
+            value = np.asarray(places.data[name], dtype=np.float64)[places.owner]
+            sums[name][places.kind] += added(places.point, (weight * value.T).T, count)
     for piece, number in zip(pieces, numbers, strict=True):
-        for source, corner, owner, w, data in _corners(piece):
-            at = number[corner]
-            weight[source] += np.bincount(at, w, minlength=count)
-            for name in names:
-                value = np.asarray(data[name], dtype=np.float64)
-                sums[name][source] += added(at, (w * value[owner].T).T, count)
         centroids = number[len(piece.points) - len(piece.split.cells) :]
-        weight[_CELLS, centroids] = 1.0
+        total[_CELLS, centroids] = 1.0
         for name in names:
             sums[name][_CELLS, centroids] = piece.grid.cell_data[name][piece.split.cells]
-    best = (_WALLS - (weight[::-1] > 0.0).argmax(axis=0), np.arange(count))
+    best = (_WALLS - (total[::-1] > 0.0).argmax(axis=0), np.arange(count))
     # Points that no cell uses have no weight and no value.
-    total = np.where(weight[best] > 0.0, weight[best], np.nan)
-    return {name: (rows[best].T / total).T for name, rows in sums.items()}
+    whole = np.where(total[best] > 0.0, total[best], np.nan)
+    means = {name: (rows[best].T / whole).T for name, rows in sums.items()}
+    for piece, number in zip(pieces, numbers, strict=True):
+        for faces, corners in piece.split.face_corners:
+            for values in means.values():
+                values[number[piece.grid.n_points + faces]] = values[number[corners]].mean(axis=1)
+    return means
+
+
+@frozen(eq=False)
+class _Around:
+    """Cells of a grid, or faces of a patch, around points: k pairs of a point and a place."""
+
+    kind: int  # of the places
+    point: IntArray  # (k,)
+    owner: IntArray  # (k,) cell or face
+    arm: FloatArray  # (k, 3) from the point to its centre
+    data: Any  # cell data
+
+
+def _weights(around: Sequence[_Around], count: int) -> list[FloatArray]:
+    """Weights (k,) of the places around points.
+
+    They are inverse distances times a linear function of the arms, by which the weighted mean of
+    the arms vanishes: the means of values that are linear in space are then exact (Holmes and
+    Connell, AIAA 89-1932). Where all places lie on one side the function stops at `_LEAST`.
+    """
+    moment, spread = np.zeros((3, count, 3)), np.zeros((3, count, 3, 3))
+    near = []
+    for places in around:
+        length = np.linalg.norm(places.arm, axis=1)
+        near.append(1.0 / np.maximum(length, np.finfo(float).tiny))
+        toward = near[-1][:, None] * places.arm
+        moment[places.kind] += added(places.point, toward, count)
+        for axis in range(3):
+            products = toward * places.arm[:, axis : axis + 1]
+            spread[places.kind, :, axis] += added(places.point, products, count)
+    # Faces around a point of a plane patch do not spread along its normal.
+    size = np.trace(spread, axis1=2, axis2=3)
+    floor = np.maximum(1e-9 * size, np.finfo(float).tiny)
+    slope = np.linalg.solve(spread + floor[..., None, None] * np.eye(3), moment[..., None])[..., 0]
+    return [
+        weight
+        * np.maximum(1.0 - (slope[places.kind, places.point] * places.arm).sum(axis=1), _LEAST)
+        for places, weight in zip(around, near, strict=True)
+    ]
 
 
 def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray, Any]]:
-    """Kind of source, points, cell or face, weight and cell data, for the cells and each patch."""
+    """Kind of places, points, cells or faces, arms and cell data, for the cells and each patch."""
     starts = np.asarray(piece.grid.cell_offsets, dtype=np.int64)
     corner = np.asarray(piece.grid.cell_connectivity, dtype=np.int64)
     cell = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    faces, cells = piece.split.face_sides
-    corner = np.concatenate((corner, piece.grid.n_points + faces))
-    cell = np.concatenate((cell, cells))
-    weight = _inverse_length(piece.points[corner] - piece.centres[cell])
-    yield _CELLS, corner, cell, weight, piece.grid.cell_data
+    yield _CELLS, corner, cell, piece.centres[cell] - piece.points[corner], piece.grid.cell_data
     tree = cKDTree(piece.points) if piece.patches else None
     for name, patch in piece.patches.items():
         if not patch.n_cells or tree is None:
@@ -125,14 +173,6 @@ def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray
         face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         points = np.asarray(patch.points, dtype=np.float64)
         centres = added(face, points[corner], len(starts) - 1) / np.diff(starts)[:, None]
-        weight = _inverse_length(points[corner] - centres[face])
         source = _WALLS if name in piece.walls else _PATCHES
-        yield source, tree.query(points)[1][corner], face, weight, patch.cell_data
-        fanned = np.flatnonzero(np.diff(starts) > 4)
-        at = tree.query(centres[fanned])[1]
-        yield source, at, fanned, np.ones(len(fanned)), patch.cell_data
-
-
-def _inverse_length(arms: FloatArray) -> FloatArray:
-    inverse: FloatArray = 1.0 / np.maximum(np.linalg.norm(arms, axis=1), np.finfo(float).tiny)
-    return inverse
+        arm = centres[face] - points[corner]
+        yield source, tree.query(points)[1][corner], face, arm, patch.cell_data
