@@ -13,12 +13,12 @@ from iriftrace.image.camera_motion import OUTLIER
 NEAREST = 4
 """Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
 
-WALL = 3.0
-"""Relative uncertainty of the layer at the wall, over that of the contrast that the dots see.
+ELSEWHERE = 3.0
+"""Relative uncertainty of what devices measure, over that of the contrast that the dots see.
 
-A coarse mesh errs most there, where the devices look and the board hardly does: meshes of 2.8 and
-2.2 mm at a cylinder's wall differ by 1.6 to 3.6 times as much in what devices measure, for as much
-of the dots' shifts, as all contrast in proportion.
+Devices look through other air than the board's camera. Cells of 2.8 and 2.6 mm at a cylinder's
+wall, in place of 2.2 mm, changed what devices measure by 1 to 3.8 times as much, for as much of the
+dots' shifts, as all contrast in proportion (`validation.board_twin`).
 """
 
 MOST_OUTLIERS = 0.02
@@ -102,8 +102,8 @@ class ShiftMixture:
         """(k, k) covariance of the weights, by the noise of a component and the residual.
 
         The residual counts as noise of the shifts, which scatters the weights. Its systematic part
-        counts as a step towards each of the nearest members, and as more or less contrast, `WALL`
-        times that of what the dots see. It is what the squared residual has more than that of the
+        counts as a step towards each of the nearest members, and as more or less contrast,
+        `ELSEWHERE` times that of what the dots see. It is what the squared residual has more than that of the
         noise, and two of its standard deviations, sqrt(2 / f) of it each for f degrees of freedom,
         which no residual shows.
         """
@@ -128,7 +128,7 @@ class ShiftMixture:
         found += scaled.T @ scaled
         whole = max(float(np.sqrt(np.mean((self._columns @ self.weights) ** 2))), systematic)
         return np.asarray(
-            found + (WALL * systematic / whole) ** 2 * np.outer(self.weights, self.weights)
+            found + (ELSEWHERE * systematic / whole) ** 2 * np.outer(self.weights, self.weights)
         )
 
     def _motion_of(self, weights: FloatArray) -> FloatArray:
