@@ -6,7 +6,7 @@ import time
 from statistics import median
 
 from iriftrace.camera.pose import look_at
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.render import render_scene
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.measure import measure

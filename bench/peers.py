@@ -10,7 +10,7 @@ import trimesh
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.shells.files import load_shells
 from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.render import render_scene

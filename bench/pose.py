@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from statistics import median
 
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.render import render_scene
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from statistics import median
 
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.query_replay import Recording
 
 

@@ -84,8 +84,9 @@ from .scene.build import BuiltScene as BuiltScene
 from .scene.build import build_ensemble as build_ensemble
 from .scene.build import build_scene as build_scene
 from .scene.hot_air import HotAir as HotAir
-from .scene.load import LoadedScene as LoadedScene
+from .scene.load import from_mitsuba as from_mitsuba
 from .scene.load import load_scene as load_scene
+from .scene.loaded import LoadedScene as LoadedScene
 from .scene.member_weights import MemberWeights as MemberWeights
 from .scene.scene import Scene as Scene
 from .scene.write import write_scene as write_scene

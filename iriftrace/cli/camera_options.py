@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from iriftrace.core.arrays import FloatArray
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
-    from iriftrace.scene.load import LoadedScene
+    from iriftrace.scene.loaded import LoadedScene
     from iriftrace.shells.stack import ShellStack
 
 

@@ -20,7 +20,7 @@ from iriftrace.cli.triangulation_text import (
 )
 
 if TYPE_CHECKING:
-    from iriftrace.scene.load import LoadedScene
+    from iriftrace.scene.loaded import LoadedScene
 
 
 def measure(

@@ -24,7 +24,7 @@ from iriftrace.cli.options import (
 from iriftrace.cli.trace_options import TraceOptions, check_light
 
 if TYPE_CHECKING:
-    from iriftrace.scene.load import LoadedScene
+    from iriftrace.scene.loaded import LoadedScene
     from iriftrace.trace.render import Rendering
 
 

@@ -15,7 +15,7 @@ from iriftrace.cli.options import Wavelength
 from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
-    from iriftrace.scene.load import LoadedScene
+    from iriftrace.scene.loaded import LoadedScene
 
 
 @Parameter(name="*")

@@ -25,7 +25,7 @@ from iriftrace.triangulation.scan import Scan
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.scene.load import LoadedScene
+    from iriftrace.scene.loaded import LoadedScene
 
 ANGLES_DEG = (15.0, 45.0)
 """Angles of triangulation that sensors have: less makes noise large, more hides much."""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from iriftrace.camera.camera import Camera
-    from iriftrace.scene.load import LoadedScene
+    from iriftrace.scene.loaded import LoadedScene
 
 
 SCHEMA = "iriftrace.refined_pair/1"

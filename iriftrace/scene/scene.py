@@ -21,7 +21,8 @@ from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.integrators import check_engine, found_of_shells
-from iriftrace.scene.load import LoadedEnsemble, LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
 from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
 from iriftrace.scene.wavelength import set_shells

@@ -21,7 +21,7 @@ from iriftrace.image.sightings import sight_faces
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_files, member_folder, members_of
 from iriftrace.scene.file import read_scene_file
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.rig import add_measured
 from iriftrace.trace.render import render_scene

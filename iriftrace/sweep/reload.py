@@ -24,7 +24,7 @@ from iriftrace.sweep.store import attribute, check_unchanged, scene_of, scene_of
 if TYPE_CHECKING:
     import xarray as xr
 
-    from iriftrace.scene.load import LoadedScene
+    from iriftrace.scene.loaded import LoadedScene
     from iriftrace.trace.render import Rendering
 
 

@@ -13,7 +13,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.statistics import spread
 from iriftrace.part.part import Part
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.rays import is_inside
 from iriftrace.triangulation.feature_table import found_features
 from iriftrace.triangulation.measure import measure

@@ -16,7 +16,7 @@ from iriftrace.camera.pose_set import PoseSet, push_out
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import plain
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
 from iriftrace.sweep.rig import Rig, rig_of

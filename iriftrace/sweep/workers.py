@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning, SetupError
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
 

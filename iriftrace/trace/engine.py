@@ -21,7 +21,7 @@ from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.lost import LIMIT as LOST_LIMIT
 from iriftrace.trace.pose_image import sensor_for
 

@@ -8,7 +8,7 @@ from attrs import asdict, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.engine import FEWEST
 from iriftrace.trace.pose_image import pose_image
 

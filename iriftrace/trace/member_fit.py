@@ -22,7 +22,7 @@ from iriftrace.image.measured_shift import MeasuredShift
 from iriftrace.image.shift_mixture import MOST_OUTLIERS, ShiftMixture
 from iriftrace.image.shift_noise import shift_noise
 from iriftrace.scene.ensemble import FieldMember
-from iriftrace.scene.load import LoadedEnsemble, LoadedScene
+from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.trace.engine import choose

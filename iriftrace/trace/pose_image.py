@@ -22,7 +22,7 @@ from iriftrace.image.aov_image import (
 )
 from iriftrace.image.displacement import good_mask
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.provenance import provenance
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import plain
-from iriftrace.scene.load import LoadedEnsemble, LoadedScene
+from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 
 _MOST_LISTED = 2
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.plugins.kernels.march import refracted_hits
 from iriftrace.plugins.kernels.queries import straight_hits
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 
 RECORDED = 24
 """Queries recorded of each ray; hardly one crosses more shells of the usual 13."""

@@ -15,7 +15,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import Status
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.trace.engine import choose
 

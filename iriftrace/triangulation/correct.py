@@ -21,7 +21,7 @@ from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose

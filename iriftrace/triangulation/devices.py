@@ -10,7 +10,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.triangles import cross_rows, unit_vectors
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.scene.viewpoint import refuse_one_place
 from iriftrace.trace.provenance import provenance

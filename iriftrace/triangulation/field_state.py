@@ -7,7 +7,7 @@ import math
 from attrs import frozen
 
 from iriftrace.field.source import FieldFacts, FieldKind, FieldSource
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 
 _RANGE = 2.0 * math.sqrt(3.0)
 """Range over standard deviation of a value that may lie anywhere in between (GUM, 4.3.7)."""

@@ -24,7 +24,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.scene import AnyScene
 from iriftrace.trace.engine import choose

@@ -21,7 +21,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.geometry.triangles import row_lengths, unit_vectors
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.rays import bent_ends
 
 MISS_MM = 1e-6

@@ -13,7 +13,8 @@ from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.sightings import FaceSightings, seen_by_pose, sight_faces, sightings_of
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.sweep import run_sweep
 from iriftrace.trace.render import render_scene

@@ -11,7 +11,8 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.part.part import read_part
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells

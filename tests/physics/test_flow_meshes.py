@@ -16,7 +16,8 @@ from iriftrace.field.read import read_field
 from iriftrace.field.readers.vtk_process import read_case
 from iriftrace.field.tetrahedra import OPPOSITE, Tetrahedra, tetrahedra_of
 from iriftrace.image.aov_image import Status
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.rays import trace_rays

@@ -32,7 +32,7 @@ from iriftrace.image.aov_image import (
 )
 from iriftrace.image.ray_statistics import Statistics, ensemble_metrics
 from iriftrace.part.part import save_part
-from iriftrace.scene import load as loaded_members
+from iriftrace.scene import loaded as loaded_members
 from iriftrace.scene.ensemble import read_members
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.member_weights import MemberWeights

@@ -21,7 +21,8 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.shells.stack import ShellStack

@@ -15,7 +15,8 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.planning.criteria import Criteria
 from iriftrace.planning.rank import rank_poses
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes import folder_of
 from iriftrace.triangulation.measure import measure
 

@@ -17,7 +17,8 @@ from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.sightings import sightings_of
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep.export import write_face_maps, write_table
 from iriftrace.sweep.journal import Work, open_journal

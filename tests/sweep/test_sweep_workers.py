@@ -19,7 +19,8 @@ from distributed import CancelledError, KilledWorker, LocalCluster
 from iriftrace.camera.orbit import Orbit, orbit_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.core.errors import InputError, SetupError
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes import folder_of
 from iriftrace.sweep import workers as sweep_workers
 from iriftrace.sweep.pose import PoseTask, source_of

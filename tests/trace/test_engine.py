@@ -20,7 +20,8 @@ from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
 from iriftrace.part.part import read_part
 from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import Scene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of

@@ -14,7 +14,8 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.image.aov_image import Status
 from iriftrace.image.ray_statistics import RayCounts
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab

@@ -16,7 +16,8 @@ from iriftrace.camera.pose import look_at
 from iriftrace.core.errors import InputError
 from iriftrace.image.aov_image import CHANNELS, Status, read_exr
 from iriftrace.part.part import part_of_mesh
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.scenes.analytic import slab

@@ -15,7 +15,8 @@ import pyvista as pv
 from attrs import evolve
 
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import slab
 from iriftrace.triangulation.intersection import nearest_point, on_plane

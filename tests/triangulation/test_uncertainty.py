@@ -19,7 +19,8 @@ from iriftrace.camera.pose import look_at
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.field.source import FieldFacts, FieldKind
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.scene.write_ensemble import MemberAir, write_ensemble_scene
 from iriftrace.scenes import folder_of

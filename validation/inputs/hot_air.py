@@ -18,7 +18,8 @@ from iriftrace.field.index_field import IndexField
 from iriftrace.field.path_data import cells_of
 from iriftrace.part.part import Part
 from iriftrace.plugins.kernels.tetrahedra import TetrahedralAir
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.write import write_scene
 from iriftrace.scenes.analytic import CYLINDER_RADIUS_MM, HOT_AIR_RADIUS_MM, SLAB_MM, WALL_K
 from iriftrace.shells.stack import ShellStack

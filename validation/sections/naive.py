@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.rays import trace_rays
 from validation.line import Line, Section

@@ -11,7 +11,8 @@ import numpy as np
 
 from iriftrace.core.errors import IriftraceWarning
 from iriftrace.image.aov_image import Status
-from iriftrace.scene.load import LoadedScene, load_scene
+from iriftrace.scene.load import load_scene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.pose_image import pose_image
 from iriftrace.trace.rays import trace_rays

@@ -13,7 +13,7 @@ from iriftrace.cfd.synthetic.field import synthetic_field
 from iriftrace.cfd.synthetic.model import synthetic_air
 from iriftrace.core.arrays import FloatArray
 from iriftrace.field.index_field import IndexField
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.features import fit_feature

@@ -8,7 +8,7 @@ import numpy as np
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
-from iriftrace.scene.load import LoadedScene
+from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scenes.analytic import concentric_cylinders, slab
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.measure import measure

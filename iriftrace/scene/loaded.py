@@ -1,0 +1,248 @@
+"""Scenes in memory, ready for tracing: of one field, or of an ensemble, member by member."""
+
+from __future__ import annotations
+
+import time
+import warnings
+import weakref
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import Factory, evolve, field, frozen
+from numpy.typing import NDArray
+
+from iriftrace.camera.camera import Camera
+from iriftrace.core.engines import AUTO, Bending
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.field.path_data import FIELD_FILE, FieldCells, load_field_file
+from iriftrace.field.source import FieldSource
+from iriftrace.part.part import Part
+from iriftrace.runtime import variant as runtime
+from iriftrace.scene.ensemble import (
+    FieldMember,
+    weights_of,
+)
+from iriftrace.scene.integrators import (
+    field_file,
+    found_of_field,
+    integrator_for,
+    set_wavelength,
+)
+from iriftrace.scene.member_weights import MemberWeights
+from iriftrace.shells.table import AirStatement
+
+KEPT_TRIANGLES = 10_000_000
+"""Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
+
+
+@frozen(eq=False)
+class _Lease:
+    """Frees the scene when no `LoadedScene` has it any more.
+
+    Mitsuba's scene holds its integrator, whose tables hold the scene: only one of them letting go
+    frees both.
+    """
+
+    integrator: Any
+
+    def __attrs_post_init__(self) -> None:
+        weakref.finalize(self, self.integrator.forget).atexit = False
+
+
+@frozen(eq=False)
+class LoadedScene:
+    """A scene in memory, ready to be rendered at any number of poses.
+
+    Attributes
+    ----------
+    path : Path or None
+        The XML file; None of a scene of objects (`iriftrace.Scene`).
+    part : Part
+        The measured part, mm, world.
+    part_to_world : (4, 4) array
+        What the XML does to the part's file.
+    camera : Camera
+        The scene's own (first) sensor.
+    full_resolution : (2,) tuple of int, px
+        Of that sensor's film before ``scale`` changed it.
+    variables : dict of str
+        Values that were given for the file's ``<default>`` parameters.
+    engine : str
+        ``"shells"`` or ``"cells"``.
+    wanted_engine : str
+        What was asked for, whatever the XML says; ``"auto"`` where nothing was.
+    normals : str
+        ``"gradient"`` or ``"facet"``, and for how many shells if not for all; of cells where their
+        gradient comes from.
+    bending : Bending
+        Where rays are bent.
+    index_rule : str
+        How surfaces and layers were chosen, and whether the scene still has all of them.
+    stated : AirStatement
+        What is known of the air (its state, source, index rule); nothing when the scene does not
+        say. For the cells engine air and source are those of its field.
+    load_s, build_s : float
+        Seconds for files and Mitsuba's acceleration structure, and for the tables.
+    second : Camera or None
+        The second sensor, with which points are triangulated; None where there is none.
+    second_id : str
+        Its id in the file.
+    ensemble : LoadedEnsemble or None
+        The members that are traced together, where the scene has several fields and none of them
+        was chosen. All else is then that of the first member.
+    """
+
+    path: Path | None
+    part: Part
+    part_to_world: NDArray[np.float64]
+    camera: Camera
+    full_resolution: tuple[int, ...]
+    variables: dict[str, str]
+    engine: str
+    wanted_engine: str
+    normals: str
+    bending: Bending
+    index_rule: str
+    stated: AirStatement
+    load_s: float
+    build_s: float
+    variant: str
+    mitsuba_scene: Any = field(repr=False)
+    integrator: Any = field(repr=False)
+    second: Camera | None = None
+    second_id: str = ""
+    ensemble: LoadedEnsemble | None = field(default=None, repr=False)
+    _cells: Callable[[], FieldCells] | None = field(default=None, repr=False)
+    _lease: _Lease = field(
+        repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
+    )
+
+    def __repr__(self) -> str:
+        width, height = self.camera.resolution
+        fields = "" if self.ensemble is None else f", {len(self.ensemble)} fields"
+        return (
+            f"LoadedScene({self.name}: {self.part!r}, {width} x {height} px, engine {self.engine}"
+            f"{fields}, {self.variant})"
+        )
+
+    @property
+    def name(self) -> str:
+        """What messages call the scene."""
+        return "the scene" if self.path is None else str(self.path)
+
+    @cached_property
+    def through_cells(self) -> LoadedScene | None:
+        """The same scene traced through its field's cells, which are read at the first need.
+
+        None where an engine or bending at the shells was asked for, and where the field that the
+        shells were cut from does not lie beside the scene.
+        """
+        if self.wanted_engine != AUTO or self.bending is not Bending.LAYERS:
+            return None
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", IriftraceWarning)
+            try:
+                found = self.with_cells()
+            except InputError:
+                return None
+        return found if self.same_field(found) else None
+
+    def same_field(self, other: LoadedScene) -> bool:
+        """Whether both scenes state the same file as the source of their air."""
+        own, its = (one.source.sha256 if one.source else None for one in (self, other))
+        return own == its
+
+    @property
+    def cells(self) -> FieldCells:
+        """The cells of its field; an InputError where there is none."""
+        if self.path is not None:
+            return load_field_file(field_file(self.path, self.variables))
+        assert self._cells is not None
+        return self._cells()
+
+    def with_cells(self) -> LoadedScene:
+        """The same scene traced through its field's cells in place of its shells.
+
+        InputError where there is no field.
+        """
+        started = time.perf_counter()
+        with runtime.using(self.variant):
+            if self.path is not None:
+                file = field_file(self.path, self.variables)
+                integrator = integrator_for(self.integrator, "cells", self.name, file)
+                set_wavelength(integrator, self.variables)
+            else:
+                integrator = integrator_for(self.integrator, "cells", self.name, Path(FIELD_FILE))
+                integrator.use(self.cells)
+            integrator.prepare_as(self.integrator)
+            found = found_of_field(integrator, self.stated, self.name)
+        return evolve(
+            self,
+            wanted_engine="cells",
+            integrator=integrator,
+            build_s=self.build_s + time.perf_counter() - started,
+            lease=_Lease(integrator),
+            ensemble=None if self.ensemble is None else self.ensemble.with_cells(),
+            **found,
+        )
+
+    @property
+    def source(self) -> FieldSource | None:
+        """What is known of the file that the air comes from."""
+        return self.stated.source
+
+
+class LoadedEnsemble:
+    """Members of an ensemble's scene, loaded by their numbers and traced one after the other."""
+
+    def __init__(
+        self, members: tuple[FieldMember, ...], load: Callable[[int], LoadedScene]
+    ) -> None:
+        self.members = members
+        self._load = load
+        self._kept: dict[int, LoadedScene] = {}
+        self._triangles = 0
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def with_cells(self) -> LoadedEnsemble:
+        """The same members, each traced through its field's cells."""
+
+        def load(number: int) -> LoadedScene:
+            shells = self._load(number)
+            cells = shells.with_cells()
+            if not shells.same_field(cells):
+                raise InputError(
+                    f"The field of member {number} of {shells.name} is not what its shells were "
+                    "cut from; write the scene again."
+                )
+            return cells
+
+        return LoadedEnsemble(self.members, load)
+
+    @property
+    def weights(self) -> MemberWeights:
+        """Weights of the members, in their order."""
+        return weights_of(self.members)
+
+    def scenes(self) -> Iterator[LoadedScene]:
+        """Every member's scene, in their order; what does not fit is let go after its turn."""
+        for member in self.members:
+            if member.number in self._kept:
+                yield self._kept[member.number]
+                continue
+            scene = self._load(member.number)
+            triangles = scene.stated.triangles
+            if self._triangles + triangles <= KEPT_TRIANGLES:
+                self._triangles += triangles
+                self._kept[member.number] = scene
+                yield scene
+            else:
+                try:
+                    yield scene
+                finally:
+                    scene.integrator.forget()

@@ -1,0 +1,56 @@
+"""Scenes that were made with Mitsuba itself, for the rest of the package."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import pytest
+
+import iriftrace
+import iriftrace.plugins
+from iriftrace.core.errors import InputError
+from iriftrace.scenes import folder_of
+
+SCENE = folder_of("cylinder") / "scene.xml"
+SCALE = "0.02"
+
+
+@pytest.fixture(scope="module")
+def own() -> iriftrace.LoadedScene:
+    iriftrace.plugins.register()
+    return iriftrace.from_mitsuba(mi.load_file(str(SCENE), optimize=False, scale=SCALE))
+
+
+@pytest.mark.filterwarnings("ignore::iriftrace.IriftraceWarning")
+def test_its_picture_and_rays_are_those_of_the_same_file(own: iriftrace.LoadedScene) -> None:
+    of_file = iriftrace.load_scene(SCENE, {"scale": SCALE}, engine="shells")
+    one, other = (iriftrace.render_scene(scene).image for scene in (own, of_file))
+    assert (one.channels["status.code"] == iriftrace.Status.GOOD).any()
+    assert one.channels.keys() == other.channels.keys()
+    for name, channel in one.channels.items():
+        np.testing.assert_array_equal(channel, other.channels[name], err_msg=name)
+    origins, directions = (rays[:50] for rays in own.camera.rays())
+    hits, expected = (iriftrace.trace_rays(scene, origins, directions) for scene in (own, of_file))
+    np.testing.assert_array_equal(hits.refracted, expected.refracted)
+    assert own.stated.source is None
+    assert own.part.vertices.shape == of_file.part.vertices.shape
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ({"integrator": {"type": "path"}}, "integrator PathIntegrator.*first_hit"),
+        ({"integrator": {"type": "first_hit"}}, "Your mi.Scene has no sensor"),
+    ],
+)
+def test_what_cannot_be_traced_is_refused(content: dict[str, Any], words: str) -> None:
+    iriftrace.plugins.register()
+    with pytest.raises(InputError, match=words):
+        iriftrace.from_mitsuba(mi.load_dict({"type": "scene", **content}))
+
+
+def test_a_file_is_loaded_by_another_function() -> None:
+    with pytest.raises(InputError, match=r"takes a mitsuba\.Scene.*not a str; `load_scene`"):
+        iriftrace.from_mitsuba("scene.xml")  # type: ignore[arg-type]
