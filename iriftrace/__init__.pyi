@@ -24,6 +24,8 @@ from .core.errors import InputError as InputError
 from .core.errors import IriftraceError as IriftraceError
 from .core.errors import IriftraceWarning as IriftraceWarning
 from .core.errors import SetupError as SetupError
+from .features.fit import Feature as Feature
+from .features.fit import fit_feature as fit_feature
 from .field.air_temperatures import AirTemperatures as AirTemperatures
 from .field.air_temperatures import read_air_temperatures as read_air_temperatures
 from .field.flow import AirFlow as AirFlow
@@ -113,8 +115,6 @@ from .trace.temperature_fit import fit_temperatures as fit_temperatures
 from .triangulation.correct import correct as correct
 from .triangulation.correction import Correction as Correction
 from .triangulation.correction import CorrectionStatus as CorrectionStatus
-from .triangulation.features import Feature as Feature
-from .triangulation.features import fit_feature as fit_feature
 from .triangulation.measure import measure as measure
 from .triangulation.scan import Scan as Scan
 from .triangulation.scan import ScanStatus as ScanStatus

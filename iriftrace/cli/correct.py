@@ -86,11 +86,11 @@ def correct(
     figures
         Draw what was taken out, and the deviation from the part, into a .png next to the output.
     """
+    from iriftrace.clouds.read import read_cloud
+    from iriftrace.features.table import check_choices
     from iriftrace.geometry.transform import apply, parse_transform, rigid_motion
     from iriftrace.scene.file import require_scene
-    from iriftrace.triangulation.cloud import read_cloud
     from iriftrace.triangulation.correct import correct as take_out
-    from iriftrace.triangulation.feature_table import check_choices
 
     check_input(cloud, scene, cloud_to_part)
     require_scene(scene)

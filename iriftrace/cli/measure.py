@@ -77,8 +77,8 @@ def write_scan(
     gate: float | None = 3.5,
 ) -> None:
     """Simulate the measurement of a scene's two devices, write its files and say what it found."""
+    from iriftrace.features.table import check_choices
     from iriftrace.triangulation.acceptance import acceptance as accepted
-    from iriftrace.triangulation.feature_table import check_choices
     from iriftrace.triangulation.measure import measure as simulate
 
     check_choices(feature or (), loaded.part)

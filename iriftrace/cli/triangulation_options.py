@@ -34,7 +34,7 @@ Features = Annotated[
 
 
 def _read_gate(text: str, option: str) -> float | None:
-    from iriftrace.triangulation.outliers import check_gate
+    from iriftrace.features.outliers import check_gate
 
     gate = None if text.strip().lower() == "none" else numbers(text, 1, option)[0]
     check_gate(gate)
@@ -66,7 +66,7 @@ Kelvins = Annotated[float | None, word_parameter("NUMBER K", _read_kelvins)]
 
 def check_cloud_output(output: Path, example: str) -> None:
     """Refuse before the work a cloud that could not be written after it."""
-    from iriftrace.triangulation.cloud_write import WRITTEN, check_cloud_name
+    from iriftrace.clouds.write import WRITTEN, check_cloud_name
 
     check_output(output, example, *WRITTEN)
     check_cloud_name(output)

@@ -10,7 +10,7 @@ from rich.table import Table
 from iriftrace.cli.console import out, say
 from iriftrace.cli.options import celsius
 from iriftrace.core.units import ZERO_CELSIUS_K
-from iriftrace.triangulation.relations import value_key
+from iriftrace.features.relations import value_key
 
 MOST_LINES = 12
 """Distances and angles, and regions, that are printed; the JSON file has all."""

@@ -103,9 +103,9 @@ class ShiftMixture:
 
         The residual counts as noise of the shifts, which scatters the weights. Its systematic part
         counts as a step towards each of the nearest members, and as more or less contrast,
-        `ELSEWHERE` times that of what the dots see. It is what the squared residual has more than that of the
-        noise, and two of its standard deviations, sqrt(2 / f) of it each for f degrees of freedom,
-        which no residual shows.
+        `ELSEWHERE` times that of what the dots see. It is what the squared residual has more than
+        that of the noise, and two of its standard deviations, sqrt(2 / f) of it each for f degrees
+        of freedom, which no residual shows.
         """
         count = len(self.weights)
         found = np.zeros((count, count))

@@ -10,6 +10,7 @@ from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.features.table import chosen_points, surface_kind
 from iriftrace.part.part import Part
 from iriftrace.planning.candidates import ranked_region
 from iriftrace.planning.criteria import STANDARD, Criteria
@@ -18,7 +19,6 @@ from iriftrace.planning.rank import limits_of
 from iriftrace.sweep.reload import load_swept_scene, swept_part
 from iriftrace.sweep.store import WHOLE_PART
 from iriftrace.triangulation.devices import System
-from iriftrace.triangulation.feature_table import chosen_points, surface_kind
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan
 

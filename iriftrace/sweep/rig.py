@@ -12,10 +12,10 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.statistics import spread
+from iriftrace.features.table import found_features
 from iriftrace.part.part import Part
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.rays import is_inside
-from iriftrace.triangulation.feature_table import found_features
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
 

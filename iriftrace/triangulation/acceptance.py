@@ -14,8 +14,8 @@ import numpy as np
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.features.fit import fit_feature
 from iriftrace.part.part import Part
-from iriftrace.triangulation.features import fit_feature
 
 
 def acceptance(features: Sequence[Mapping[str, Any]], part: Part) -> list[dict[str, Any]]:

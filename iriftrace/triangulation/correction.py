@@ -12,22 +12,22 @@ from attrs import asdict, field, frozen
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from iriftrace.clouds.read import Cloud
+from iriftrace.clouds.write import by_axis, save_cloud
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.statistics import spread
 from iriftrace.core.units import length_factor
+from iriftrace.features.cold_size import ColdSizes
+from iriftrace.features.outliers import GATE
+from iriftrace.features.relations import relations, value_key, value_unit
+from iriftrace.features.table import feature_table
 from iriftrace.geometry.transform import apply
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.triangulation.cloud import Cloud
-from iriftrace.triangulation.cloud_write import by_axis, save_cloud
-from iriftrace.triangulation.cold_size import ColdSizes
-from iriftrace.triangulation.feature_table import feature_table
 from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
-from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
-from iriftrace.triangulation.relations import relations, value_key, value_unit
 from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
 
 SCHEMA = "iriftrace.correction/1"
@@ -285,7 +285,7 @@ class Correction:
         Raises
         ------
         InputError
-            If the name ends in none of `iriftrace.triangulation.cloud_write.WRITTEN`.
+            If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
         """
         moved = np.eye(4) if motion is None else motion
         unit = cloud.unit if cloud is not None and in_cloud_frame else "mm"

@@ -11,16 +11,16 @@ from attrs import Factory, frozen
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
+from iriftrace.clouds.write import by_axis, save_cloud
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.statistics import spread
+from iriftrace.features.cold_size import ColdSizes
+from iriftrace.features.outliers import GATE
+from iriftrace.features.relations import relations, value_key, value_unit
+from iriftrace.features.table import feature_table
 from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.triangulation.cloud_write import by_axis, save_cloud
-from iriftrace.triangulation.cold_size import ColdSizes
-from iriftrace.triangulation.feature_table import feature_table
-from iriftrace.triangulation.outliers import GATE
 from iriftrace.triangulation.region_table import region_table
-from iriftrace.triangulation.relations import relations, value_key, value_unit
 from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
 
 SCHEMA = "iriftrace.scan/1"
@@ -247,7 +247,7 @@ class Scan:
         Raises
         ------
         InputError
-            If the name ends in none of `iriftrace.triangulation.cloud_write.WRITTEN`.
+            If the name ends in none of `iriftrace.clouds.write.WRITTEN`.
         """
         values = self.as_dict() | {
             "features": list(features),

@@ -144,7 +144,7 @@ def test_numbers_replace_no_file_of_the_users(
 def test_corners_of_an_stl_count_once(tmp_path: Path) -> None:
     import trimesh
 
-    from iriftrace.triangulation.cloud import read_cloud
+    from iriftrace.clouds.read import read_cloud
 
     trimesh.creation.icosphere(2).export(tmp_path / "ball.stl")
     with pytest.warns(UserWarning, match="does not say from which"):
@@ -152,8 +152,8 @@ def test_corners_of_an_stl_count_once(tmp_path: Path) -> None:
 
 
 def test_a_cloud_of_no_points_says_so(tmp_path: Path) -> None:
+    from iriftrace.clouds.read import read_cloud
     from iriftrace.core.errors import InputError
-    from iriftrace.triangulation.cloud import read_cloud
 
     empty = tmp_path / "empty.ply"
     properties = "".join(f"property float {axis}\n" for axis in "xyz")

@@ -18,7 +18,9 @@ from attrs import evolve
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.camera.pose import look_at
+from iriftrace.clouds.read import read_cloud
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.features.fit import fit_feature
 from iriftrace.field.read import read_field
 from iriftrace.geometry.ply import read_ply
 from iriftrace.image.aov_image import Status
@@ -29,10 +31,8 @@ from iriftrace.scene.write import write_scene
 from iriftrace.scenes import folder_of
 from iriftrace.shells.contour import contour_shells
 from iriftrace.trace.rays import trace_rays
-from iriftrace.triangulation.cloud import read_cloud
 from iriftrace.triangulation.correct import correct
 from iriftrace.triangulation.correction import CorrectionStatus
-from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan, ScanStatus
 from validation.inputs import hot_block

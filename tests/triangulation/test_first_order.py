@@ -7,11 +7,11 @@ import pytest
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose import look_at
+from iriftrace.features.fit import fit_feature
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.scene.load import load_scene
 from iriftrace.scenes import folder_of
 from iriftrace.trace.rays import trace_rays
-from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.first_order import first_order_error, first_order_size
 from iriftrace.triangulation.measure import measure
 

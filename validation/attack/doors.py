@@ -22,6 +22,8 @@ from iriftrace.camera.pose_files import read_poses, write_poses
 from iriftrace.camera.pose_set import PoseSet
 from iriftrace.camera.stereo import read_stereo_calibration
 from iriftrace.cli import main
+from iriftrace.clouds.read import read_cloud
+from iriftrace.clouds.write import save_cloud
 from iriftrace.field.path_data import FIELD_FILE, load_field_file
 from iriftrace.field.read import read_field
 from iriftrace.image.aov_image import read_exr
@@ -35,8 +37,6 @@ from iriftrace.studies.study import SCHEMA as STUDY_SCHEMA
 from iriftrace.studies.study import read_study
 from iriftrace.sweep.journal import Piece, Work, journal_of, open_journal
 from iriftrace.sweep.store import read_sweep
-from iriftrace.triangulation.cloud import read_cloud
-from iriftrace.triangulation.cloud_write import save_cloud
 from validation.field_files import cgns, comsol, ensight, exodus
 from validation.field_files.openfoam import write_case
 from validation.field_files.openfoam_mesh import Patch

@@ -12,11 +12,11 @@ from iriftrace.camera.camera import Camera
 from iriftrace.cfd.synthetic.field import synthetic_field
 from iriftrace.cfd.synthetic.model import synthetic_air
 from iriftrace.core.arrays import FloatArray
+from iriftrace.features.fit import fit_feature
 from iriftrace.field.index_field import IndexField
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.shells.contour import contour_shells
 from iriftrace.triangulation.correct import correct
-from iriftrace.triangulation.features import fit_feature
 from iriftrace.triangulation.measure import measure
 from iriftrace.triangulation.scan import Scan
 from validation.inputs.scene_rays import loaded

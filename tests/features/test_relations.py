@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import IriftraceWarning
+from iriftrace.features.relations import relations, value_key
+from iriftrace.features.table import feature_table
 from iriftrace.part.part import Part, part_of_mesh
-from iriftrace.triangulation.feature_table import feature_table
 from iriftrace.triangulation.region_table import region_table
-from iriftrace.triangulation.relations import relations, value_key
 
 
 def box() -> Part:

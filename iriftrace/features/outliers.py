@@ -6,7 +6,7 @@ import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
-from iriftrace.triangulation.features import FEWEST, FLAT, SAMPLE, Feature, fit_feature
+from iriftrace.features.fit import FEWEST, FLAT, SAMPLE, Feature, fit_feature
 
 GATE = 3.5
 """Robust standard deviations beyond which a point is an outlier: a choice. One of 2,150 points of

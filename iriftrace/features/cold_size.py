@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from iriftrace.features.fit import fit_feature
+from iriftrace.features.relations import relations, value_key
+from iriftrace.features.table import feature_row
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
-from iriftrace.triangulation.feature_table import feature_row
-from iriftrace.triangulation.features import fit_feature
-from iriftrace.triangulation.relations import relations, value_key
 
 Rows = list[dict[str, Any]]
 

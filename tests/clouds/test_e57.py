@@ -9,9 +9,9 @@ import numpy as np
 import pye57
 import pytest
 
+from iriftrace.clouds import e57
+from iriftrace.clouds.read import read_cloud
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.triangulation import e57
-from iriftrace.triangulation.cloud import read_cloud
 
 SINGLE_MM = 8e-6
 """What pye57 leaves of coordinates below 0.13 m, which it writes in single precision."""

@@ -11,12 +11,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.features.fit import Feature, fit_feature
+from iriftrace.features.outliers import inliers
+from iriftrace.features.table import feature_table, found_features, surface_kind
 from iriftrace.part.part import Part, read_part
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.scenes import folder_of
-from iriftrace.triangulation.feature_table import feature_table, found_features, surface_kind
-from iriftrace.triangulation.features import Feature, fit_feature
-from iriftrace.triangulation.outliers import inliers
 
 AXIS = np.array((0.2, -0.5, 0.8)) / np.linalg.norm((0.2, -0.5, 0.8))
 PLACE = np.array((120.0, -45.0, 33.0))

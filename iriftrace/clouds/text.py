@@ -12,16 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.number_table import is_numbers, numbers, separator_of, with_exponents
-from iriftrace.triangulation.columns import (
+from iriftrace.clouds.columns import (
     MARKS,
     columns_of_points,
     header_of,
     refuse_corrected,
     unit_of,
 )
+from iriftrace.core.arrays import FloatArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.number_table import is_numbers, numbers, separator_of, with_exponents
 
 _WORD = "nan"
 _QUOTES = str.maketrans("", "", "\"'")

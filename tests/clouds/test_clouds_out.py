@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from iriftrace.clouds.e57 import read_e57
+from iriftrace.clouds.read import Cloud, read_cloud
+from iriftrace.clouds.write import WRITTEN
 from iriftrace.core.errors import InputError
 from iriftrace.geometry.ply import read_ply
 from iriftrace.geometry.transform import apply
-from iriftrace.triangulation.cloud import Cloud, read_cloud
-from iriftrace.triangulation.cloud_write import WRITTEN
 from iriftrace.triangulation.correction import Correction, CorrectionStatus
-from iriftrace.triangulation.e57 import read_e57
 
 RNG = np.random.default_rng(4)
 ROWS = RNG.uniform(-80, 80, (12, 3))

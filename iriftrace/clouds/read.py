@@ -12,17 +12,17 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.units import length_factor
-from iriftrace.geometry.ply import read_ply
-from iriftrace.triangulation.cloud_text import read_table
-from iriftrace.triangulation.columns import (
+from iriftrace.clouds.columns import (
     axis_of,
     chosen_columns,
     refuse_corrected,
     unit_of,
 )
+from iriftrace.clouds.text import read_table
+from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.units import length_factor
+from iriftrace.geometry.ply import read_ply
 
 TEXT = (".xyz", ".asc", ".txt", ".csv", ".pts")
 MESHES = (".ply", ".stl", ".obj")
@@ -187,7 +187,7 @@ def _rows(
         data = read_file(file)
         points, columns = np.asarray(data.points, dtype=np.float64), dict(data.point_data)
     elif kind == ".e57":
-        from iriftrace.triangulation.e57 import read_e57
+        from iriftrace.clouds.e57 import read_e57
 
         points, columns = read_e57(file)
     elif kind in MESHES:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from attrs import evolve
 
+from iriftrace.features.cold_size import ColdSizes
+from iriftrace.features.relations import relations
+from iriftrace.features.table import feature_table
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.shapes.cylinder import cylinder
-from iriftrace.triangulation.cold_size import ColdSizes
-from iriftrace.triangulation.feature_table import feature_table
-from iriftrace.triangulation.relations import relations
 
 STEEL = Growth(14e-6, 293.15, 1323.15)
 

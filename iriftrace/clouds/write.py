@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from iriftrace.clouds.e57 import check_e57, write_e57
+from iriftrace.clouds.read import AXES
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.ply import write_ply_points
-from iriftrace.triangulation.cloud import AXES
-from iriftrace.triangulation.e57 import check_e57, write_e57
 
 TEXT_WRITTEN = (".asc", ".xyz", ".txt", ".csv")
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.part.part import Part
-from iriftrace.triangulation.features import (
+from iriftrace.features.fit import (
     FEWEST,
     SAMPLE,
     Feature,
@@ -21,7 +20,8 @@ from iriftrace.triangulation.features import (
     check_kind,
     fit_feature,
 )
-from iriftrace.triangulation.outliers import GATE, check_gate, inliers
+from iriftrace.features.outliers import GATE, check_gate, inliers
+from iriftrace.part.part import Part
 
 FOUND_KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere")
 """Surfaces that regions are taken for, the first that fits: a plane fits as a wide cylinder too, a

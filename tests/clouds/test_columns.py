@@ -10,9 +10,9 @@ import pytest
 import pyvista as pv
 from numpy.testing import assert_allclose
 
+from iriftrace.clouds.columns import axis_of, is_corrected
+from iriftrace.clouds.read import read_cloud
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.triangulation.cloud import read_cloud
-from iriftrace.triangulation.columns import axis_of, is_corrected
 
 POINTS = np.random.default_rng(1).uniform(-100, 100, (20, 10))
 """Coordinates in the first three columns, other quantities in the rest."""
@@ -135,7 +135,7 @@ def test_columns_are_chosen_by_name_or_number(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ending", ["vtp", "ply"])
 def test_columns_of_meshes_are_chosen_too(ending: str, tmp_path: Path) -> None:
-    from iriftrace.triangulation.cloud_write import save_cloud
+    from iriftrace.clouds.write import save_cloud
 
     columns = {f"mean_{axis}": POINTS[:, i] for i, axis in enumerate("xyz")}
     values = {"schema": "", "assumptions": {"field_origin": ""}}

@@ -1,0 +1,1 @@
+"""Clouds of measured points: files of other programs, read and written."""
