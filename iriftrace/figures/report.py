@@ -24,7 +24,7 @@ from iriftrace.planning.texts import (
     RankingTable,
     alternative_text,
     front_table,
-    ranked_by,
+    in_words,
     ranking_table,
     stability_text,
     views_table,
@@ -118,6 +118,7 @@ def report_content(
     part = name_of(attribute(dataset, "part"))
     of_it = "" if region == "part" else f", and of it the region {region},"
     device = "camera" if summary.devices is None else "sensor"
+    weights = plan.criteria.weights
     best = plan.best
     setting = setting_of(summary.varied, best)
     return ReportContent(
@@ -126,18 +127,18 @@ def report_content(
             f"From where should the {device} look at {part}{of_it} to measure it best through the "
             "hot air around it? Every pose of a sweep was traced through the hot air; the score is "
             + " + ".join(
-                f"{weight:g} {'(1 - coverage)' if name == 'coverage' else name}"
-                for name, weight in plan.criteria.weights.items()
-                if weight
+                f"{weights[metric.key]:g} "
+                + ("(1 - coverage)" if metric.key == "coverage" else in_words(metric))
+                for metric in summary.metrics
+                if weights[metric.key]
             )
-            + " of the normalised metrics, the smaller the better "
-            f"({ranked_by(summary)})."
+            + ", each normalised to 0 to 1, the smaller the better."
         ),
         answer=(
             f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} "
             f"ranked poses, with the score {plan.score[best]:.3f}: "
             + ", ".join(
-                f"{quantity.title[0].lower()}{quantity.title[1:]} "
+                f"{in_words(quantity)} "
                 + (
                     f"0 ({FRONTAL})"
                     if quantity is summary.axial and summary.sees_frontally(best)

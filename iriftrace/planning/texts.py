@@ -93,10 +93,11 @@ def _flags_met(given: BoolArray) -> list[Flag]:
 def ranked_by(summary: SweepSummary) -> str:
     """Names of the metrics that have a weight, for sentences."""
     needed = summary.plan.criteria.needed
-    return ", ".join(_in_words(metric) for metric in summary.metrics if metric.key in needed)
+    return ", ".join(in_words(metric) for metric in summary.metrics if metric.key in needed)
 
 
-def _in_words(metric: Quantity) -> str:
+def in_words(metric: Quantity) -> str:
+    """Name of a metric for the middle of a sentence."""
     return f"{metric.title[0].lower()}{metric.title[1:]}"
 
 
@@ -111,7 +112,7 @@ def least_error_text(summary: SweepSummary) -> str | None:
         for quantity in (summary.displacement, summary.coverage)
     )
     return (
-        f"Pose {least} has the least {_in_words(summary.displacement)}, {error[0]:.4g} "
+        f"Pose {least} has the least {in_words(summary.displacement)}, {error[0]:.4g} "
         f"{summary.displacement.unit} instead of {error[1]:.4g}, and sees {seen[0]:.3g} % of "
         f"{_region(summary)} instead of {seen[1]:.3g} % (--criterion {plan.criteria.criterion} "
         "ranks by the error alone)."
