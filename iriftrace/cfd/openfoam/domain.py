@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+
 import numpy as np
 from attrs import frozen
 
+from iriftrace.cfd.openfoam.draught import Lean
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
@@ -155,11 +159,13 @@ def domain_around(
     mirrors: str = "",
     margin: float = 1.0,
     floor: float | None = None,
+    leaning: Sequence[Lean] = (),
 ) -> Domain:
     """Lay out the air around a part, gravity along -z; an InputError if there are too many cells.
 
     Along the axes in `mirrors` ("", "x", "y" or "xy") only the upper half is computed; `margin` is
-    a factor on the air around the part, which ends at the height z of the `floor`, mm.
+    a factor on the air around the part, which ends at the height z of the `floor`, mm. The mesh is
+    fine in plumes that rise straight up, and in those `leaning`.
     """
     low, high = part.bounds
     centre, half = part.centre, 0.5 * (high - low)
@@ -202,7 +208,10 @@ def domain_around(
         upper=_triple(upper),
         cells=tuple(cells.round().astype(int).tolist()),
         planes={name: float(centre["xy".index(name)]) for name in mirrors},
-        boxes=_boxes(part, size, scale, float(upper[2])),
+        boxes=(
+            *_boxes(part, size, scale, float(upper[2])),
+            *(box for lean in leaning for box in _leaning_boxes(part, size, scale, lean)),
+        ),
         distances=((max(5.0, 4 * wall), WALL_LEVEL), (max(14.0, 10 * wall), WALL_LEVEL - 1)),
         probes=tuple(_triple(above + np.array((0.0, 0.0, z * scale))) for z in _PROBES),
         point_in_air=_triple(inside),
@@ -225,7 +234,7 @@ def _check_floor(floor: float, part: Part, lowest: float) -> None:
 def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, ...]:
     """Near the part, far around it and in its plume, each finer than the last."""
     low, high = part.bounds
-    bottom, plume_top = float(part.centre[2]), float(high[2] + (_KEPT_ABOVE + 22.0) * scale)
+    bottom, plume_top = _plume_ends(part, scale)
     near = 24.0 * scale
     far = np.array([75.0, 75.0, 65.0]) * scale
     return (
@@ -238,12 +247,34 @@ def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, .
     )
 
 
+def _leaning_boxes(part: Part, size: MeshSize, scale: float, lean: Lean) -> Iterator[Box]:
+    """Layers of boxes in which plumes lean, as fine as for one that rises, as far as is kept."""
+    low, high = (bound[:2] for bound in part.bounds)
+    kept = _KEPT_SIDES * scale
+    bottom, top = _plume_ends(part, scale)
+    downwind = np.array(lean.downwind)
+    ends = np.linspace(bottom, top, max(int((top - bottom) / size.background), 1) + 1)
+    for below, above in itertools.pairwise(ends):
+        least = downwind * lean.least * (below - bottom)
+        most = downwind * lean.most * (above - bottom)
+        lower = np.maximum(low + np.minimum(least, most), low - kept)
+        upper = np.minimum(high + np.maximum(least, most), high + kept)
+        if (lower < upper).all():
+            corners = (*lower.tolist(), below), (*upper.tolist(), above)
+            yield Box(_triple(corners[0]), _triple(corners[1]), WALL_LEVEL - 1)
+
+
+def _plume_ends(part: Part, scale: float) -> tuple[float, float]:
+    """Heights z, mm, between which the mesh is fine in a plume."""
+    return float(part.centre[2]), float(part.bounds[1][2] + (_KEPT_ABOVE + 22.0) * scale)
+
+
 def _whole(lengths: FloatArray, cell: float) -> FloatArray:
     """Lengths as whole cells, up."""
     whole: FloatArray = np.ceil(lengths / cell - 1e-9) * cell
     return whole
 
 
-def _triple(values: FloatArray) -> tuple[float, float, float]:
+def _triple(values: Iterable[float]) -> tuple[float, float, float]:
     x, y, z = (round(float(value), 6) for value in values)
     return x, y, z
