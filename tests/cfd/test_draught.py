@@ -148,8 +148,10 @@ def test_mesh_is_fine_where_winds_lean_the_plume(cylinder: Part) -> None:
             for case in (still, alone, member)
         ]
         assert in_plume == [False, True, True]
-    kept = np.array(alone.domain.kept_lower), np.array(alone.domain.kept_upper)
-    assert all((box.lower >= kept[0] - 20.0).all() for box in alone.domain.boxes[3:])
+    kept = np.array((still.domain.kept_lower, alone.domain.kept_lower, still.domain.kept_upper))
+    assert kept[1, 1] < kept[0, 1] - 30.0, "more air to the lee"
+    assert np.array_equal(alone.domain.kept_upper, kept[2])
+    assert all(box.lower[1] > kept[1, 1] - 20.0 for box in alone.domain.boxes[3:])
 
 
 def test_draughts_of_one_direction_lean_together() -> None:

@@ -28,6 +28,8 @@ _SIDES, _ABOVE, _BELOW = 140.0, 300.0, 110.0
 _REFERENCE_LENGTH = 170.0
 _KEPT_SIDES, _KEPT_ABOVE = 60.0, 150.0
 """Part of it that the field's file keeps: the lines of sight pass there."""
+_KEPT_LEE = 50.0
+"""More of it on a side to which plumes lean, at most."""
 # A hundred times the cells that the finest resolution needs; all of them exist before any is cut.
 _MOST_CELLS = 1e7
 # Heights above the part's top at which the plume's temperature is watched, mm.
@@ -192,8 +194,9 @@ def domain_around(
         # Cells that are a little lower or higher, so that whole ones stand on the floor.
         cells[2] = max(round((upper[2] - floor) / h), 1)
     # Whole cells as well, so that the field ends in planes.
-    kept_down = _whole(half + scale * _KEPT_SIDES, h)
-    kept_up = _whole(half + scale * np.array((_KEPT_SIDES, _KEPT_SIDES, _KEPT_ABOVE)), h)
+    sides = _kept_sides(leaning)
+    kept_down = _whole(half + scale * np.array((*sides[0], _KEPT_SIDES)), h)
+    kept_up = _whole(half + scale * np.array((*sides[1], _KEPT_ABOVE)), h)
     kept_lower, kept_upper = centre - kept_down, centre + kept_up
     if floor is not None:
         height = (upper[2] - floor) / cells[2]
@@ -210,7 +213,11 @@ def domain_around(
         planes={name: float(centre["xy".index(name)]) for name in mirrors},
         boxes=(
             *_boxes(part, size, scale, float(upper[2])),
-            *(box for lean in leaning for box in _leaning_boxes(part, size, scale, lean)),
+            *(
+                box
+                for lean in leaning
+                for box in _leaning_boxes(part, size, scale, scale * sides, lean)
+            ),
         ),
         distances=((max(5.0, 4 * wall), WALL_LEVEL), (max(14.0, 10 * wall), WALL_LEVEL - 1)),
         probes=tuple(_triple(above + np.array((0.0, 0.0, z * scale))) for z in _PROBES),
@@ -247,18 +254,28 @@ def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, .
     )
 
 
-def _leaning_boxes(part: Part, size: MeshSize, scale: float, lean: Lean) -> Iterator[Box]:
-    """Layers of boxes in which plumes lean, as fine as for one that rises, as far as is kept."""
+def _kept_sides(leaning: Sequence[Lean]) -> FloatArray:
+    """Air that is kept beside the part, mm, of one of usual size: below and above in x, y."""
+    sides = np.full((2, 2), _KEPT_SIDES)
+    for lean in leaning:
+        reach = min(lean.most * _KEPT_ABOVE, _KEPT_LEE) * np.array(lean.downwind)
+        sides = np.maximum(sides, _KEPT_SIDES + np.stack((-reach, reach)))
+    return sides
+
+
+def _leaning_boxes(
+    part: Part, size: MeshSize, scale: float, sides: FloatArray, lean: Lean
+) -> Iterator[Box]:
+    """Layers of boxes in which plumes lean, as fine as for one that rises, in the air kept."""
     low, high = (bound[:2] for bound in part.bounds)
-    kept = _KEPT_SIDES * scale
     bottom, top = _plume_ends(part, scale)
     downwind = np.array(lean.downwind)
     ends = np.linspace(bottom, top, max(int((top - bottom) / size.background), 1) + 1)
     for below, above in itertools.pairwise(ends):
         least = downwind * lean.least * (below - bottom)
         most = downwind * lean.most * (above - bottom)
-        lower = np.maximum(low + np.minimum(least, most), low - kept)
-        upper = np.minimum(high + np.maximum(least, most), high + kept)
+        lower = np.maximum(low + np.minimum(least, most), low - sides[0])
+        upper = np.minimum(high + np.maximum(least, most), high + sides[1])
         if (lower < upper).all():
             corners = (*lower.tolist(), below), (*upper.tolist(), above)
             yield Box(_triple(corners[0]), _triple(corners[1]), WALL_LEVEL - 1)
