@@ -294,8 +294,8 @@ def _share_of_noisy(
 
     Next to a rim, and where a line of sight grazes the part, a few micrometres into the material
     hide a point and as many out of it do not, so that a hole of the points that are left would be
-    too small. So the face is the nearest one, and points that seem hidden or far, or to lie on another
-    region, are judged as if they lay on it.
+    too small. So the face is the nearest one, and points that seem hidden or far, or to lie on
+    another region, are judged as if they lay on it.
     """
     error, status, face = _air_share(measured, loaded, camera, second, system, phase)
     place = measured - error

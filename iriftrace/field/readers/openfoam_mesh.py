@@ -29,7 +29,7 @@ _LEAST = 0.1
 class Piece:
     """A mesh as it was read, whole or from one processor, and in linear cells."""
 
-    grid: Any  # pyvista.UnstructuredGrid with cell data
+    grid: pv.UnstructuredGrid  # pyvista.UnstructuredGrid with cell data
     patches: Mapping[str, Any]  # pyvista.PolyData with cell data of the patches that state values
     walls: frozenset[str]  # names of those that are walls
     # (n + f + p, 3), the mesh's points, the centres of its f faces with more than four corners
@@ -40,7 +40,9 @@ class Piece:
     split: SplitPolyhedra
 
 
-def split_piece(grid: Any, patches: Mapping[str, Any], walls: frozenset[str]) -> Piece:
+def split_piece(
+    grid: pv.UnstructuredGrid, patches: Mapping[str, Any], walls: frozenset[str]
+) -> Piece:
     """Split the polyhedra of a grid; its other cells stay.
 
     The gradients of a cell's parts then start from its own value at its own centroid, whereas
