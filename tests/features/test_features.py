@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.features.fit import Feature, fit_feature
 from iriftrace.features.outliers import inliers
-from iriftrace.geometry.query import Surface
 from iriftrace.features.table import feature_table, found_features, surface_kind
+from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part, read_part
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.scenes import folder_of
