@@ -12,6 +12,8 @@ from pathlib import Path
 os.environ["PYVISTA_OFF_SCREEN"] = "true"
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.pop("IRIFTRACE_VARIANT", None)
+# Tests run side by side; the threads of one would only wait for those of the other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import hypothesis
 import pytest
@@ -48,6 +50,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if SYSTEM_TESTS in item.path.parents:
             item.add_marker(pytest.mark.system)
+
+
+def pytest_collection_finish() -> None:
+    """Modules and tests stay to the end, so that no collection of garbage has to look at them."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import prod
 
-import h5netcdf
+import h5py
 
 from iriftrace.core.files import MOST_PACKED
 
@@ -19,14 +19,20 @@ _ROWS = 1 << 20
 
 def read_through(path: str, size: int) -> None:
     """Read all attributes and variables, part by part; there is nothing to hand over."""
-    with h5netcdf.File(path, "r") as file:
+    with h5py.File(path, "r") as file:
         dict(file.attrs)
-        stated = sum(prod(v.shape) * v.dtype.itemsize for v in file.variables.values())
+        variables = [found for found in file.values() if _is_variable(found)]
+        stated = sum(prod(v.shape) * v.dtype.itemsize for v in variables)
         if stated > _SMALL + MOST_PACKED * size:
             raise ValueError(f"its {size:,} bytes would unpack to {stated:,}")
-        for variable in file.variables.values():
-            dict(variable.attrs)
+        for variable in variables:
             if not variable.shape:
                 variable[...]
             for start in range(0, variable.shape[0] if variable.shape else 0, _ROWS):
                 variable[start : start + _ROWS]
+
+
+def _is_variable(found: h5py.HLObject) -> bool:
+    """True for what netCDF takes for a variable: no group, and no dimension without values."""
+    name = str(dict(found.attrs).get("NAME", ""))
+    return isinstance(found, h5py.Dataset) and "This is a netCDF dimension" not in name

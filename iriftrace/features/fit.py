@@ -7,7 +7,7 @@ Levenberg and Marquardt's method by SciPy.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from attrs import evolve, frozen
@@ -215,18 +215,25 @@ def _algebraic_sphere(points: FloatArray, root: FloatArray) -> tuple[FloatArray,
     return centre, float(np.sqrt(max(rest + centre @ centre, 0.0)))
 
 
+_Of = Callable[[FloatArray], FloatArray]
+"""Function of a feature's parameters."""
+
+
 def _solved(
-    residuals: Callable[[FloatArray], FloatArray], start: Sequence[float], radius: int
+    residuals: _Of, slopes: _Of | Literal["2-point"], start: Sequence[float], radius: int
 ) -> tuple[FloatArray, float]:
     """Parameters of least squares, to 1e-12 of the points' extent, and u of twice the radius.
 
-    `radius` is the parameter's number.
+    `slopes` gives the derivatives of the residuals; `radius` is the parameter's number.
     """
     exact = 1e-13
-    found = least_squares(residuals, start, method="lm", xtol=exact, ftol=exact, gtol=exact)
+    found = least_squares(
+        residuals, start, jac=slopes, method="lm", xtol=exact, ftol=exact, gtol=exact
+    )
     variance = 2 * found.cost / max(len(found.fun) - len(start), 1)
-    inverse = np.linalg.pinv(found.jac.T @ found.jac)[radius, radius]
-    return np.asarray(found.x, dtype=np.float64), 2 * float(np.sqrt(variance * inverse))
+    inverse = np.linalg.pinv(np.linalg.qr(found.jac, mode="r"))[radius]
+    doubt = 2 * float(np.sqrt(variance) * np.linalg.norm(inverse))
+    return np.asarray(found.x, dtype=np.float64), doubt
 
 
 def _sphere(points: FloatArray, root: FloatArray) -> Feature:
@@ -235,7 +242,7 @@ def _sphere(points: FloatArray, root: FloatArray) -> Feature:
     def residuals(values: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(points - values[:3], axis=1) - values[3])
 
-    best, doubt = _solved(lambda v: root * residuals(v), (*centre, radius), radius=3)
+    best, doubt = _solved(lambda v: root * residuals(v), "2-point", (*centre, radius), radius=3)
     return Feature("sphere", best[:3], None, 2 * float(best[3]), doubt, None, residuals(best))
 
 
@@ -265,10 +272,63 @@ def _circle(points: FloatArray, root: FloatArray) -> Feature:
 
     start = (*(centre @ frame[:2]), 0.0, 0.0, radius)
     twice = np.tile(root, 2)
-    best, doubt = _solved(lambda v: twice * np.concatenate(parts(v)), start, radius=5)
+    best, doubt = _solved(lambda v: twice * np.concatenate(parts(v)), "2-point", start, radius=5)
     off = np.hypot(*parts(best))
     normal = _signed(_tilted(frame, best[3:5]))
     return Feature("circle", best[:3], normal, 2 * float(best[5]), doubt, None, off)
+
+
+class _Round(NamedTuple):
+    """Where points are about the axis of a cylinder or cone."""
+
+    frame: FloatArray
+    axis: FloatArray  # (3,) not of unit length
+    arm: FloatArray  # (n, 3) from a point of the axis
+    height: FloatArray  # (n,) along the axis
+    across: FloatArray  # (n, 3) from the axis
+    distance: FloatArray  # (n,) from the axis
+    values: FloatArray
+
+    @property
+    def cosine_sine(self) -> FloatArray:
+        angle = self.values[5] if len(self.values) > 5 else 0.0
+        return np.array((np.cos(angle), np.sin(angle)))
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Distances (n,) from the surface."""
+        cosine, sine = self.cosine_sine
+        return np.asarray((self.distance - self.values[4]) * cosine - self.height * sine)
+
+    @property
+    def slopes(self) -> FloatArray:
+        """Derivatives of the residuals by the parameters, (n, 5) or (n, 6)."""
+        cosine, sine = self.cosine_sine
+        length = np.linalg.norm(self.axis)
+        sides, along = self.frame[:2].T, self.axis @ self.frame[:2].T / length
+        outward = self.across @ sides / np.maximum(self.distance, FLAT**2)[:, None]
+        rise = self.arm @ sides - np.outer(self.height, along)
+        columns = (
+            sine * along - cosine * outward,
+            -(cosine * self.height[:, None] * outward + sine * rise) / length,
+            np.full(len(rise), -cosine),
+            -(self.distance - self.values[4]) * sine - self.height * cosine,
+        )
+        return np.column_stack(columns)[:, : len(self.values)]
+
+
+def _round_of(points: FloatArray, frame: FloatArray, values: FloatArray) -> _Round:
+    """Points about 0 and a surface whose axis is near that of a frame.
+
+    Its parameters are two coordinates of a point of the axis, two of the axis' lean, the radius
+    there, and of a cone the angle.
+    """
+    axis = frame[2] + values[2:4] @ frame[:2]
+    unit = axis / np.linalg.norm(axis)
+    arm = points - values[:2] @ frame[:2]
+    height = arm @ unit
+    across = arm - np.outer(height, unit)
+    return _Round(frame, axis, arm, height, across, np.linalg.norm(across, axis=1), values)
 
 
 def _about_axis(points: FloatArray, root: FloatArray, axis: FloatArray, opening: bool) -> Feature:
@@ -278,18 +338,13 @@ def _about_axis(points: FloatArray, root: FloatArray, axis: FloatArray, opening:
     centre, radius = _algebraic_sphere(across, root)
     slope = np.polyfit(points @ axis, np.linalg.norm(across - centre, axis=1), 1, w=root)[0]
 
-    def residuals(values: FloatArray) -> FloatArray:
-        direction = _tilted(frame, values[2:4])
-        arm = points - values[:2] @ frame[:2]
-        height = arm @ direction
-        distance = np.linalg.norm(arm - np.outer(height, direction), axis=1)
-        if not opening:
-            return np.asarray(distance - values[4])
-        angle = values[5]
-        return np.asarray((distance - values[4]) * np.cos(angle) - height * np.sin(angle))
-
     start = [*centre, 0.0, 0.0, radius, *([float(np.arctan(slope))] if opening else [])]
-    best, doubt = _solved(lambda v: root * residuals(v), start, radius=4)
+    best, doubt = _solved(
+        lambda v: root * _round_of(points, frame, v).residuals,
+        lambda v: root[:, None] * _round_of(points, frame, v).slopes,
+        start,
+        radius=4,
+    )
     direction = _tilted(frame, best[2:4])
     foot = best[:2] @ frame[:2]
     # The point of the axis nearest to the points' centre, which is the origin.
@@ -297,7 +352,7 @@ def _about_axis(points: FloatArray, root: FloatArray, axis: FloatArray, opening:
     angle = float(best[5]) if opening else 0.0
     diameter = 2 * (best[4] + np.tan(angle) * float((position - foot) @ direction))
     kind, half_angle = ("cone", abs(angle)) if opening else ("cylinder", None)
-    off = residuals(best)
+    off = _round_of(points, frame, best).residuals
     return Feature(kind, position, _signed(direction), float(diameter), doubt, half_angle, off)
 
 

@@ -373,11 +373,11 @@ def read_study(path: str | Path) -> xr.Dataset:
 
 def is_study(path: str | Path) -> bool:
     """True if a file is a study's and no other netCDF file."""
-    import xarray as xr
+    import h5netcdf
 
     try:
         check_netcdf(Path(path))
-        with xr.open_dataset(path, engine="h5netcdf") as file:
+        with h5netcdf.File(path, "r") as file:
             return "study" in file.attrs
     except (OSError, ValueError, KeyError):
         return False

@@ -88,7 +88,7 @@ class PreparedScene:
         directions = _directions(256)
         origin = mi.Point3d(*(aligned(np.full(len(directions), x)) for x in point))
         direction = mi.Vector3d(*(aligned(x) for x in directions.T))
-        _, enclosed = crossed_steps(self.scene, self.tables, origin, direction, self.step)
+        _, _, enclosed = crossed_steps(self.scene, self.tables, origin, direction, self.step)
         ray = mi.Ray3f(mi.Point3f(origin), mi.Vector3f(direction))
         hit = self.opaque.ray_intersect_preliminary(ray)
         found = hit.is_valid()
@@ -127,16 +127,18 @@ class PreparedScene:
         import mitsuba as mi
 
         directions = _around(normals, lines)
-        apart = WALL_STEPS * self.step * normals
-        starts = np.stack((points + apart, points - apart))[:, None]
+        # Each line starts behind and passes its point; the tilted ones start as deep.
+        ahead = WALL_STEPS * self.step / np.where(np.arange(lines) > 0, np.cos(TILT), 1.0)
+        starts = points - ahead[:, None, None] * directions
         start, way = (
-            (aligned(x) for x in np.broadcast_to(v, (2, *directions.shape)).reshape(-1, 3).T)
-            for v in (starts, directions)
+            mi.Vector3d(*(aligned(x) for x in vectors.reshape(-1, 3).T))
+            for vectors in (starts, directions)
         )
-        index, _ = crossed_steps(
-            self.scene, self.tables, mi.Point3d(*start), mi.Vector3d(*way), self.step
+        passed = mi.Float64(aligned(np.repeat(2 * ahead, len(points))))
+        behind, before, _ = crossed_steps(
+            self.scene, self.tables, mi.Point3d(start), way, self.step, passed
         )
-        counted = np.array(index).reshape(2, lines, -1)
+        counted = (np.array(index).reshape(lines, -1) for index in (before, behind))
         return np.array([self._majority(index) for index in counted])
 
     def between_shells(
@@ -173,7 +175,7 @@ class PreparedScene:
         places = start + along[..., None] * way
         across = _around(way, 5)[1:]
         starts, lines = np.broadcast_arrays(places[:, None], across[None])
-        index, _ = crossed_steps(
+        index, _, _ = crossed_steps(
             *(self.scene, self.tables),
             mi.Point3d(*(aligned(column) for column in starts.reshape(-1, 3).T)),
             mi.Vector3d(*(aligned(column) for column in lines.reshape(-1, 3).T)),
@@ -221,13 +223,19 @@ def with_every_second_shell(prepared: PreparedScene) -> PreparedScene | None:
 
 
 def crossed_steps(
-    scene: Any, tables: SceneTables, origin: dt.Point3d, direction: dt.Vector3d, step: float
-) -> tuple[Any, Any]:
+    scene: Any,
+    tables: SceneTables,
+    origin: dt.Point3d,
+    direction: dt.Vector3d,
+    step: float,
+    passed: dt.Float64 | float = 0.0,
+) -> tuple[Any, Any, Any]:
     """Index steps along straight lines to infinity, opaque shapes being transparent.
 
-    Gives the index (Float64) of the layer at the start: what remains outside less the steps on the
-    way there; 0 for a line without crossing, or with too many (``MOST_STEPS``) to be believed. And
-    whether (Bool) the first shell on the way is crossed from inside.
+    Gives the indices (Float64) of the layers at the start, and where the line has passed a length
+    (mm): what remains outside less the steps on the way there; 0 for a line without crossing, or
+    with too many (``MOST_STEPS``) to be believed. And whether (Bool) the first shell on the way is
+    crossed from inside.
     """
     import drjit as dr
     import mitsuba as mi
@@ -238,6 +246,7 @@ def crossed_steps(
         travelled: dt.Float64
         gap: dt.Float64  # since the last crossing
         index_sum: dt.Float64
+        passed_sum: dt.Float64  # of the crossings on the passed length
         last_index: dt.Float64
         enclosed: dt.Bool
         shape: dt.UInt32
@@ -261,10 +270,12 @@ def crossed_steps(
         crossed = on_shell & ~same_crossing(shape, outward, s.shape, s.outward, gap, smallest_step)
         near, far = dr.select(outward, inside, outside), dr.select(outward, outside, inside)
         first = crossed & (s.last_index == 0)
+        travelled, change = s.travelled + move, dr.select(crossed, far - near, 0)
         return (
-            s.travelled + move,
+            travelled,
             dr.select(crossed, 0, gap),
-            s.index_sum + dr.select(crossed, far - near, 0),
+            s.index_sum + change,
+            s.passed_sum + dr.select(travelled < passed, change, 0),
             dr.select(crossed, far, s.last_index),
             (first & outward) | (s.enclosed & ~first),
             dr.select(crossed, shape, s.shape),
@@ -275,6 +286,7 @@ def crossed_steps(
 
     width = dr.width(origin, direction)
     state = (
+        dr.zeros(mi.Float64, width),
         dr.zeros(mi.Float64, width),
         dr.zeros(mi.Float64, width),
         dr.zeros(mi.Float64, width),
@@ -290,8 +302,10 @@ def crossed_steps(
             state, lambda *s: s[-1], advance, labels=State._fields, compress=False, label="count"
         )
     )
-    known = end.count <= MOST_STEPS
-    return dr.select(known, end.last_index - end.index_sum, 0), end.enclosed & known
+    known = (end.count <= MOST_STEPS) & (end.last_index != 0)
+    start = end.last_index - end.index_sum
+    there = start + end.passed_sum
+    return dr.select(known, start, 0), dr.select(known, there, 0), end.enclosed & known
 
 
 def _around(normals: NDArray[np.float64], count: int) -> NDArray[np.float64]:

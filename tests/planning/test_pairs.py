@@ -30,7 +30,7 @@ def swept(variant: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bundled cylinder from seven places 15 degrees apart."""
     file = tmp_path_factory.mktemp("pairs") / "sweep.nc"
     xml = folder_of("cylinder") / "scene.xml"
-    orbit = ["--azimuth=90", "--elevation=-45:45:7", "-D", "scale=0.2"]
+    orbit = ["--azimuth=90", "--elevation=-45:45:7", "-D", "scale=0.12"]
     assert main(["sweep", str(xml), "-o", str(file), *orbit]) == 0
     return file
 

@@ -151,7 +151,7 @@ def test_what_cannot_be_a_scene_is_refused(scene: iriftrace.Scene, tmp_path: Pat
 
 @pytest.fixture(scope="module")
 def gear() -> tuple[iriftrace.Part, iriftrace.IndexField]:
-    part = iriftrace.bevel_gear()
+    part = iriftrace.bevel_gear(teeth=8, module_mm=7.0)
     mesh = iriftrace.AirMesh(cell_mm=4.0, sides_mm=30.0, height_mm=60.0)
     return part, iriftrace.synthetic_field(iriftrace.synthetic_air(part), mesh)
 
@@ -159,14 +159,15 @@ def gear() -> tuple[iriftrace.Part, iriftrace.IndexField]:
 # The mesh is too coarse for a gear, which is said and does not matter here.
 @pytest.mark.filterwarnings("ignore:.*off the field's wall")
 @pytest.mark.parametrize(
-    ("place", "engine"),
-    [((150.0, -100.0, 60.0), "shells"), ((1.0, 2.0, 220.0), "cells")],
+    ("place", "layers", "engine"),
+    [((150.0, -100.0, 20.0), 41, "shells"), ((1.0, 2.0, 220.0), 21, "cells")],
     ids=["side", "plume"],
 )
 def test_commands_and_python_give_the_same_numbers(
     tmp_path: Path,
     gear: tuple[iriftrace.Part, iriftrace.IndexField],
     place: tuple[float, float, float],
+    layers: int,
     engine: str,
 ) -> None:
     """Picture, points, correction and sweep of the gear, whichever engine is chosen for it."""
@@ -176,7 +177,9 @@ def test_commands_and_python_give_the_same_numbers(
     camera = camera.at(iriftrace.look_at(place, (0.0, 0.0, 0.0)))
     beside = np.add(place, (0.0, 40.0, 0.0))
     second = camera.at(iriftrace.look_at(beside, (0.0, 0.0, 0.0)))
-    scene = iriftrace.Scene(part, iriftrace.HotAir(field, layers=21), camera, second, "camera_2")
+    scene = iriftrace.Scene(
+        part, iriftrace.HotAir(field, layers=layers), camera, second, "camera_2"
+    )
     path = scene.save(tmp_path / "scene.xml", scale=1.0)
 
     def command(*words: str | os.PathLike[str]) -> None:
