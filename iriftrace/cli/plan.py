@@ -97,8 +97,8 @@ def plan(
 ) -> None:
     """Rank the poses of a sweep by the combined metric and print the best one.
 
-    With --views, also the set of poses that together see the most of the part; with --refine, also
-    the best pose near the best one of the sweep.
+    With --criterion, by one error alone; with --views, also the set of poses that together see the
+    most of the part; with --refine, also the best pose near the best one of the sweep.
 
     Example: ``iriftrace plan sweep.nc --statistic median --region lateral``
 
@@ -206,7 +206,9 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
     from iriftrace.planning.texts import (
         alternative_text,
         front_text,
+        least_error_text,
         other_statistics_text,
+        ranked_by,
         robust_text,
         stability_text,
         warned_text,
@@ -214,8 +216,7 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
 
     plan = summary.plan
     print_table(
-        f"Best poses for region {plan.criteria.region}: {summary.displacement.title.lower()}, "
-        "coverage, resolution",
+        f"Best poses for region {plan.criteria.region} by {ranked_by(summary)}",
         ranking.short_headings,
         ranking.rows,
     )
@@ -230,6 +231,7 @@ def print_plan(summary: SweepSummary, ranking: RankingTable) -> None:
         say(f"Unranked: {count} {noun} {pose}: {reason}")
     for text in (
         warned_text,
+        least_error_text,
         robust_text,
         stability_text,
         other_statistics_text,

@@ -17,6 +17,7 @@ from iriftrace.core.errors import InputError
 
 if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.case import Case
+    from iriftrace.cfd.openfoam.draught import Draught
     from iriftrace.cfd.openfoam.family import Member
     from iriftrace.cfd.openfoam.family_run import Cost, Solve, Task
     from iriftrace.cfd.openfoam.programs import Installation
@@ -42,8 +43,14 @@ def family_cases(
     # Refuses planes that the part does not have before those are left out through which it blows.
     still = simulation.case(part, processes, None)
     members = plan_family(*family, simulation.mirrors, symmetric_case(still))
+    sharing: dict[str, list[Draught]] = {}
+    for member in members:
+        if member.draught is not None and not member.image_of:
+            sharing.setdefault(member.planes, []).append(member.draught)
     cases = {
-        member.name: simulation.case(part, processes, member.draught, member.planes)
+        member.name: simulation.case(
+            part, processes, member.draught, member.planes, sharing.get(member.planes, ())
+        )
         for member in members
     }
     return members, cases

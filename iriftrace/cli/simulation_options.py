@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -106,8 +107,12 @@ class SimulationOptions:
         processes: int,
         draught: Draught | None,
         mirrors: str | None = None,
+        family: Sequence[Draught] = (),
     ) -> Case:
-        """The case these options describe in a draught, mirrored as they say or at `mirrors`."""
+        """The case these options describe in a draught, mirrored as they say or at `mirrors`.
+
+        Its mesh is fine for the draughts of its `family` too.
+        """
         from iriftrace.cfd.openfoam.case import natural_case
         from iriftrace.part.region_choice import values_by_region
 
@@ -128,6 +133,7 @@ class SimulationOptions:
             draught=draught,
             bodies=self.bodies(part.length_unit),
             floor=self.floor,
+            family=tuple(family),
         )
 
     def wall(self) -> WallTemperatures:

@@ -35,8 +35,8 @@ def say_features(
         if row["left_out"]:
             count = row["points"] + row["left_out"]
             form += (
-                f"; {row['left_out']:,} of {count:,} points lie beyond {gate:g} robust standard "
-                "deviations and are left out"
+                f"; {row['left_out']:,} of {count:,} points are left out, farther from it than "
+                f"{gate:g} robust standard deviations or as near to another region"
             )
         hot, size = row["size_mm"]["measured"], row["size_mm"][true]
         if hot is None:

@@ -7,6 +7,7 @@ import numpy as np
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.features.fit import FEWEST, FLAT, SAMPLE, Feature, fit_feature
+from iriftrace.geometry.query import Surface
 
 GATE = 3.5
 """Robust standard deviations beyond which a point is an outlier: a choice. One of 2,150 points of
@@ -33,25 +34,33 @@ def check_gate(gate: float | None) -> None:
         )
 
 
-def inliers(points: FloatArray, kind: str, gate: float | None) -> BoolArray:
+def inliers(
+    points: FloatArray, kind: str, gate: float | None, beside: Surface | None = None
+) -> BoolArray:
     """Mask (n,) of the points (n, 3), mm, that are no outliers of a feature; all without a gate.
 
     They lie within `gate` robust standard deviations, 1.4826 times the median distance, of the
     least-squares fit to themselves: from a robust fit on, points are left out and the rest fitted
-    again until the set stands.
+    again until the set stands. Points as near to the surfaces `beside` the feature are left out,
+    too, unless half of all are: which of them count as the feature's depends on their noise.
     """
     if gate is None or len(points) < 2 * FEWEST[kind]:
         return np.ones(len(points), dtype=bool)
     # Of points without noise, the rounding of single precision is no outlier.
-    least = FLAT * float(np.ptp(points, axis=0).max())
+    least = limit = FLAT * float(np.ptp(points, axis=0).max())
     found = _robust_fit(points[:: max(1, len(points) // SAMPLE)], kind, least)
     kept = np.zeros(len(points), dtype=bool)
     for _ in range(ROUNDS):
         off = np.abs(found.distances(points))
-        before, kept = kept, off <= max(gate * NORMAL_MAD * float(np.median(off)), least)
+        limit = max(gate * NORMAL_MAD * float(np.median(off)), least)
+        before, kept = kept, off <= limit
         if np.array_equal(kept, before):
             break
         found = fit_feature(points[kept], kind, near=found)
+    if beside is not None:
+        inner = beside.distance(points[kept]) > limit
+        if inner.mean() > 0.5:
+            kept[kept] = inner
     return kept
 
 

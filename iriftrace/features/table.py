@@ -21,6 +21,7 @@ from iriftrace.features.fit import (
     fit_feature,
 )
 from iriftrace.features.outliers import GATE, check_gate, inliers
+from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
 
 FOUND_KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere")
@@ -57,7 +58,8 @@ def feature_table(
     Warns of points that are no such feature or leave its diameter uncertain, and leaves out what
     they do not determine.
 
-    Outliers of the cloud ``"measured"`` (else of the first) by `inliers` are left out of all.
+    Outliers of the cloud ``"measured"`` (else of the first), and points as near to other regions,
+    by `inliers`, are left out of all.
 
     Gives ``kind``, ``region``, ``points`` that were fitted and ``left_out``, and by cloud
     ``size_mm``, ``u_size_mm``, ``form_mm``, ``position_mm`` and ``direction`` as in `Feature`, of
@@ -86,7 +88,7 @@ def feature_table(
                     f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
                     f"are {', '.join(found) or 'none'}."
                 )
-            chosen = chosen[inliers(gated[chosen], kind, gate)]
+            chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
         except InputError as error:
             warnings.warn(f"{choice} is left out: {error}", IriftraceWarning, stacklevel=3)
@@ -108,6 +110,15 @@ def feature_table(
             }
         rows.append(row)
     return rows
+
+
+def _beside(part: Part, region: str) -> Surface | None:
+    """The faces of other regions that touch a region; None where there are none."""
+    if not region:
+        return None
+    own = part.region_of_face == part.region_names.index(region)
+    touched = np.isin(part.faces, np.unique(part.faces[own])).any(axis=1) & ~own
+    return Surface(part.vertices, part.faces[touched]) if touched.any() else None
 
 
 def _listed(values: FloatArray | None) -> list[Any] | None:

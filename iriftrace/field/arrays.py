@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -15,6 +15,9 @@ from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.gradient import point_mean
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 QUANTITIES = ("temperature", "index", "density")
 """Physical quantities from which n - 1 follows, in the order in which they are looked for."""
@@ -59,7 +62,9 @@ class Choice:
     quantity: str
 
 
-def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) -> Choice:
+def choose_array(
+    grid: pv.UnstructuredGrid, array: str | None, quantity: str | None, path: str
+) -> Choice:
     """Find the array to use.
 
     A given name is taken as it is. Else temperature is looked for first, then index, then density,
@@ -99,7 +104,7 @@ def choose_array(grid: Any, array: str | None, quantity: str | None, path: str) 
     )
 
 
-def other_index(grid: Any) -> str | None:
+def other_index(grid: pv.UnstructuredGrid) -> str | None:
     """Name of the one index array under a usual name, or None."""
     exact = [name for name in _scalar_names(grid) if _is_usual(name, "index")]
     return exact[0] if len(exact) == 1 else None
@@ -113,7 +118,7 @@ def quantity_of(name: str) -> str | None:
     return next((q for q in QUANTITIES if _LOOSE[q].match(_plain(name))), None)
 
 
-def point_values(grid: Any, name: str, path: str) -> FloatArray:
+def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
     """An array at the points, (n,); cell data are averaged, weighted with the cells' volumes."""
     at_points = name in grid.point_data
     values = as_float64(grid.point_data[name] if at_points else grid.cell_data[name])
@@ -146,7 +151,7 @@ def _plain(name: str) -> str:
     return re.sub(r"[\s_]+", "_", bare).strip("_").lower()
 
 
-def _scalar_names(grid: Any) -> list[str]:
+def _scalar_names(grid: pv.UnstructuredGrid) -> list[str]:
     """Names of the arrays with one number a point or cell, each once, point data first."""
     return list(
         dict.fromkeys(

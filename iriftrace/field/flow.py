@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -54,6 +54,9 @@ _COMPONENT = re.compile(
     r"|(?P<before>[xyz])_(?:velocity|vel)"
     r"|velocity_(?P<letter>[uvw])|(?P<alone>[uvw]))"
 )
+
+if TYPE_CHECKING:
+    import pyvista as pv
 _BRACKETS = re.compile(r"[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]")
 
 
@@ -74,7 +77,7 @@ class AirFlow:
 
 
 def flow_in(
-    grid: Any,
+    grid: pv.UnstructuredGrid,
     array: str,
     units: Mapping[str, str] | None,
     transform: ArrayLike | None,
@@ -145,14 +148,14 @@ def carried_heat(
     return flux + heat_content_slope(kelvin, ambient_k)[:, None] * together
 
 
-def state_heat(grid: Any, ambient_k: float, pressure_pa: float) -> FloatArray:
+def state_heat(grid: pv.UnstructuredGrid, ambient_k: float, pressure_pa: float) -> FloatArray:
     """Heat that the air of one state of an OpenFOAM case carries at its points, (n, 3), W/m2."""
     rho = density(grid.point_data[TEMPERATURE], pressure_pa)
     momentum = density(1.0, pressure_pa) * _at_points(grid, VELOCITY_OVER_TEMPERATURE)
     return carried_heat(rho, _at_points(grid, VELOCITY), momentum, ambient_k, pressure_pa)
 
 
-def _at_points(grid: Any, name: str) -> FloatArray:
+def _at_points(grid: pv.UnstructuredGrid, name: str) -> FloatArray:
     if name in grid.point_data:
         return np.asarray(grid.point_data[name], dtype=np.float64)
     return point_mean(grid, np.asarray(grid.cell_data[name], dtype=np.float64))
@@ -177,7 +180,7 @@ class VelocityArrays:
 
 
 def velocity_arrays(
-    grid: Any, units: Mapping[str, str] | None, *, averaged: bool = False
+    grid: pv.UnstructuredGrid, units: Mapping[str, str] | None, *, averaged: bool = False
 ) -> tuple[VelocityArrays | None, str]:
     """Find the velocity among the arrays of a grid.
 
@@ -224,7 +227,7 @@ def is_mean(name: str) -> bool:
     return re.search(r"mean|averag", name, re.IGNORECASE) is not None
 
 
-def _names(grid: Any, dimension: int) -> list[str]:
+def _names(grid: pv.UnstructuredGrid, dimension: int) -> list[str]:
     """Arrays of numbers (1) or of vectors with three components (2), point data first."""
     found = [
         name
@@ -252,7 +255,7 @@ def _families(names: Iterable[str]) -> dict[tuple[str, str, str], dict[int, str]
 
 
 def _what_lacks(
-    grid: Any,
+    grid: pv.UnstructuredGrid,
     families: Mapping[tuple[str, str, str], Mapping[int, str]],
     units: Mapping[str, str] | None,
 ) -> str:

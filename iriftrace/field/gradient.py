@@ -7,12 +7,15 @@ them with their volumes, `consistent_gradient` then gives it the length that the
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 TETRAHEDRON, HEXAHEDRON, WEDGE, PYRAMID = 10, 12, 13, 14
 """VTK's numbers of the cell types handled here."""
@@ -57,7 +60,7 @@ MOST_CHANGE = 0.5
 """Largest change of a length in one round, as a share."""
 
 
-def cell_corners(grid: Any) -> dict[int, tuple[IntArray, IntArray]]:
+def cell_corners(grid: pv.UnstructuredGrid) -> dict[int, tuple[IntArray, IntArray]]:
     """Cells of a grid by VTK cell type: the (c,) cell and the (c, corners) point numbers."""
     types = np.asarray(grid.celltypes)
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)[:-1]
@@ -70,7 +73,7 @@ def cell_corners(grid: Any) -> dict[int, tuple[IntArray, IntArray]]:
     return result
 
 
-def point_gradient(grid: Any, values: FloatArray) -> FloatArray:
+def point_gradient(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
     """Gradient of a quantity at the points of a grid, whose cells are of the types in `CORNERS`.
 
     The volume-weighted mean of the constant gradients of the tetrahedra around a point (recovery by
@@ -99,7 +102,7 @@ def point_gradient(grid: Any, values: FloatArray) -> FloatArray:
     return gradient.reshape(*values.shape, 3)
 
 
-def point_mean(grid: Any, values: FloatArray) -> FloatArray:
+def point_mean(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
     """Cell values (m,) or (m, k) as means at the n points, weighted with the cells' volumes."""
     points = _point_columns(grid)
     columns = values.reshape(len(values), -1).T
@@ -117,7 +120,7 @@ def point_mean(grid: Any, values: FloatArray) -> FloatArray:
     return means.reshape(-1, *values.shape[1:])
 
 
-def _point_columns(grid: Any) -> FloatArray:
+def _point_columns(grid: pv.UnstructuredGrid) -> FloatArray:
     """Points of a grid as (3, n) float64, the layout in which gathering them is fast."""
     return np.ascontiguousarray(np.asarray(grid.points, dtype=np.float64).T)
 

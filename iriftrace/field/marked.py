@@ -48,7 +48,7 @@ def unmarked(block: Any) -> Unmarked:
     return Unmarked(grid, int(np.count_nonzero(cells)), frozenset(names))
 
 
-def without_gaps(grid: Any, name: str, path: str) -> pv.UnstructuredGrid:
+def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.UnstructuredGrid:
     """The grid without cells at which an array is NaN, with a warning that counts them.
 
     The grid itself where there are none. An InputError if no cell is left.
@@ -73,11 +73,12 @@ def without_gaps(grid: Any, name: str, path: str) -> pv.UnstructuredGrid:
         IriftraceWarning,
         stacklevel=3,
     )
-    left: pv.UnstructuredGrid = grid.extract_cells(np.flatnonzero(~cells))
+    numbers: Any = np.flatnonzero(~cells)
+    left: pv.UnstructuredGrid = grid.extract_cells(numbers)
     return left
 
 
-def _at_corners(grid: Any, points: BoolArray) -> BoolArray:
+def _at_corners(grid: pv.UnstructuredGrid, points: BoolArray) -> BoolArray:
     """Mask (c,) of the cells that have a corner among the masked (n,) points."""
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)
     cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from iriftrace.core.plain import plain, structured
 from iriftrace.field.source import FieldFacts
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 FIELD_ORIGIN = "field_origin"
 """Name of the string array in a file's field data: program, time, symmetry, in words."""
@@ -45,7 +48,7 @@ def wall_heat_of(data: Any) -> float | None:
     return next((float(value) for value in _stated(data, WALL_HEAT)), None)
 
 
-def state_origin(grid: Any, origin: str, facts: FieldFacts) -> None:
+def state_origin(grid: pv.UnstructuredGrid, origin: str, facts: FieldFacts) -> None:
     """Write origin and facts into the field data of a grid."""
     grid.field_data[FIELD_ORIGIN] = [one_line(origin)]
     grid.field_data[FIELD_FACTS] = [json.dumps(plain(facts))]

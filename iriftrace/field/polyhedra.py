@@ -8,7 +8,7 @@ cut, and slivers with the cell's centre, in which the gradient is meaningless an
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.field.gradient import PYRAMID, TETRAHEDRON
 from iriftrace.geometry.query import runs
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 PENTAGONAL_PRISM, HEXAGONAL_PRISM, POLYHEDRON = 15, 16, 42
 """VTK's numbers of the cell types that are split."""
@@ -44,7 +47,7 @@ class SplitPolyhedra:
     pieces: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
     owners: dict[int, IntArray]  # VTK cell type to (k,) numbers from 0 to p - 1
 
-    def extended(self, grid: Any, values: NDArray[Any]) -> NDArray[Any]:
+    def extended(self, grid: pv.UnstructuredGrid, values: NDArray[Any]) -> NDArray[Any]:
         """Point values, (n,) or (n, k), with the means of the corners at the points added.
 
         Values that are linear in space stay so if the centres are at the corners' means.
@@ -56,7 +59,7 @@ class SplitPolyhedra:
         return np.concatenate((values, at_faces, at_cells), dtype=values.dtype, casting="unsafe")
 
 
-def split_polyhedra(grid: Any, *, at_corner_means: bool = False) -> SplitPolyhedra:
+def split_polyhedra(grid: pv.UnstructuredGrid, *, at_corner_means: bool = False) -> SplitPolyhedra:
     """Split the polyhedra of a pyvista.UnstructuredGrid, and its prisms with five or six sides.
 
     Both sides of a face get the same triangles: quadrilaterals are cut at their lowest point
@@ -100,7 +103,7 @@ class _Faces:
     flat: IntArray
 
 
-def _faces_of(grid: Any, polyhedra: IntArray) -> _Faces:
+def _faces_of(grid: pv.UnstructuredGrid, polyhedra: IntArray) -> _Faces:
     """Faces of cells of the types in `SPLIT`."""
     types = np.asarray(grid.celltypes)[polyhedra]
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)[polyhedra]
@@ -137,7 +140,7 @@ def _prism_faces(sides: int) -> list[list[int]]:
     return [bottom[::-1], [k + sides for k in bottom], *walls]
 
 
-def corner_means(grid: Any, values: NDArray[Any], cells: IntArray) -> FloatArray:
+def corner_means(grid: pv.UnstructuredGrid, values: NDArray[Any], cells: IntArray) -> FloatArray:
     """Means of point values, (n,) or (n, k), at the corners of some of a grid's cells."""
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)
     corners = np.asarray(grid.cell_connectivity, dtype=np.int64)

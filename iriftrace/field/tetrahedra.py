@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
@@ -20,6 +20,9 @@ from iriftrace.field.gradient import (
     cell_corners,
 )
 from iriftrace.geometry.topology import cells_to_flip
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 BOUNDARY = 0x80000000
 """Set in a neighbour's number where the data end; the rest is the boundary face's number."""
@@ -65,7 +68,7 @@ class Tetrahedra:
     boundary_place: NumberArray  # (b,) four times the tetrahedron's number plus that of its face
 
 
-def tetrahedra_of(grid: Any) -> Tetrahedra:
+def tetrahedra_of(grid: pv.UnstructuredGrid) -> Tetrahedra:
     """Split linear cells into tetrahedra and find the neighbours.
 
     Every quadrilateral is cut at its lowest point number, which is the same seen from both sides;

@@ -34,7 +34,7 @@ _HIGHER_ORDER = {
 _SCALARS = "iriftrace_scalars"
 
 
-def linear_volume(grid: Any) -> pv.UnstructuredGrid:
+def linear_volume(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     """Tetrahedra, hexahedra, wedges and pyramids of any grid, without points that no cell uses.
 
     The result has the grid's point and cell data.
@@ -50,29 +50,30 @@ def linear_volume(grid: Any) -> pv.UnstructuredGrid:
     if used.all() and np.isin(types, list(CORNERS)).all():
         volume: pv.UnstructuredGrid = grid
         return volume
-    return _linear(grid, types)
+    return _linear(grid, types.astype(np.int64))
 
 
 def volume_cells(block: Any) -> pv.UnstructuredGrid:
     """The volume cells of one data set; see `iriftrace.field.marked` for those left out."""
     if isinstance(block, pv.PolyData) or not isinstance(block, pv.DataSet):
         return pv.UnstructuredGrid()
-    grid: Any = unmarked(block).cells
+    grid = unmarked(block).cells
     types = np.asarray(grid.celltypes)
     known = (*CORNERS, _VOXEL, _CONVEX_SET, *SPLIT, *_HIGHER_ORDER)
     keep = np.isin(types, known)
     if not keep.all():
-        grid = grid.extract_cells(np.flatnonzero(keep))
+        numbers: Any = np.flatnonzero(keep)
+        grid = grid.extract_cells(numbers)
     volume: pv.UnstructuredGrid = grid
     return volume
 
 
-def has_higher_order(grid: Any) -> bool:
+def has_higher_order(grid: pv.UnstructuredGrid) -> bool:
     """True where `linear_volume` keeps only the corners of some cells."""
     return bool(np.isin(np.asarray(grid.celltypes), list(_HIGHER_ORDER)).any())
 
 
-def _linear(grid: Any, types: IntArray) -> pv.UnstructuredGrid:
+def _linear(grid: pv.UnstructuredGrid, types: IntArray) -> pv.UnstructuredGrid:
     """The grid with its cells sorted by type and made linear, and with the points they use."""
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)[:-1]
     flat = np.asarray(grid.cell_connectivity, dtype=np.int64)

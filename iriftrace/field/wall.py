@@ -16,7 +16,7 @@ from iriftrace.geometry.triangles import area_vectors, polydata
 _SMALLEST_SHARE = 1e-3
 
 
-def inner_wall(grid: Any) -> Any:
+def inner_wall(grid: pv.UnstructuredGrid) -> Any:
     """Boundary faces of a grid that face a cavity in the data, where the part sits.
 
     The outer boundary may be stepped, as when data were cropped cell by cell. Patches of boundary

@@ -24,6 +24,7 @@ from iriftrace.planning.texts import (
     RankingTable,
     alternative_text,
     front_table,
+    in_words,
     ranking_table,
     stability_text,
     views_table,
@@ -92,7 +93,7 @@ class ReportContent:
     front: RankingTable
     best: PoseText
     best_pose: int
-    stability: str
+    stability: str | None
     varied_weights: Rows
     rays: Rows
     limits: tuple[str, ...]
@@ -116,29 +117,28 @@ def report_content(
     ranking = ranking_table(summary, top)
     part = name_of(attribute(dataset, "part"))
     of_it = "" if region == "part" else f", and of it the region {region},"
-    weights = plan.criteria.weights
     device = "camera" if summary.devices is None else "sensor"
+    weights = plan.criteria.weights
     best = plan.best
     setting = setting_of(summary.varied, best)
     return ReportContent(
         title=f"Where to put the {device}: {part}",
         question=(
-            f"From where should the {device} look at {part}{of_it} so that the hot air around it "
-            "moves the measured points little, much of the surface is seen and the pixels lie "
-            "close together on it? Every pose of a sweep was traced through the hot air; the "
-            "combined score is "
+            f"From where should the {device} look at {part}{of_it} to measure it best through the "
+            "hot air around it? Every pose of a sweep was traced through the hot air; the score is "
             + " + ".join(
-                f"{weight:g} {'(1 - coverage)' if name == 'coverage' else name}"
-                for name, weight in weights.items()
+                f"{weights[metric.key]:g} "
+                + ("(1 - coverage)" if metric.key == "coverage" else in_words(metric))
+                for metric in summary.metrics
+                if weights[metric.key]
             )
-            + " of the normalised metrics, the smaller the better "
-            f"({summary.displacement.title.lower()})."
+            + ", each normalised to 0 to 1, the smaller the better."
         ),
         answer=(
             f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} "
             f"ranked poses, with the score {plan.score[best]:.3f}: "
             + ", ".join(
-                f"{quantity.title[0].lower()}{quantity.title[1:]} "
+                f"{in_words(quantity)} "
                 + (
                     f"0 ({FRONTAL})"
                     if quantity is summary.axial and summary.sees_frontally(best)

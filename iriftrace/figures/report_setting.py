@@ -9,7 +9,7 @@ import numpy as np
 
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import Rows, file_text
-from iriftrace.planning.texts import other_statistics_text, warned_text
+from iriftrace.planning.texts import least_error_text, other_statistics_text, warned_text
 from iriftrace.sweep.store import attribute, scene_of, traced_through_cells
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def rests_on(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
         engines_text(dataset),
         summary.devices,
         warned_text(summary),
+        least_error_text(summary),
         other_statistics_text(summary),
     )
     return tuple(filter(None, sentences))

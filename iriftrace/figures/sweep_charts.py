@@ -85,9 +85,11 @@ def normalised_figure(summary: SweepSummary) -> Figure:
         _finish_histogram(axes, title if score else f"{quantity.title} (normalised, 0 to 1)")
         axes.tick_params(labelleft=True, labelbottom=True)
     spare.set_axis_off()
-    error = summary.displacement.title.lower()
-    terms = [f"{weights['displacement']:g} {error}", f"{weights['coverage']:g} (1 - coverage)"]
-    terms += [f"{weights[key]:g} {key} resolution" for key in ("axial", "lateral")]
+    terms = [
+        f"{weights[one.key]:g} {'(1 - coverage)' if one.key == 'coverage' else one.title.lower()}"
+        for one in summary.metrics
+        if weights[one.key]
+    ]
     spare.text(
         0.02,
         0.95,

@@ -29,7 +29,7 @@ def name_of(name: str, criteria: Criteria) -> str:
 
 
 def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
-    """The criteria with the criterion that a sweep is ranked by.
+    """The criteria with the criterion and the weights that a sweep is ranked by.
 
     InputError for one about two devices where the sweep has one camera.
     """
@@ -47,7 +47,16 @@ def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
         )
     robust = (ROBUST if members else 0.0) if criteria.robust is None else criteria.robust
     criterion = criteria.criterion or ("normal" if rig else "displacement")
-    return evolve(criteria, criterion=criterion, robust=robust)
+    weights = criteria.weights
+    return evolve(
+        criteria,
+        displacement=weights["displacement"],
+        coverage=weights["coverage"],
+        axial=weights["axial"],
+        lateral=weights["lateral"],
+        criterion=criterion,
+        robust=robust,
+    )
 
 
 def metric_variables(criteria: Criteria) -> dict[str, str]:

@@ -18,9 +18,12 @@ Resolution = Literal["step", "nn3d", "nnxy"]
 Outside = Literal["clip", "discard"]
 Criterion = Literal["displacement", "normal", "features"]
 
+_SCORE = {"displacement": 0.5, "coverage": 0.2, "axial": 0.15, "lateral": 0.15}
+_ALONE = {"displacement": 1.0, "coverage": 0.0, "axial": 0.0, "lateral": 0.0}
 
-def _is_weight(_: Any, attribute: Attribute[float], value: float) -> None:
-    if not (math.isfinite(value) and value >= 0):
+
+def _is_weight(_: Any, attribute: Attribute[float | None], value: float | None) -> None:
+    if value is not None and not (math.isfinite(value) and value >= 0):
         raise InputError(
             f"The weight of {attribute.name} is {value}, which would make its bad values good; "
             "give zero or a positive number."
@@ -56,7 +59,8 @@ class Criteria:
     ----------
     displacement
         Weight in the score = displacement d + coverage (1 - c) + axial a + lateral l of the
-        normalised metrics, the smaller the better.
+        normalised metrics, the smaller the better; of two devices the error takes its place.
+        0.5, 0.2, 0.15 and 0.15 by default, and where a criterion is named 1, 0, 0 and 0.
     coverage
         Weight of the part's area that is not seen.
     axial
@@ -74,9 +78,10 @@ class Criteria:
     percentile
         Upper end of the normalisation.
     criterion
-        What ranks beside coverage and resolution, with the weight of the displacement: that of the
-        camera's rays; or, of a sensor with two devices, the error of its points along the normal,
-        or the error of diameters. By default normal where the sweep has two devices.
+        Rank by this error, and by it alone unless weights are given: displacement of the camera's
+        rays; or, of a sensor with two devices, normal, the error of its points along the normal, or
+        features, the error of diameters. By default the displacement, of two devices the error
+        along the normal, is weighed against coverage and resolution.
     robust
         Of an ensemble of fields: how many standard deviations over its members are added to the
         mean of what ranks; 2 by default, so that a pose is good whatever member is the air.
@@ -93,10 +98,10 @@ class Criteria:
         If a value is out of range, or all weights are zero.
     """
 
-    displacement: float = field(default=0.5, validator=_is_weight)
-    coverage: float = field(default=0.2, validator=_is_weight)
-    axial: float = field(default=0.15, validator=_is_weight)
-    lateral: float = field(default=0.15, validator=_is_weight)
+    displacement: float | None = field(default=None, validator=_is_weight)
+    coverage: float | None = field(default=None, validator=_is_weight)
+    axial: float | None = field(default=None, validator=_is_weight)
+    lateral: float | None = field(default=None, validator=_is_weight)
     statistic: Statistic = field(default="p95", validator=_one_of(Statistic))
     resolution: Resolution = field(default="step", validator=_one_of(Resolution))
     region: str = "part"
@@ -132,7 +137,9 @@ class Criteria:
     @property
     def weights(self) -> dict[str, float]:
         """Weight of each of `METRICS`, as given and not scaled to a sum of 1."""
-        return {name: float(getattr(self, name)) for name in METRICS}
+        given = {name: getattr(self, name) for name in METRICS}
+        usual = _SCORE if self.criterion is None else _ALONE
+        return {name: usual[name] if given[name] is None else given[name] for name in METRICS}
 
     @property
     def needed(self) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -12,13 +11,11 @@ from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError
 from iriftrace.image.resolution import FRONTAL
 from iriftrace.planning.cover import ViewLimits, ViewSet
+from iriftrace.planning.quantities import Quantity
 from iriftrace.planning.stability import close_alternative, far_apart, stability
 from iriftrace.planning.summary import STATISTICS, SweepSummary
 from iriftrace.sweep.store import WHOLE_PART
 from iriftrace.sweep.warned import FLAGS, Flag
-
-if TYPE_CHECKING:
-    pass
 
 
 @frozen
@@ -93,8 +90,39 @@ def _flags_met(given: BoolArray) -> list[Flag]:
     return [flag for flag, met in zip(FLAGS, given.tolist(), strict=True) if met]
 
 
-def stability_text(summary: SweepSummary) -> str:
-    """Ranks of the best pose with other weights, one sentence."""
+def ranked_by(summary: SweepSummary) -> str:
+    """Names of the metrics that have a weight, for sentences."""
+    needed = summary.plan.criteria.needed
+    return ", ".join(in_words(metric) for metric in summary.metrics if metric.key in needed)
+
+
+def in_words(metric: Quantity) -> str:
+    """Name of a metric for the middle of a sentence."""
+    return f"{metric.title[0].lower()}{metric.title[1:]}"
+
+
+def least_error_text(summary: SweepSummary) -> str | None:
+    """The pose of the least error where another is the best, one sentence; None if it is."""
+    plan = summary.plan
+    least = int(plan.order[np.argmin(plan.metrics["displacement"][plan.order])])
+    if least == plan.best:
+        return None
+    error, seen = (
+        [quantity.values[pose] for pose in (least, plan.best)]
+        for quantity in (summary.displacement, summary.coverage)
+    )
+    return (
+        f"Pose {least} has the least {in_words(summary.displacement)}, {error[0]:.4g} "
+        f"{summary.displacement.unit} instead of {error[1]:.4g}, and sees {seen[0]:.3g} % of "
+        f"{_region(summary)} instead of {seen[1]:.3g} % (--criterion {plan.criteria.criterion} "
+        "ranks by the error alone)."
+    )
+
+
+def stability_text(summary: SweepSummary) -> str | None:
+    """Ranks of the best pose with other weights, one sentence; None of a single weight."""
+    if len(summary.plan.criteria.needed) == 1:
+        return None
     varied = stability(summary.plan)
     rivals = len(varied.rivals)
     return (

@@ -65,7 +65,7 @@ class LoadedScene:
     part_to_world : (4, 4) array
         What the XML does to the part's file.
     camera : Camera
-        The scene's own (first) sensor.
+        The scene's (first) sensor; `attrs.evolve` gives a scene seen by another.
     full_resolution : (2,) tuple of int, px
         Of that sensor's film before ``scale`` changed it.
     variables : dict of str
@@ -116,6 +116,9 @@ class LoadedScene:
     second_id: str = ""
     ensemble: LoadedEnsemble | None = field(default=None, repr=False)
     _cells: Callable[[], FieldCells] | None = field(default=None, repr=False)
+    _sensor: Camera = field(
+        repr=False, default=Factory(lambda scene: scene.camera, takes_self=True)
+    )
     _lease: _Lease = field(
         repr=False, default=Factory(lambda scene: _Lease(scene.integrator), takes_self=True)
     )
@@ -132,6 +135,11 @@ class LoadedScene:
     def name(self) -> str:
         """What messages call the scene."""
         return "the scene" if self.path is None else str(self.path)
+
+    @property
+    def other_camera(self) -> Camera | None:
+        """The camera, if it is not that of Mitsuba's sensor any more."""
+        return None if self.camera is self._sensor else self.camera
 
     @cached_property
     def through_cells(self) -> LoadedScene | None:

@@ -94,8 +94,10 @@ def render_scene(
         The shells are too few for the view, or over 0.5 % of its hits are lost (status 5 or 6).
     """
     loaded = loaded_scene(scene)
+    camera = camera or loaded.other_camera
     began = time.perf_counter()
-    against_field = shell_error(loaded).as_dict() if check_field else None
+    seen = loaded if camera is None else evolve(loaded, camera=camera)
+    against_field = shell_error(seen).as_dict() if check_field else None
     choice = choose(loaded, camera)
     check_s = time.perf_counter() - began - choice.straight_s
     image = pose_image(choice.scene, camera, include, choice.straight)

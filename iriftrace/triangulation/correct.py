@@ -135,7 +135,7 @@ def correct(
         statuses.append(np.where(in_view, *outside).astype(np.int64))
         faces.append(np.full(len(measured), -1))
         for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
-            shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _air_share(
+            shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _share_of_noisy(
                 measured[rows], member, camera, second, system, phase
             )
     weights = None if traced.ensemble is None else traced.ensemble.weights
@@ -280,6 +280,36 @@ def _refuse_none(status: IntArray, measured: FloatArray, part: Part) -> None:
 def _across(points: FloatArray) -> float:
     """Diagonal of the box around points (n, 3)."""
     return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
+def _share_of_noisy(
+    measured: FloatArray,
+    loaded: LoadedScene,
+    camera: Camera,
+    second: Camera,
+    system: System,
+    phase: Phase,
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """`_air_share` where noise decides neither on which face a point lies nor whether it is seen.
+
+    Next to a rim, and where a line of sight grazes the part, a few micrometres into the material
+    hide a point and as many out of it do not, so that a hole of the points that are left would be
+    too small. So the face is the nearest one, and points that seem hidden or far, or to lie on
+    another region, are judged as if they lay on it.
+    """
+    error, status, face = _air_share(measured, loaded, camera, second, system, phase)
+    place = measured - error
+    foot, nearest = loaded.part.surface.nearest(place)
+    near = np.linalg.norm(foot - place, axis=1) <= REACH_MM
+    region = loaded.part.region_of_face
+    doubtful = np.isin(status, (CorrectionStatus.HIDDEN, CorrectionStatus.FAR_FROM_PART))
+    rows = np.flatnonzero(near & (doubtful | (region[face] != region[nearest])))
+    face[near] = nearest[near]
+    if len(rows):
+        error[rows], status[rows], _ = _air_share(
+            foot[rows] + error[rows], loaded, camera, second, system, phase
+        )
+    return error, status, face
 
 
 def _air_share(

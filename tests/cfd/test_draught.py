@@ -11,7 +11,7 @@ import pytest
 
 from iriftrace.cfd.openfoam.case import RECORD, Case, natural_case
 from iriftrace.cfd.openfoam.case_files import write_case
-from iriftrace.cfd.openfoam.draught import Draught, draught_from
+from iriftrace.cfd.openfoam.draught import RISES, Draught, draught_from, leans
 from iriftrace.cfd.openfoam.simulate import prepare
 from iriftrace.cfd.openfoam.times import natural_times
 from iriftrace.cfd.openfoam.wall import WallTemperatures
@@ -128,6 +128,38 @@ def test_plume_is_watched_where_the_wind_carries_it(cylinder: Part) -> None:
     assert points[:, 1].max() == pytest.approx(still.probes[0][1]), "none windward"
     assert points[:, 1].min() < cylinder.bounds[0, 1] - 50.0
     assert (points > windy_case.domain.lower).all()
+
+
+def test_mesh_is_fine_where_winds_lean_the_plume(cylinder: Part) -> None:
+    """The fine solution at 0.15 m/s has the plume at y = -18, -41 mm, 80 and 160 mm up."""
+    family = wind(0.05, 90.0), wind(0.15, 90.0)
+    still, alone, member = (
+        natural_case(cylinder, WALL, draught=own, family=others)
+        for own, others in ((None, ()), (family[1], ()), (None, family))
+    )
+    fine = still.domain.boxes[-1].level
+    for height, y in ((80.0, -18.0), (160.0, -41.0)):
+        in_plume = [
+            any(
+                box.level == fine and box.lower[1] < y < box.upper[1] and box.lower[2] <= height
+                for box in case.domain.boxes
+                if height <= box.upper[2]
+            )
+            for case in (still, alone, member)
+        ]
+        assert in_plume == [False, True, True]
+    kept = np.array((still.domain.kept_lower, alone.domain.kept_lower, still.domain.kept_upper))
+    assert kept[1, 1] < kept[0, 1] - 30.0, "more air to the lee"
+    assert np.array_equal(alone.domain.kept_upper, kept[2])
+    assert all(box.lower[1] > kept[1, 1] - 20.0 for box in alone.domain.boxes[3:])
+
+
+def test_draughts_of_one_direction_lean_together() -> None:
+    winds = [wind(speed, turn) for turn in (0.0, 90.0) for speed in (0.1, 0.3)]
+    one, other = leans(winds, rise=0.5)
+    assert (one.downwind, other.downwind) == ((-1.0, 0.0), (0.0, -1.0))
+    assert one.least == other.least == pytest.approx(0.1 / (0.5 * RISES[0]))
+    assert one.most == other.most == pytest.approx(0.3 / (0.5 * RISES[1]))
 
 
 def test_mirror_image_of_a_draught() -> None:

@@ -14,6 +14,7 @@ from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.features.fit import Feature, fit_feature
 from iriftrace.features.outliers import inliers
 from iriftrace.features.table import feature_table, found_features, surface_kind
+from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part, read_part
 from iriftrace.part.shapes.cylinder import cylinder
 from iriftrace.scenes import folder_of
@@ -247,6 +248,19 @@ def test_outliers_are_left_out(kind: str, share: float) -> None:
     assert 2 * found.u_size_mm < 2e-3
     assert abs(found.size_mm - 15.0) < 3 * found.u_size_mm
     assert fit_feature(points, kind).u_size_mm > 4 * found.u_size_mm
+
+
+def test_points_as_near_to_another_surface_are_left_out() -> None:
+    """A plane of 20 mm with noise of 10 um, and a wall along one of its edges."""
+    rng = np.random.default_rng(4)
+    points = np.column_stack((rng.uniform(0, 20, (4000, 2)), rng.normal(0, 0.01, 4000)))
+    points[:200, 0] = rng.uniform(0, 0.03, 200)
+    wall = Surface([(0, -1, -1), (0, 21, -1), (0, 21, 1), (0, -1, 1)], [(0, 1, 2), (0, 2, 3)])
+    kept = inliers(points, "plane", 3.5, wall)
+    assert not kept[:200].any()
+    assert kept[200:].mean() > 0.99
+    # Where that is most of them, nothing would be left to fit.
+    assert inliers(points[:300], "plane", 3.5, wall).mean() > 0.99
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -20,7 +20,7 @@ from iriftrace.planning.criteria import METRICS, THE_PAPERS, Criteria
 from iriftrace.planning.rank import pareto_front, rank_poses, score_of
 from iriftrace.planning.stability import close_alternative, stability
 from iriftrace.planning.summary import summarise
-from iriftrace.planning.texts import alternative_text, other_statistics_text
+from iriftrace.planning.texts import alternative_text, least_error_text, other_statistics_text
 from validation.inputs.sweep_tables import sweep_table, two_regions
 
 # Five poses A to E. NumPy's linear percentile of five values lies at position 0.95 * 4 = 3.8, that
@@ -554,6 +554,21 @@ def test_a_best_pose_that_sees_little_is_told() -> None:
         text = alternative_text(summarise(with_views(table), criteria))
     assert text is not None
     assert "sees 4.0 % of the part, another one 40.0 %" in text
+
+
+def test_the_least_error_is_named_where_another_pose_is_the_best() -> None:
+    table = sweep_table([1.0, 2.0, 9.0], [0.1, 0.8, 0.8], [3, 1, 1], [3, 1, 1])
+    weighed = summarise(with_views(table))
+    assert weighed.plan.best == 1
+    text = least_error_text(weighed)
+    assert text is not None
+    assert "Pose 0 has the least 95th-percentile displacement" in text
+    assert "sees 10 % of the part instead of 80 %" in text
+    alone = summarise(with_views(table), Criteria(criterion="displacement"))
+    assert alone.plan.order.tolist() == [0, 1, 2]
+    assert least_error_text(alone) is None
+    enough = summarise(with_views(table), Criteria(criterion="displacement", min_coverage=0.5))
+    assert enough.plan.best == 1
 
 
 def test_a_pose_of_an_ensemble_counts_with_its_scatter() -> None:

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from attrs import evolve
+from numpy.testing import assert_array_equal
 
 import iriftrace
 from iriftrace.cli import main
 from iriftrace.core.errors import InputError
-from iriftrace.planning.criteria import Criteria
+from iriftrace.planning.criteria import METRICS, Criteria, Criterion
 from iriftrace.planning.rank import rank_poses
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
@@ -65,17 +66,29 @@ def test_errors_are_those_of_measure_with_both_devices_moved(
     assert not np.allclose(motion, np.eye(4))
 
 
-def test_poses_are_ranked_by_what_is_measured(swept: xr.Dataset) -> None:
-    alone = {"coverage": 0.0, "axial": 0.0, "lateral": 0.0}
-    whole = swept.sel(region="part")
-    for criterion, variable in (
-        (None, "error_normal_p95"),
+@pytest.mark.parametrize(
+    ("criterion", "variable"),
+    [
+        ("normal", "error_normal_p95"),
         ("features", "size_error"),
         ("displacement", "displacement_p95"),
-    ):
-        plan = rank_poses(swept, Criteria(criterion=criterion, **alone))
-        assert plan.best == int(np.abs(whole[variable].values).argmin())
-        assert plan.criteria.criterion == (criterion or "normal")
+    ],
+)
+def test_a_criterion_ranks_by_its_error_alone(
+    swept: xr.Dataset, criterion: Criterion, variable: str
+) -> None:
+    errors = np.abs(swept.sel(region="part")[variable].values)
+    assert_array_equal(rank_poses(swept, Criteria(criterion=criterion)).order, np.argsort(errors))
+    # The default weighs; so do weights that are given with the criterion.
+    usual = rank_poses(swept)
+    assert usual.criteria.criterion == "normal"
+    assert set(usual.criteria.needed) == set(METRICS)
+    assert rank_poses(swept, Criteria(criterion="normal", coverage=0.3)).criteria.weights == {
+        "displacement": 1.0,
+        "coverage": 0.3,
+        "axial": 0.0,
+        "lateral": 0.0,
+    }
 
 
 def test_plan_says_that_both_move(

@@ -268,14 +268,16 @@ def test_save_writes_picture_and_metrics_side_by_side(scene: LoadedScene, tmp_pa
 
 
 def test_loaded_scene_serves_many_poses(scene: LoadedScene) -> None:
-    """The first pose again after another one: the same to the last bit."""
+    """The first pose again after another one, and a scene changed to it: equal to the last bit."""
     other = evolve(CAMERA, matrix=look_at((90.0, 90.0, 10.0), (0.0, 0.0, 0.0)))
     first = render_scene(scene, camera=CAMERA).image
     between = render_scene(scene, camera=other).image
     again = render_scene(scene, camera=CAMERA).image
+    changed = render_scene(evolve(scene, camera=other)).image
     assert (between.vector("straight") != first.vector("straight")).any()
     for name in CHANNELS:
         np.testing.assert_array_equal(again.channels[name], first.channels[name])
+        np.testing.assert_array_equal(changed.channels[name], between.channels[name])
 
 
 def test_include_takes_only_codes_with_a_displacement(scene: LoadedScene) -> None:

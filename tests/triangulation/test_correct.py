@@ -186,6 +186,18 @@ def test_points_beside_the_part_are_corrected_too(scan: Scan, scene: LoadedScene
     assert np.median(off) < 0.1 * np.median(size)
 
 
+@pytest.mark.parametrize("noise_mm", [-0.015, 0.015])
+def test_noise_does_not_decide_which_points_are_corrected(
+    scan: Scan, scene: LoadedScene, noise_mm: float
+) -> None:
+    """At silhouettes rays to points out of the material miss the part, others meet it."""
+    noisy = correct(scan.points + noise_mm * scan.normal, scene, *DEVICES, system=scan.system)
+    assert (noisy.status == CorrectionStatus.CORRECTED).all()
+    np.testing.assert_array_equal(
+        scene.part.region_of_face[noisy.face], scene.part.region_of_face[scan.face]
+    )
+
+
 def test_the_diameter_comes_out_as_it_is(scan: Scan, scene: LoadedScene) -> None:
     """Air makes the cylinder micrometres too small; the correction gives its own fit back."""
     found = correct(scan.points, scene, *DEVICES, system=scan.system)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from attrs import evolve, frozen
+from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
@@ -52,7 +52,7 @@ class Section:
 def sections(wall_c: float | None = None) -> tuple[Section, ...]:
     """The page's sections, for a plate of another temperature where one is given, degC."""
     walls = plate.WALLS_C if wall_c is None else (wall_c,)
-    runs = plate.RUNS if wall_c is None else tuple(evolve(r, wall_c=wall_c) for r in plate.RUNS)
+    runs = plate.RUNS if wall_c is None else tuple(run.at(wall_c) for run in plate.RUNS)
     return (
         Section(
             "plate",
@@ -71,6 +71,12 @@ def sections(wall_c: float | None = None) -> tuple[Section, ...]:
             "Air and rays at a simulated hot plate",
             plate.AIR_TEXT,
             partial(plate.simulated_table, runs=runs),
+        ),
+        Section(
+            "plate_cooler",
+            "Rays at cooler plates",
+            plate.COOLER_TEXT,
+            plate.cooler_table,
         ),
         Section(
             "nusselt",

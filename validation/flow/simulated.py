@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 import trimesh
-from attrs import frozen
+from attrs import evolve, frozen
 
 import iriftrace
 from iriftrace.cli import main
@@ -29,6 +29,9 @@ CAMERA = iriftrace.Camera(
 """Far from the hot air; the rays do not start from it."""
 
 
+ROOM_C = 20.0
+
+
 @frozen
 class Run:
     """A simulation: temperature, mesh and times."""
@@ -37,6 +40,11 @@ class Run:
     background_mm: float
     seconds: float
     averaged: float
+
+    def at(self, wall_c: float) -> Run:
+        """The same of another wall, for longer if it is cooler, since its air rises more slowly."""
+        slower = max(np.sqrt((self.wall_c - ROOM_C) / (wall_c - ROOM_C)), 1.0)
+        return evolve(self, wall_c=wall_c, seconds=round(self.seconds * slower, 1))
 
     @property
     def name(self) -> str:

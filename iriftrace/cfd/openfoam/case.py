@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import field, frozen
+from attrs import asdict, field, frozen
 
 from iriftrace.cfd.openfoam.bodies import (
     Body,
@@ -23,7 +23,7 @@ from iriftrace.cfd.openfoam.domain import (
     domain_around,
     mesh_size,
 )
-from iriftrace.cfd.openfoam.draught import Draught
+from iriftrace.cfd.openfoam.draught import Draught, Lean, leans, rise_speed
 from iriftrace.cfd.openfoam.part_surface import check_mirrors, mirrored_points, symmetric_axes
 from iriftrace.cfd.openfoam.times import Times, natural_times
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
@@ -57,6 +57,7 @@ class Case:
     draught: Draught | None = None  # None in still air
     bodies: tuple[Body, ...] = ()
     floor: float | None = None  # height z, mm, of a floor at ambient temperature
+    family: tuple[Draught, ...] = ()  # draughts of all cases that share its mesh
     domain: Domain = field(init=False)
 
     def __attrs_post_init__(self) -> None:
@@ -80,7 +81,9 @@ class Case:
             _check_mirrored_draught(self.draught, self.mirrors)
         if self.mirrors and self.wall.varies(self.part):
             _check_mirrored_wall(self)
-        domain = domain_around(self.part, self.size, self.mirrors, self.margin, self.floor)
+        domain = domain_around(
+            self.part, self.size, self.mirrors, self.margin, self.floor, self._leaning
+        )
         check_mirrored_bodies(self.bodies, self.part.centre, self.mirrors)
         check_bodies(self.bodies, self.part, domain)
         if self.draught is not None:
@@ -96,6 +99,13 @@ class Case:
             heights = points[:, 2:] - self.part.bounds[1][2]
             points = np.concatenate([points - lean * heights * wind for lean in _LEANS])
         return tuple((float(x), float(y), float(z)) for x, y, z in points)
+
+    @property
+    def _leaning(self) -> tuple[Lean, ...]:
+        """How the plumes lean for which the mesh is fine."""
+        height = float(np.ptp(self.part.bounds[:, 2]))
+        own = () if self.draught is None else (self.draught,)
+        return leans(self.family or own, rise_speed(height, self.wall.hottest, self.ambient_k))
 
     def record(self) -> dict[str, Any]:
         """Values that flow and mesh depend on."""
@@ -115,6 +125,7 @@ class Case:
             "draught_m_s": None if self.draught is None else list(self.draught.velocity),
             "bodies": [body.record() for body in self.bodies] or None,
             "floor_mm": self.floor,
+            "leaning": [asdict(lean) for lean in self._leaning] or None,
         }
 
 

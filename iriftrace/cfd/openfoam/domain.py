@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+
 import numpy as np
 from attrs import frozen
 
+from iriftrace.cfd.openfoam.draught import Lean
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.part.part import Part
@@ -24,6 +28,8 @@ _SIDES, _ABOVE, _BELOW = 140.0, 300.0, 110.0
 _REFERENCE_LENGTH = 170.0
 _KEPT_SIDES, _KEPT_ABOVE = 60.0, 150.0
 """Part of it that the field's file keeps: the lines of sight pass there."""
+_KEPT_LEE = 50.0
+"""More of it on a side to which plumes lean, at most."""
 # A hundred times the cells that the finest resolution needs; all of them exist before any is cut.
 _MOST_CELLS = 1e7
 # Heights above the part's top at which the plume's temperature is watched, mm.
@@ -155,11 +161,13 @@ def domain_around(
     mirrors: str = "",
     margin: float = 1.0,
     floor: float | None = None,
+    leaning: Sequence[Lean] = (),
 ) -> Domain:
     """Lay out the air around a part, gravity along -z; an InputError if there are too many cells.
 
     Along the axes in `mirrors` ("", "x", "y" or "xy") only the upper half is computed; `margin` is
-    a factor on the air around the part, which ends at the height z of the `floor`, mm.
+    a factor on the air around the part, which ends at the height z of the `floor`, mm. The mesh is
+    fine in plumes that rise straight up, and in those `leaning`.
     """
     low, high = part.bounds
     centre, half = part.centre, 0.5 * (high - low)
@@ -186,8 +194,9 @@ def domain_around(
         # Cells that are a little lower or higher, so that whole ones stand on the floor.
         cells[2] = max(round((upper[2] - floor) / h), 1)
     # Whole cells as well, so that the field ends in planes.
-    kept_down = _whole(half + scale * _KEPT_SIDES, h)
-    kept_up = _whole(half + scale * np.array((_KEPT_SIDES, _KEPT_SIDES, _KEPT_ABOVE)), h)
+    sides = _kept_sides(leaning)
+    kept_down = _whole(half + scale * np.array((*sides[0], _KEPT_SIDES)), h)
+    kept_up = _whole(half + scale * np.array((*sides[1], _KEPT_ABOVE)), h)
     kept_lower, kept_upper = centre - kept_down, centre + kept_up
     if floor is not None:
         height = (upper[2] - floor) / cells[2]
@@ -202,7 +211,14 @@ def domain_around(
         upper=_triple(upper),
         cells=tuple(cells.round().astype(int).tolist()),
         planes={name: float(centre["xy".index(name)]) for name in mirrors},
-        boxes=_boxes(part, size, scale, float(upper[2])),
+        boxes=(
+            *_boxes(part, size, scale, float(upper[2])),
+            *(
+                box
+                for lean in leaning
+                for box in _leaning_boxes(part, size, scale, scale * sides, lean)
+            ),
+        ),
         distances=((max(5.0, 4 * wall), WALL_LEVEL), (max(14.0, 10 * wall), WALL_LEVEL - 1)),
         probes=tuple(_triple(above + np.array((0.0, 0.0, z * scale))) for z in _PROBES),
         point_in_air=_triple(inside),
@@ -225,7 +241,7 @@ def _check_floor(floor: float, part: Part, lowest: float) -> None:
 def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, ...]:
     """Near the part, far around it and in its plume, each finer than the last."""
     low, high = part.bounds
-    bottom, plume_top = float(part.centre[2]), float(high[2] + (_KEPT_ABOVE + 22.0) * scale)
+    bottom, plume_top = _plume_ends(part, scale)
     near = 24.0 * scale
     far = np.array([75.0, 75.0, 65.0]) * scale
     return (
@@ -238,12 +254,44 @@ def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, .
     )
 
 
+def _kept_sides(leaning: Sequence[Lean]) -> FloatArray:
+    """Air that is kept beside the part, mm, of one of usual size: below and above in x, y."""
+    sides = np.full((2, 2), _KEPT_SIDES)
+    for lean in leaning:
+        reach = min(lean.most * _KEPT_ABOVE, _KEPT_LEE) * np.array(lean.downwind)
+        sides = np.maximum(sides, _KEPT_SIDES + np.stack((-reach, reach)))
+    return sides
+
+
+def _leaning_boxes(
+    part: Part, size: MeshSize, scale: float, sides: FloatArray, lean: Lean
+) -> Iterator[Box]:
+    """Layers of boxes in which plumes lean, as fine as for one that rises, in the air kept."""
+    low, high = (bound[:2] for bound in part.bounds)
+    bottom, top = _plume_ends(part, scale)
+    downwind = np.array(lean.downwind)
+    ends = np.linspace(bottom, top, max(int((top - bottom) / size.background), 1) + 1)
+    for below, above in itertools.pairwise(ends):
+        least = downwind * lean.least * (below - bottom)
+        most = downwind * lean.most * (above - bottom)
+        lower = np.maximum(low + np.minimum(least, most), low - sides[0])
+        upper = np.minimum(high + np.maximum(least, most), high + sides[1])
+        if (lower < upper).all():
+            corners = (*lower.tolist(), below), (*upper.tolist(), above)
+            yield Box(_triple(corners[0]), _triple(corners[1]), WALL_LEVEL - 1)
+
+
+def _plume_ends(part: Part, scale: float) -> tuple[float, float]:
+    """Heights z, mm, between which the mesh is fine in a plume."""
+    return float(part.centre[2]), float(part.bounds[1][2] + (_KEPT_ABOVE + 22.0) * scale)
+
+
 def _whole(lengths: FloatArray, cell: float) -> FloatArray:
     """Lengths as whole cells, up."""
     whole: FloatArray = np.ceil(lengths / cell - 1e-9) * cell
     return whole
 
 
-def _triple(values: FloatArray) -> tuple[float, float, float]:
+def _triple(values: Iterable[float]) -> tuple[float, float, float]:
     x, y, z = (round(float(value), 6) for value in values)
     return x, y, z

@@ -36,7 +36,9 @@ from iriftrace.field.source import FieldFacts, FieldKind
 _MM = 1000.0
 
 
-def mean_arrays(case: Case, grid: Any, before: Any, seconds: float) -> dict[str, FloatArray]:
+def mean_arrays(
+    case: Case, grid: pv.UnstructuredGrid, before: Any, seconds: float
+) -> dict[str, FloatArray]:
     """Velocity and heat of a time average.
 
     The stored heat is exact: what it is more at the end of the averaging than at its beginning. The
@@ -61,7 +63,7 @@ def mean_arrays(case: Case, grid: Any, before: Any, seconds: float) -> dict[str,
     return arrays
 
 
-def state_arrays(case: Case, grid: Any) -> dict[str, FloatArray]:
+def state_arrays(case: Case, grid: pv.UnstructuredGrid) -> dict[str, FloatArray]:
     """Velocity and heat of a single state, which stores f'(rho) d rho / dt, f as above."""
     data = grid.point_data
     arrays = {
@@ -74,7 +76,7 @@ def state_arrays(case: Case, grid: Any) -> dict[str, FloatArray]:
     return arrays
 
 
-def _content(case: Case, grid: Any) -> FloatArray:
+def _content(case: Case, grid: pv.UnstructuredGrid) -> FloatArray:
     return heat_content(grid.point_data["T"], case.ambient_k, case.pressure_pa)
 
 
@@ -156,7 +158,7 @@ def _at(folder: Path, moment: float) -> Any | None:
 
 
 def _whole(
-    case: Case, folder: Path, grid: Any, arrays: dict[str, FloatArray]
+    case: Case, folder: Path, grid: pv.UnstructuredGrid, arrays: dict[str, FloatArray]
 ) -> pv.UnstructuredGrid:
     """Cells kept of the computed piece, in mm, with mirror images and arrays at their points.
 

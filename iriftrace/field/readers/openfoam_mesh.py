@@ -29,7 +29,7 @@ _LEAST = 0.1
 class Piece:
     """A mesh as it was read, whole or from one processor, and in linear cells."""
 
-    grid: Any  # pyvista.UnstructuredGrid with cell data
+    grid: pv.UnstructuredGrid  # pyvista.UnstructuredGrid with cell data
     patches: Mapping[str, Any]  # pyvista.PolyData with cell data of the patches that state values
     walls: frozenset[str]  # names of those that are walls
     # (n + f + p, 3), the mesh's points, the centres of its f faces with more than four corners
@@ -40,7 +40,9 @@ class Piece:
     split: SplitPolyhedra
 
 
-def split_piece(grid: Any, patches: Mapping[str, Any], walls: frozenset[str]) -> Piece:
+def split_piece(
+    grid: pv.UnstructuredGrid, patches: Mapping[str, Any], walls: frozenset[str]
+) -> Piece:
     """Split the polyhedra of a grid; its other cells stay.
 
     The gradients of a cell's parts then start from its own value at its own centroid, whereas
@@ -90,18 +92,20 @@ def _point_means(
 ) -> dict[str, FloatArray]:
     """Values at `count` points, where `numbers` are those of the points of each piece."""
     around = [
-        _Around(kind, number[corner], owner, arm, data)
+        places
         for piece, number in zip(pieces, numbers, strict=True)
-        for kind, corner, owner, arm, data in _corners(piece)
+        for places in _around(piece, number)
     ]
     total = np.zeros((3, count))
     first = pieces[0].grid.cell_data
     sums = {name: np.zeros((3, count, *np.shape(first[name])[1:])) for name in names}
-    for places, weight in zip(around, _weights(around, count), strict=True):
-        total[places.kind] += np.bincount(places.point, weight, minlength=count)
-        for name in names:
-            value = np.asarray(places.data[name], dtype=np.float64)[places.owner]
-            sums[name][places.kind] += added(places.point, (weight * value.T).T, count)
+    for kind in range(3):
+        chosen = [places for places in around if places.kind == kind]
+        for places, weight in zip(chosen, _weights(chosen, count), strict=True):
+            total[kind] += np.bincount(places.point, weight, minlength=count)
+            for name in names:
+                value = np.asarray(places.data[name], dtype=np.float64)[places.owner]
+                sums[name][kind] += added(places.point, (weight * value.T).T, count)
     for piece, number in zip(pieces, numbers, strict=True):
         centroids = number[len(piece.points) - len(piece.split.cells) :]
         total[_CELLS, centroids] = 1.0
@@ -130,39 +134,37 @@ class _Around:
 
 
 def _weights(around: Sequence[_Around], count: int) -> list[FloatArray]:
-    """Weights (k,) of the places around points.
+    """Weights (k,) of places of one kind around points.
 
     They are inverse distances times a linear function of the arms, by which the weighted mean of
     the arms vanishes: the means of values that are linear in space are then exact (Holmes and
     Connell, AIAA 89-1932). Where all places lie on one side the function stops at `_LEAST`.
     """
-    moment, spread = np.zeros((3, count, 3)), np.zeros((3, count, 3, 3))
+    moment, spread = np.zeros((count, 3)), np.zeros((count, 3, 3))
     near = []
     for places in around:
         length = np.linalg.norm(places.arm, axis=1)
         near.append(1.0 / np.maximum(length, np.finfo(float).tiny))
         toward = near[-1][:, None] * places.arm
-        moment[places.kind] += added(places.point, toward, count)
+        moment += added(places.point, toward, count)
         for axis in range(3):
-            products = toward * places.arm[:, axis : axis + 1]
-            spread[places.kind, :, axis] += added(places.point, products, count)
+            spread[:, axis] += added(places.point, toward * places.arm[:, axis, None], count)
     # Faces around a point of a plane patch do not spread along its normal.
-    size = np.trace(spread, axis1=2, axis2=3)
-    floor = np.maximum(1e-9 * size, np.finfo(float).tiny)
-    slope = np.linalg.solve(spread + floor[..., None, None] * np.eye(3), moment[..., None])[..., 0]
+    floor = np.maximum(1e-9 * np.trace(spread, axis1=1, axis2=2), np.finfo(float).tiny)
+    slope = np.linalg.solve(spread + floor[:, None, None] * np.eye(3), moment[..., None])[..., 0]
     return [
-        weight
-        * np.maximum(1.0 - (slope[places.kind, places.point] * places.arm).sum(axis=1), _LEAST)
+        weight * np.maximum(1.0 - (slope[places.point] * places.arm).sum(axis=1), _LEAST)
         for places, weight in zip(around, near, strict=True)
     ]
 
 
-def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray, Any]]:
-    """Kind of places, points, cells or faces, arms and cell data, for the cells and each patch."""
+def _around(piece: Piece, number: IntArray) -> Iterator[_Around]:
+    """Cells and faces of each patch around points, whose numbers in the joined grid are given."""
     starts = np.asarray(piece.grid.cell_offsets, dtype=np.int64)
     corner = np.asarray(piece.grid.cell_connectivity, dtype=np.int64)
     cell = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    yield _CELLS, corner, cell, piece.centres[cell] - piece.points[corner], piece.grid.cell_data
+    arm = piece.centres[cell] - piece.points[corner]
+    yield _Around(_CELLS, number[corner], cell, arm, piece.grid.cell_data)
     tree = cKDTree(piece.points) if piece.patches else None
     for name, patch in piece.patches.items():
         if not patch.n_cells or tree is None:
@@ -173,6 +175,6 @@ def _corners(piece: Piece) -> Iterator[tuple[int, IntArray, IntArray, FloatArray
         face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         points = np.asarray(patch.points, dtype=np.float64)
         centres = added(face, points[corner], len(starts) - 1) / np.diff(starts)[:, None]
-        source = _WALLS if name in piece.walls else _PATCHES
+        kind = _WALLS if name in piece.walls else _PATCHES
         arm = centres[face] - points[corner]
-        yield source, tree.query(points)[1][corner], face, arm, patch.cell_data
+        yield _Around(kind, number[tree.query(points)[1]][corner], face, arm, patch.cell_data)

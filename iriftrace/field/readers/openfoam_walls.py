@@ -11,7 +11,7 @@ import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
@@ -40,6 +40,9 @@ _TOKEN = re.compile(
     |(?P<word>"[^"]*"|[{};]|[^\s{};"]+)""",
     re.DOTALL | re.VERBOSE,
 )
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 
 def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -> None:
@@ -194,7 +197,7 @@ def _numbers(stated: Any, count: int, file: Path) -> Any:
         return None
 
 
-def _owners(grid: Any, patch: Any) -> IntArray:
+def _owners(grid: pv.UnstructuredGrid, patch: Any) -> IntArray:
     """Number of the cell behind each face of a patch, (f,): the one that has all its corners."""
     face, corner = _corners(patch)
     near = cKDTree(np.asarray(grid.points)).query(np.asarray(patch.points))[1][corner]

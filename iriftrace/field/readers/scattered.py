@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -16,6 +16,8 @@ from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import connected
 
 if TYPE_CHECKING:
+    import pyvista as pv
+
     from iriftrace.part.part import Part
 
 
@@ -120,7 +122,7 @@ def _open_to_outside(mask: BoolArray, neighbours: Int32Array) -> BoolArray:
     return result
 
 
-def cells_outside(grid: Any, part: Part | None, path: str) -> IntArray:
+def cells_outside(grid: pv.UnstructuredGrid, part: Part | None, path: str) -> IntArray:
     """Numbers of the tetrahedra that do not lie in the part.
 
     Delaunay's tetrahedra fill the part too, from wall to wall. A tetrahedron is left out if it
