@@ -19,8 +19,12 @@ from iriftrace.core.errors import InputError
 
 Kind = Literal["plane", "line", "circle", "sphere", "cylinder", "cone"]
 
+EXACT, ROUGH = 1e-13, 1e-4
+"""Relative changes of residuals and parameters at which a search ends, and one that only chooses
+between the principal axes of a cylinder or cone."""
+
 SAMPLE = 1000
-"""Points that choose between the principal axes of a cylinder or cone, which differ by far."""
+"""Points that choose between those axes, which differ by far."""
 
 FEWEST = {"plane": 3, "line": 2, "circle": 3, "sphere": 4, "cylinder": 5, "cone": 6}
 """Points that determine each kind of feature."""
@@ -220,13 +224,16 @@ _Of = Callable[[FloatArray], FloatArray]
 
 
 def _solved(
-    residuals: _Of, slopes: _Of | Literal["2-point"], start: Sequence[float], radius: int
+    residuals: _Of,
+    slopes: _Of | Literal["2-point"],
+    start: Sequence[float],
+    radius: int,
+    exact: float = EXACT,
 ) -> tuple[FloatArray, float]:
-    """Parameters of least squares, to 1e-12 of the points' extent, and u of twice the radius.
+    """Parameters of least squares and u of twice the radius.
 
     `slopes` gives the derivatives of the residuals; `radius` is the parameter's number.
     """
-    exact = 1e-13
     found = least_squares(
         residuals, start, jac=slopes, method="lm", xtol=exact, ftol=exact, gtol=exact
     )
@@ -331,7 +338,9 @@ def _round_of(points: FloatArray, frame: FloatArray, values: FloatArray) -> _Rou
     return _Round(frame, axis, arm, height, across, np.linalg.norm(across, axis=1), values)
 
 
-def _about_axis(points: FloatArray, root: FloatArray, axis: FloatArray, opening: bool) -> Feature:
+def _about_axis(
+    points: FloatArray, root: FloatArray, axis: FloatArray, opening: bool, exact: float = EXACT
+) -> Feature:
     """Cylinder or cone from a first guess of its axis."""
     frame = _frame(axis)
     across = points @ frame[:2].T
@@ -344,6 +353,7 @@ def _about_axis(points: FloatArray, root: FloatArray, axis: FloatArray, opening:
         lambda v: root[:, None] * _round_of(points, frame, v).slopes,
         start,
         radius=4,
+        exact=exact,
     )
     direction = _tilted(frame, best[2:4])
     foot = best[:2] @ frame[:2]
@@ -358,13 +368,14 @@ def _about_axis(points: FloatArray, root: FloatArray, axis: FloatArray, opening:
 
 def _round(points: FloatArray, root: FloatArray, axes: FloatArray, opening: bool) -> Feature:
     """Fit from the axis, of some (k, 3), along which a sample of the points fits best."""
-    step = max(1, len(points) // SAMPLE) if len(axes) > 1 else 1
-    sample, weight = points[::step], root[::step] ** 2
-    fits = [_about_axis(sample, root[::step], axis, opening) for axis in axes]
-    best = min(fits, key=lambda fit: float(weight @ fit.residuals**2))
-    if step == 1 or best.direction is None:
-        return best
-    return _about_axis(points, root, best.direction, opening)
+    axis = axes[0]
+    if len(axes) > 1:
+        step = max(1, len(points) // SAMPLE)
+        sample, weight = points[::step], root[::step] ** 2
+        fits = [_about_axis(sample, root[::step], axis, opening, ROUGH) for axis in axes]
+        best = min(fits, key=lambda fit: float(weight @ fit.residuals**2))
+        axis = axes[0] if best.direction is None else best.direction
+    return _about_axis(points, root, axis, opening)
 
 
 _FITS: dict[str, Callable[[FloatArray, FloatArray], Feature]] = {

@@ -26,6 +26,17 @@ from iriftrace.scenes import folder_of
 
 SCALE = ("-D", "scale=0.05")
 
+RESULTS = {
+    "pose.exr": PART_COLOUR,
+    # The best pose of four is the yellow end of the scale.
+    "sweep.nc": "#fde725",
+    # Hot air makes the cylinder too small: errors are below 0, and red.
+    "scan.vtp": "#f09c7b",
+    "scan.ply": "#f09c7b",
+    "corrected.vtp": "#21918c",
+}
+"""Files of results, and a colour that the picture of each shows."""
+
 
 def share_like(picture: Path, colour: str) -> float:
     """Share of the pixels that have a colour's hue, as shaded surfaces do."""
@@ -59,14 +70,30 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def drawn(file: Path, tmp_path: Path) -> Path:
-    picture = tmp_path / "view.png"
+def drawn(file: Path, folder: Path) -> Path:
+    picture = folder / f"{file.name}.png"
     assert main(["view", str(file), "--picture", str(picture)]) == 0
     return picture
 
 
-def test_a_scene_shows_part_shells_and_both_devices(tmp_path: Path) -> None:
-    one = drawn(folder_of("cylinder") / "scene.xml", tmp_path)
+@pytest.fixture(scope="module")
+def pictures(
+    results: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[dict[str, Path], list[str]]:
+    """What is drawn of each result and of a scene, by name, and the origins that were checked."""
+    folder = tmp_path_factory.mktemp("pictures")
+    said: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(window, "synthetic_mark", lambda source: said.append(source.origin))
+        files = [results / name for name in RESULTS]
+        files.append(folder_of("cylinder") / "scene.xml")
+        return {file.name: drawn(file, folder) for file in files}, said
+
+
+def test_a_scene_shows_part_shells_and_both_devices(
+    pictures: tuple[dict[str, Path], list[str]], tmp_path: Path
+) -> None:
+    one = pictures[0]["scene.xml"]
     assert share_like(one, PART_COLOUR) > 0.003
     assert share_of(one, SIGHT_COLOUR) > 0.0005
     assert share_of(one, SECOND_COLOUR) == 0.0
@@ -76,20 +103,9 @@ def test_a_scene_shows_part_shells_and_both_devices(tmp_path: Path) -> None:
     assert share_of(two, SECOND_COLOUR) > 0.0005
 
 
-@pytest.mark.parametrize(
-    ("name", "colour"),
-    [
-        ("pose.exr", PART_COLOUR),
-        # The best pose of four is the yellow end of the scale.
-        ("sweep.nc", "#fde725"),
-        # Hot air makes the cylinder too small: errors are below 0, and red.
-        ("scan.vtp", "#f09c7b"),
-        ("scan.ply", "#f09c7b"),
-        ("corrected.vtp", "#21918c"),
-    ],
-)
-def test_results_are_drawn(results: Path, name: str, colour: str, tmp_path: Path) -> None:
-    assert share_like(drawn(results / name, tmp_path), colour) > 0.0005
+@pytest.mark.parametrize("name", RESULTS)
+def test_results_are_drawn(pictures: tuple[dict[str, Path], list[str]], name: str) -> None:
+    assert share_like(pictures[0][name], RESULTS[name]) > 0.0005
 
 
 def test_a_field_is_cut_open_at_the_part(tmp_path: Path) -> None:
@@ -105,16 +121,11 @@ def test_a_part_shows_its_regions(tmp_path: Path) -> None:
 
 
 def test_what_rests_on_no_simulation_says_so(
-    results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pictures: tuple[dict[str, Path], list[str]], tmp_path: Path
 ) -> None:
-    said: list[str] = []
-    monkeypatch.setattr(window, "synthetic_mark", lambda source: said.append(source.origin))
-    for name in ("pose.exr", "sweep.nc", "scan.vtp", "scan.ply", "corrected.vtp"):
-        drawn(results / name, tmp_path)
-    drawn(folder_of("cylinder") / "scene.xml", tmp_path)
+    _, said = pictures
     assert len(said) == 6
     assert {origin.partition(",")[0] for origin in said} == {"OpenFOAM"}
-    monkeypatch.undo()
     made = tmp_path / "made.vtu"
     grid = pv.read(folder_of("cylinder") / "field.vtu")
     plain = drawn(made_of(grid, "OpenFOAM", made), tmp_path).read_bytes()

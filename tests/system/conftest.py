@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from iriftrace.cli import main
+from iriftrace.figures import pose, space, style, sweep_space
 from validation.inputs import hot_block
 from validation.inputs.hot_block import HotBlock
 
@@ -26,6 +27,16 @@ def hot(tmp_path_factory: pytest.TempPathFactory) -> HotBlock:
     assert main([*arguments, *hot_block.CAMERA]) == 0
     assert main(["render", str(scene)]) == 0
     return HotBlock(folder, field, part, scene, scene.with_suffix(".exr"))
+
+
+@pytest.fixture(autouse=True)
+def _small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sixteenth of the pixels: what pictures show is looked at in tests/figures."""
+    dpi, size_px = style.DPI // 4, tuple(size // 4 for size in space.SIZE_PX)
+    for module in (pose, space, style):
+        monkeypatch.setattr(module, "DPI", dpi)
+    for module in (space, sweep_space):
+        monkeypatch.setattr(module, "SIZE_PX", size_px)
 
 
 def contents(folder: Path) -> dict[str, str]:
