@@ -266,8 +266,9 @@ def to_refractivity(
     if lowest < _COLDEST_K:
         raise InputError(
             f"The array {choice.name!r} in {path} goes down to {lowest:g} K, colder than any "
-            "air around a hot part; if it is in degC or degF, give the temperature "
-            "unit (--temperature-unit degC)."
+            "air around a hot part; if it is in degC, give the temperature "
+            f"unit (--temperature-unit degC), or call the array '{choice.name} [degF]' if it is in "
+            "Fahrenheit."
         )
     if values.max() > _HOTTEST_K:
         raise InputError(
