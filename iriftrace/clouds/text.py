@@ -64,9 +64,8 @@ def read_table(
     whole = [column + 1 for column in range(count) if not np.mod(table[:, column], 1).any()]
     if not names and chosen is None and count > 3 and 0 < sum(one <= 3 for one in whole) < 3:
         raise InputError(
-            f"Of the {count} columns in {file}, which have no names, column "
-            f"{', '.join(map(str, whole))} holds whole numbers, as of pixels; choose x, y and z by "
-            "number from 1 (--columns 3,4,5)."
+            f"{file} has {count} columns without names, and whole numbers, as of pixels, in column "
+            f"{', '.join(map(str, whole))}; choose x, y and z by number from 1 (--columns 3,4,5)."
         )
     places = columns_of_points(names, count, chosen, file)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count

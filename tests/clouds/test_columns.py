@@ -261,7 +261,9 @@ def test_pixels_before_the_coordinates_are_not_taken_for_these(tmp_path: Path) -
     pixels = np.indices((4, 5)).reshape(2, -1).T
     table = np.hstack((pixels, POINTS[:, :3]))
     np.savetxt(tmp_path / "a.txt", table, "%.17g")
-    with pytest.raises(InputError, match=r"column 1, 2 holds whole numbers.*--columns 3,4,5"):
+    with pytest.raises(
+        InputError, match=r"whole numbers, as of pixels, in column 1, 2; .*--columns 3,4,5"
+    ):
         read_cloud(tmp_path / "a.txt")
     found = read_cloud(tmp_path / "a.txt", columns=["3", "4", "5"])
     assert_allclose(found.points, POINTS[:, :3])
