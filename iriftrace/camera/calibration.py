@@ -17,6 +17,7 @@ from attrs import frozen
 
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
 from iriftrace.camera.calibration_matlab import matlab_camera
+from iriftrace.camera.calibration_pixels import check_pixels
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.distortion import Distortion
 from iriftrace.core.arrays import FloatArray
@@ -160,6 +161,7 @@ def calibration_of(values: CalibrationValues, length_mm: float) -> Calibration:
     _refuse_other_models(values)
     matrix = _matrix(values)
     width, height = _resolution(values)
+    check_pixels(values, matrix, np.array((width, height)))
     return Calibration(
         focal_px=(float(matrix[0, 0]), float(matrix[1, 1])),
         centre_px=(float(matrix[0, 2]), float(matrix[1, 2])),
@@ -177,7 +179,7 @@ def _without_scalars(values: CalibrationValues) -> CalibrationValues:
     if not all(isinstance(value, int | float) for value in pinhole):
         return values
     content = {**values.content, PINHOLE[0]: pinhole}
-    if isinstance(lens[0], int | float):
+    if isinstance(lens[0], int | float) and values.named(DISTORTION) is None:
         content[DISTORTION[0]] = [0.0 if value is None else value for value in lens]
     return CalibrationValues(values.path, content, values.camera)
 
@@ -237,6 +239,11 @@ def _matrix(values: CalibrationValues) -> FloatArray:
         across, down, x, y = numbers
         numbers = np.array((across, 0.0, x, 0.0, down, y, 0.0, 0.0, 1.0))
     matrix = numbers.reshape(3, 3)
+    if np.allclose(matrix[:, 2], (0, 0, 1)) and not np.allclose(matrix[2], (0, 0, 1)):
+        raise values.wrong(
+            f"{matrix.tolist()} is a camera matrix column by column (transposed); write it and the "
+            "rotations of the same program row by row"
+        )
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
         raise values.wrong(
             f"{matrix.tolist()} is no camera matrix; it is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
@@ -330,7 +337,11 @@ def _refuse_other_models(values: CalibrationValues) -> None:
 
 
 def _refuse_two_cameras(values: CalibrationValues) -> None:
-    two = [str(name) for name in values.content if _OF_TWO.fullmatch(folded(str(name)))]
+    two = [
+        str(name)
+        for name, value in values.content.items()
+        if _OF_TWO.fullmatch(folded(str(name))) and not isinstance(value, int | float)
+    ]
     if two and values.named((*MATRIX, *PINHOLE)) is None:
         raise values.wrong(
             f"it is of two cameras ({', '.join(two)}); read it with read_stereo_calibration "

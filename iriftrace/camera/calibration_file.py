@@ -15,6 +15,11 @@ import numpy as np
 import yaml
 from attrs import frozen
 
+from iriftrace.camera.calibration_programs import (
+    colmap_values,
+    realsense_values,
+    refuse_other_programs,
+)
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
@@ -85,6 +90,14 @@ def calibration_content(path: Path) -> Mapping[str, Any]:
             f"The calibration {path} is no text; give the YAML or JSON that OpenCV's FileStorage "
             "wrote."
         ) from error
+    if "\0" in text:
+        raise InputError(
+            f"The calibration {path} is a binary file; give YAML, XML or JSON with OpenCV's names."
+        )
+    refuse_other_programs(path, text)
+    colmap = colmap_values(path, text)
+    if colmap is not None:
+        return colmap
     try:
         if text.lstrip().startswith("<"):
             content: Any = _xml_values(text)
@@ -102,7 +115,7 @@ def calibration_content(path: Path) -> Mapping[str, Any]:
     values = list(content.values())
     # A file may have one name for the whole, such as `stereo`; a matrix is a mapping with `data`.
     whole = len(values) == 1 and isinstance(values[0], Mapping) and "data" not in values[0]
-    return values[0] if whole else content
+    return realsense_values(values[0] if whole else content)
 
 
 _NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)

@@ -43,6 +43,9 @@ from iriftrace.core.units import length_factor
 BASELINES_MM = (3.0, 20_000.0)
 """Distances of two cameras outside of which the unit of T is wrong: metres read as mm or back."""
 
+LARGEST_ANGLE_DEG, LEAST_ANGLE_DEG = 120.0, 3.0
+"""Angles of two axes above which cameras face each other, and below which they are parallel."""
+
 _SIDES = (("1", "2"), ("left", "right"), ("l", "r"), ("0", "1"))
 _OF_A_CAMERA = ("", "cam", "camera", "cameraparameters", "cameraparams", "sensor", "intrinsics")
 _RECTIFICATION = ("R", "rectification_matrix", "rectification")
@@ -159,6 +162,8 @@ def read_stereo_calibration(
             IriftraceWarning,
             stacklevel=2,
         )
+    else:
+        _check_axes(rest, rotation, shift)
     return StereoCalibration(
         first=calibration_of(_lens(first), 1.0),
         second=calibration_of(_lens(second), 1.0),
@@ -302,6 +307,26 @@ def _refuse_pose_of_the_first(first: CalibrationValues) -> None:
         raise first.wrong(
             "both cameras have a pose of their own; write a file for each and read these "
             "(--calibration and --second-calibration)"
+        )
+
+
+def _check_axes(values: CalibrationValues, rotation: FloatArray, shift_mm: FloatArray) -> None:
+    """Refuse cameras that face each other, and warn of axes that lead apart."""
+    centre, axis = -rotation.T @ shift_mm, rotation[2]
+    angle = np.degrees(np.arccos(np.clip(axis[2], -1.0, 1.0)))
+    if angle > LARGEST_ANGLE_DEG:
+        raise values.wrong(
+            f"the axes of its two cameras are {angle:.0f} degrees apart, so that they see no "
+            "surface in common; R is a rotation vector in degrees, or of other frames"
+        )
+    # Where the axis of camera 2 is nearest to that of camera 1, the z axis.
+    along = np.cross(np.cross((0.0, 0.0, 1.0), axis), (0.0, 0.0, 1.0))
+    if angle > LEAST_ANGLE_DEG and -(centre @ along) / (axis @ along) < 0.0:
+        warn(
+            f"The axes of the two cameras in {values.path} lead apart by {angle:.0f} degrees; if "
+            "they meet, R is transposed, or R and T are of different directions.",
+            IriftraceWarning,
+            stacklevel=3,
         )
 
 

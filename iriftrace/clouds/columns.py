@@ -10,22 +10,15 @@ from pathlib import Path
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.units import LENGTH_UNITS, stated_length_unit
 
 MARKS = "#/%*!"
 """Signs at the beginning of a comment."""
 
 _MOST_LISTED = 20
 
-_UNITS = {
-    **dict.fromkeys(("um", "µm", "μm", "micrometer", "micrometre"), "um"),
-    **dict.fromkeys(("mm", "millimeter", "millimetre", "millimeters", "millimetres"), "mm"),
-    **dict.fromkeys(("cm", "centimeter", "centimetre"), "cm"),
-    **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), "m"),
-    **dict.fromkeys(("in", "inch", "inches"), "inch"),
-}
 _BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
 _SUFFIX = re.compile(r"[\s_/,.-]+(?:in\s+)?(um|µm|μm|mm|cm|m|inch)$")
-_STATED_UNIT = re.compile(r"\bunits?\s*[:=]\s*[\[(]?([a-zµμ]+)", re.IGNORECASE)
 
 _AXES = {"x": 0, "y": 1, "z": 2, "0": 0, "1": 1, "2": 2}
 _FORMS = tuple(
@@ -48,6 +41,12 @@ _MEANS_POINT = frozenset(
 )
 """Words that say no more of a coordinate than that it is one."""
 
+_NOT_CARTESIAN = frozenset(
+    "r range radius rho distance theta phi azimuth elevation polar angle lat latitude lon "
+    "longitude u v row col column line sample disparity".split()
+)
+"""Names of columns that are none of x, y and z, although three of them make a table."""
+
 _CORRECTED = re.compile(r"(?:^|[^a-z_]|scalar_)correction[ _:.]?[xyz0-2](?![a-z])")
 
 
@@ -69,9 +68,9 @@ def axis_of(name: str) -> Axis | None:
     text, unit = name.strip(f"{MARKS} \t\"'").casefold(), ""
     in_brackets = _BRACKETS.search(text)
     if in_brackets:
-        unit, text = _UNITS.get(in_brackets[1], ""), _BRACKETS.sub("", text)
+        unit, text = LENGTH_UNITS.get(in_brackets[1], ""), _BRACKETS.sub("", text)
     elif suffix := _SUFFIX.search(text):
-        unit, text = _UNITS[suffix[1]], text[: suffix.start()]
+        unit, text = LENGTH_UNITS[suffix[1]], text[: suffix.start()]
     for form in _FORMS:
         if match := form.fullmatch(text.strip()):
             words = re.split(r"[\s_:.-]+", match["what"] or "")
@@ -165,8 +164,9 @@ def _may_be_names(words: Sequence[str], count: int) -> bool:
     if len(words) != count or any(re.fullmatch(r"[\d.:,/-]+", word) for word in words):
         return False
     # Three columns are x, y and z, but for names that say otherwise.
-    units = [word for word in words if word.strip(" []()<>").casefold() in _UNITS]
-    return bool(axes) or (count > 3 and not units)
+    units = [word for word in words if word.strip(" []()<>").casefold() in LENGTH_UNITS]
+    others = [word for word in words if _BRACKETS.sub("", word).casefold() in _NOT_CARTESIAN]
+    return bool(axes or others) or (count > 3 and not units)
 
 
 def words_of(line: str, count: int) -> list[str]:
@@ -205,10 +205,10 @@ def unit_of(names: Sequence[str], lines: Iterable[str], chosen: Sequence[int], c
         return units.pop()
     for line in lines:
         words = [word.strip(" []()<>").casefold() for word in words_of(line, count)]
-        if len(words) == count and all(words[i] in _UNITS for i in chosen):
-            return _UNITS[words[chosen[0]]]
-        if stated := _STATED_UNIT.search(line):
-            return _UNITS.get(stated[1].casefold(), "")
+        if len(words) == count and all(words[i] in LENGTH_UNITS for i in chosen):
+            return LENGTH_UNITS[words[chosen[0]]]
+        if stated := stated_length_unit(line):
+            return stated
     return ""
 
 

@@ -179,6 +179,7 @@ def _rows(
     """Coordinates (m, 3) of a file's rows, the unit it states or "", further columns, remarks."""
     kind = file.suffix.lower()
     remarks: tuple[str, ...] = ()
+    unit = ""
     if kind in TEXT:
         return *read_table(file, chosen), ()
     if kind == ".vtp":
@@ -191,19 +192,20 @@ def _rows(
 
         points, columns = read_e57(file)
     elif kind in MESHES:
-        points, columns, remarks = _mesh_rows(file, kind)
+        points, columns, remarks, unit = _mesh_rows(file, kind)
     else:
         known = ", ".join((*MESHES, ".vtp", ".e57", *TEXT))
         raise InputError(f"{file} is no cloud that can be read; give {known}.")
     refuse_corrected(file, columns)
     named = _single(columns)
     if chosen is None:
-        return points, "", {name: one for name, one in named.items() if name not in AXES}, remarks
+        return points, unit, {name: one for name, one in named.items() if name not in AXES}, remarks
     names = list(named)
     numbers = chosen_columns(names, chosen, len(named), file)
     table = np.column_stack([named[names[i]] for i in numbers])
     further = {name: one for i, (name, one) in enumerate(named.items()) if i not in numbers}
-    return table.astype(np.float64), unit_of(names, (), numbers, len(named)), further, remarks
+    unit = unit_of(names, (), numbers, len(named)) or unit
+    return table.astype(np.float64), unit, further, remarks
 
 
 def _single(columns: Mapping[str, NDArray[Any]]) -> Columns:
@@ -220,17 +222,17 @@ def _single(columns: Mapping[str, NDArray[Any]]) -> Columns:
     return single
 
 
-def _mesh_rows(file: Path, kind: str) -> tuple[FloatArray, Columns, tuple[str, ...]]:
-    """Vertices (m, 3) of a mesh and, of a .ply, its columns and remarks."""
+def _mesh_rows(file: Path, kind: str) -> tuple[FloatArray, Columns, tuple[str, ...], str]:
+    """Vertices (m, 3) of a mesh and, of a .ply, its columns, remarks and the unit it states."""
     import trimesh
 
     try:
         if kind == ".ply":
             mesh: Any = read_ply(file)
-            columns, remarks = mesh.vertex_columns, mesh.remarks
+            columns, remarks, unit = mesh.vertex_columns, mesh.remarks, mesh.length_unit
         else:
-            mesh, columns, remarks = trimesh.load(file, process=False), {}, ()
-        return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3), columns, remarks
+            mesh, columns, remarks, unit = trimesh.load(file, process=False), {}, (), ""
+        return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3), columns, remarks, unit
     # A damaged file meets trimesh in many ways, which it does not list.
     except Exception as error:
         raise InputError(f"{file} cannot be read ({error}); export the cloud again.") from error

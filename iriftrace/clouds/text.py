@@ -61,6 +61,13 @@ def read_table(
             f"The first of the {count} columns in {file} counts the rows, and none has a name; "
             "choose x, y and z by number from 1 (--columns 2,3,4)."
         )
+    whole = [column + 1 for column in range(count) if not np.mod(table[:, column], 1).any()]
+    if not names and chosen is None and count > 3 and 0 < sum(one <= 3 for one in whole) < 3:
+        raise InputError(
+            f"Of the {count} columns in {file}, which have no names, column "
+            f"{', '.join(map(str, whole))} holds whole numbers, as of pixels; choose x, y and z by "
+            "number from 1 (--columns 3,4,5)."
+        )
     places = columns_of_points(names, count, chosen, file)
     bare = [name.strip(f"{MARKS} \t\"'") for name in names] if len(names) == count else [""] * count
     further = {bare[i] or f"column_{i + 1}": table[:, i] for i in range(count) if i not in places}

@@ -13,6 +13,7 @@ from iriftrace.core.errors import InputError
 
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
+_QUOTED = re.compile(r"\"([^\",;]*)\"")
 _LETTERS = re.compile(r"[A-DF-Za-df-z_]")
 _COLUMN = re.compile(r"\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
 
@@ -53,7 +54,7 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
     `separator` is as `separator_of` tells, `what` names the rows in messages ("coordinates").
     InputError if a row has other columns than the first, or something that is no number.
     """
-    lines = [with_exponents(row) for row in rows]
+    lines = [_QUOTED.sub(r"\1", with_exponents(row)) for row in rows]
     if separator != "," and any(_DECIMAL_COMMA.search(row) for row in lines):
         lines = [row.replace(",", ".") for row in lines]
     try:
@@ -65,5 +66,5 @@ def numbers(rows: Sequence[str], separator: str | None, path: Path, what: str) -
         text = str(error).split(";")[0]
         raise InputError(
             f"The {what} in {path} cannot be read as numbers ({text}); the file may be cut short "
-            "or hold complex values, so export real ones again."
+            "or hold complex values or signs between thousands, so export plain numbers again."
         ) from None

@@ -13,6 +13,16 @@ ZERO_CELSIUS_K = 273.15
 """0 degC in kelvin."""
 
 _MILLIMETRES = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1e3, "inch": 25.4, "in": 25.4}
+LENGTH_UNITS = {
+    **dict.fromkeys(("um", "µm", "μm", "micrometer", "micrometre"), "um"),
+    **dict.fromkeys(("mm", "millimeter", "millimetre", "millimeters", "millimetres"), "mm"),
+    **dict.fromkeys(("cm", "centimeter", "centimetre"), "cm"),
+    **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), "m"),
+    **dict.fromkeys(("in", "inch", "inches"), "inch"),
+}
+"""Length units by the names that files give them."""
+
+_STATED_UNIT = re.compile(r"\bunits?\s*[:=]\s*[\[(]?([a-zµμ]+)", re.IGNORECASE)
 _NAME = r"[A-Za-z°µμ%_]+(?:(?:\*\*|\^)[-+]?\d+)?"
 _QUANTITY = re.compile(
     r"(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
@@ -46,6 +56,12 @@ def parse_quantity(text: str | float, unit: str) -> float:
     if not math.isfinite(value):
         raise InputError(f"{text!r} is not a finite number; give one in {unit}.")
     return value
+
+
+def stated_length_unit(remark: str) -> str:
+    """Length unit that a remark states, as in ``# Unit: mm``; "" for none."""
+    found = _STATED_UNIT.search(remark)
+    return LENGTH_UNITS.get(found[1].casefold(), "") if found else ""
 
 
 def length_factor(unit: str) -> float:

@@ -22,6 +22,7 @@ from iriftrace.features.fit import (
 )
 from iriftrace.features.outliers import GATE, check_gate, inliers
 from iriftrace.geometry.query import Surface
+from iriftrace.geometry.topology import weld
 from iriftrace.part.part import Part
 
 FOUND_KINDS: tuple[Kind, ...] = ("plane", "cylinder", "cone", "sphere")
@@ -117,7 +118,9 @@ def _beside(part: Part, region: str) -> Surface | None:
     if not region:
         return None
     own = part.region_of_face == part.region_names.index(region)
-    touched = np.isin(part.faces, np.unique(part.faces[own])).any(axis=1) & ~own
+    # Regions may have their own vertices along the edge between them.
+    corners = weld(part.vertices)[part.faces]
+    touched = np.isin(corners, np.unique(corners[own])).any(axis=1) & ~own
     return Surface(part.vertices, part.faces[touched]) if touched.any() else None
 
 

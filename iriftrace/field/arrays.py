@@ -259,7 +259,7 @@ def to_refractivity(
         raise InputError(
             f"The array {choice.name!r} in {path} holds a {choice.quantity} of {lowest:g} "
             f"{'kg/m3' if density else 'K'}; it must be positive everywhere, so check the array "
-            "and its unit."
+            "and its unit, and whether it is a difference from the ambient air."
         )
     if density:
         return air.refractivity_of_density(values)
@@ -267,7 +267,8 @@ def to_refractivity(
         raise InputError(
             f"The array {choice.name!r} in {path} goes down to {lowest:g} K, colder than any "
             "air around a hot part; if it is in degC, give the temperature "
-            "unit (--temperature-unit degC)."
+            f"unit (--temperature-unit degC), or call the array '{choice.name} [degF]' if it is in "
+            "Fahrenheit."
         )
     if values.max() > _HOTTEST_K:
         raise InputError(

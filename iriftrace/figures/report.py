@@ -127,7 +127,7 @@ def report_content(
             f"From where should the {device} look at {part}{of_it} to measure it best through the "
             "hot air around it? Every pose of a sweep was traced through the hot air; the score is "
             + " + ".join(
-                f"{weights[metric.key]:g} "
+                f"{weights[metric.key]:g} times "
                 + ("(1 - coverage)" if metric.key == "coverage" else in_words(metric))
                 for metric in summary.metrics
                 if weights[metric.key]

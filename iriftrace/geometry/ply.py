@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
 from iriftrace.core.files import whole_file
+from iriftrace.core.units import stated_length_unit
 
 
 @frozen(eq=False)
@@ -27,6 +28,7 @@ class PlyMesh:
     vertex_columns: dict[str, NDArray[Any]]
     face_columns: dict[str, NDArray[Any]]
     remarks: tuple[str, ...] = ()
+    length_unit: str = ""  # that a comment states
 
 
 def read_ply(path: Path) -> PlyMesh:
@@ -34,7 +36,8 @@ def read_ply(path: Path) -> PlyMesh:
 
     What is wrong with a damaged file is raised as the reader of trimesh finds it, or as ValueError.
     """
-    remarks = _remarks(_checked_header(path))
+    header = _checked_header(path).decode("utf-8", "replace").splitlines()
+    remarks = [line for line in header if line.startswith(("comment ", "obj_info "))]
     # Imported late, as whoever writes a mesh needs no reader.
     import trimesh
 
@@ -46,7 +49,14 @@ def read_ply(path: Path) -> PlyMesh:
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     check_corners(vertices, faces)
-    return PlyMesh(vertices, faces, _columns(raw, "vertex"), _columns(raw, "face"), remarks)
+    return PlyMesh(
+        vertices,
+        faces,
+        _columns(raw, "vertex"),
+        _columns(raw, "face"),
+        tuple(line for line in remarks if line.startswith("obj_info ")),
+        next(filter(None, map(stated_length_unit, remarks)), ""),
+    )
 
 
 def check_corners(vertices: FloatArray, faces: IntArray) -> None:
@@ -59,11 +69,6 @@ def check_corners(vertices: FloatArray, faces: IntArray) -> None:
     if lowest < 0 or highest >= len(vertices):
         wrong = lowest if lowest < 0 else highest
         raise ValueError(f"a triangle names vertex {wrong}, but there are {len(vertices)}")
-
-
-def _remarks(header: bytes) -> tuple[str, ...]:
-    lines = header.decode("ascii", "replace").splitlines()
-    return tuple(line for line in lines if line.startswith("obj_info "))
 
 
 def _checked_header(path: Path) -> bytes:

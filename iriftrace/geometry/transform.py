@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,8 @@ def parse_transform(text: str) -> FloatArray:
         _refuse_distorting(matrix, text)
     else:
         raise InputError(
-            f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row."
+            f"The transform {text!r} has {len(numbers)} numbers; a 4x4 matrix has 16, row by row, "
+            "with decimal points."
         )
     return checked_matrix(matrix, repr(text))
 
@@ -131,9 +133,10 @@ def checked_matrix(matrix: ArrayLike, name: str = "") -> FloatArray:
 
 
 def _numbers(text: str) -> list[float] | None:
-    """The numbers in a text, or None when it holds anything else."""
+    """The numbers in a text, without brackets and comments (#); None if it holds anything else."""
+    lines = [line for line in text.lstrip("\ufeff").splitlines() if not line.startswith("#")]
     try:
-        return [float(word) for word in text.replace(",", " ").split()] or None
+        return [float(word) for word in re.split(r"[\s,;\[\]]+", "\n".join(lines)) if word] or None
     except ValueError:
         return None
 

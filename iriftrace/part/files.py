@@ -22,6 +22,7 @@ from iriftrace.part.regions import Regions
 _WRITTEN_PROPERTY = "region_0"
 _READ_PROPERTIES = ("region", _WRITTEN_PROPERTY)
 _DRAWING = ("drawing_1", "drawing_2", "drawing_3")
+_DECIMAL_COMMA = re.compile(rb"^\s*(?:vertex|v)\s+[-+]?\d+,\d", re.MULTILINE)
 _REGION_COMMENT = re.compile(r"comment\s+region\s+(-?\d+)\s+(.*\S)\s*")
 
 LARGEST_REGION = 2**31
@@ -58,6 +59,7 @@ def load_mesh_file(path: Path) -> MeshFile:
     try:
         if suffix == "ply":
             mesh = read_ply(path)
+            unit = mesh.length_unit or None
             growth = Growth.of_header(_header(path))
             drawing = _drawing(mesh)
             region_columns = [
@@ -69,6 +71,11 @@ def load_mesh_file(path: Path) -> MeshFile:
             unit = getattr(mesh, "units", None)
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
     except Exception as error:  # its readers let any error through that a damaged file causes
+        if _DECIMAL_COMMA.search(path.read_bytes()[:4096]):
+            raise InputError(
+                f"{path} has decimal commas, which no mesh format knows; export it with decimal "
+                "points, or as a binary file."
+            ) from error
         raise InputError(f"{path} is damaged or no mesh ({error}); export it again.") from error
     faces = np.asarray(getattr(mesh, "faces", ()), dtype=np.int64)
     if faces.size == 0:

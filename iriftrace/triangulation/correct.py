@@ -44,6 +44,9 @@ REACH_MM = 1.0
 Forged parts are off their CAD model by some tenths of a millimetre.
 """
 
+ON_THE_PART_MM = 0.05
+"""Tolerated gap along a ray between its end and a point on the part's surface."""
+
 SETTLED_MM = 1e-5
 """A round that moves point and aims by less is the last: a hundredth of what sensors resolve."""
 
@@ -307,7 +310,7 @@ def _share_of_noisy(
     face[near] = nearest[near]
     if len(rows):
         error[rows], status[rows], _ = _air_share(
-            foot[rows] + error[rows], loaded, camera, second, system, phase
+            foot[rows] + error[rows], loaded, camera, second, system, phase, ON_THE_PART_MM
         )
     return error, status, face
 
@@ -319,8 +322,12 @@ def _air_share(
     second: Camera,
     system: System,
     phase: Phase,
+    reach_mm: float = REACH_MM,
 ) -> tuple[FloatArray, IntArray, IntArray]:
-    """`error`, `status` and `face` of points as in `Correction`, in one field."""
+    """`error`, `status` and `face` of points as in `Correction`, in one field.
+
+    Those whose rays end farther from them than `reach_mm` are hidden or far from the part.
+    """
     place = measured.copy()
     offsets = np.zeros((2, *measured.shape))
     lacking = np.full((len(measured), 2), np.nan)
@@ -352,8 +359,8 @@ def _air_share(
         found[rows] = moved <= SETTLED_MM
     with np.errstate(invalid="ignore"):
         # NaN where a ray misses the part.
-        far = ~(lacking >= -REACH_MM).all(axis=1)
-        hidden = (lacking > REACH_MM).any(axis=1)
+        far = ~(lacking >= -reach_mm).all(axis=1)
+        hidden = (lacking > reach_mm).any(axis=1)
     status = np.select(
         [lost, ~found, far, hidden, ~in_air],
         [

@@ -152,3 +152,27 @@ def test_cameras_calibrated_one_by_one(tmp_path: Path) -> None:
         read_stereo_calibration(single, single)
     with pytest.raises(InputError, match="3 files are given"):
         read_stereo_calibration(left, left, left)
+
+
+def _of_opencv(path: Path, rotation: np.ndarray) -> Path:
+    lens = {
+        f"{name}{k}": value.tolist()
+        for k in (1, 2)
+        for name, value in (("M", rig.MATRICES[k - 1]), ("D", rig.COEFFICIENTS[k - 1]))
+    }
+    motion = {"R": rotation.tolist(), "T": rig.TRANSLATION.tolist(), "image_size": rig.SIZE}
+    path.write_text(json.dumps(lens | motion))
+    return path
+
+
+def test_axes_that_cannot_be_of_a_sensor(tmp_path: Path) -> None:
+    assert_allclose(
+        read_stereo_calibration(_of_opencv(tmp_path / "s.json", rig.ROTATION)).rotation,
+        rig.ROTATION,
+        atol=1e-12,
+    )
+    with pytest.warns(IriftraceWarning, match="lead apart by"):
+        read_stereo_calibration(_of_opencv(tmp_path / "transposed.json", rig.ROTATION.T))
+    degrees = np.array([0.03, 3.0, -0.05])
+    with pytest.raises(InputError, match=r"172 degrees apart, .* rotation vector in degrees"):
+        read_stereo_calibration(_of_opencv(tmp_path / "degrees.json", degrees))

@@ -249,3 +249,29 @@ def test_units_and_scans_of_a_table(tmp_path: Path) -> None:
     scans.write_text("2\n1.5 2 3\n4 5 6\n2\n7 8 9\n1 2 3\n")
     with pytest.raises(InputError, match="several scans, one after the other"):
         read_cloud(scans)
+
+
+@pytest.mark.parametrize("header", ["range,azimuth,elevation", "r,theta,phi", "u,v,disparity"])
+def test_three_columns_of_other_quantities_are_no_coordinates(tmp_path: Path, header: str) -> None:
+    with pytest.raises(InputError, match="do not say which three are the measured x, y and z"):
+        read_cloud(write(tmp_path / "a.csv", header, [0, 1, 2]))
+
+
+def test_pixels_before_the_coordinates_are_not_taken_for_these(tmp_path: Path) -> None:
+    pixels = np.indices((4, 5)).reshape(2, -1).T
+    table = np.hstack((pixels, POINTS[:, :3]))
+    np.savetxt(tmp_path / "a.txt", table, "%.17g")
+    with pytest.raises(InputError, match=r"column 1, 2 holds whole numbers.*--columns 3,4,5"):
+        read_cloud(tmp_path / "a.txt")
+    found = read_cloud(tmp_path / "a.txt", columns=["3", "4", "5"])
+    assert_allclose(found.points, POINTS[:, :3])
+
+
+@pytest.mark.parametrize(("remark", "scale"), [("unit: m", 1e-3), ("Units = inches", 1 / 25.4)])
+def test_a_ply_states_its_unit_in_a_comment(tmp_path: Path, remark: str, scale: float) -> None:
+    names = "".join(f"property double {axis}\n" for axis in "xyz")
+    header = f"ply\nformat ascii 1.0\ncomment {remark}\nelement vertex 20\n{names}end_header"
+    np.savetxt(tmp_path / "a.ply", POINTS[:, :3] * scale, "%.17g", header=header, comments="")
+    assert_allclose(read_cloud(tmp_path / "a.ply").points, POINTS[:, :3])
+    with pytest.raises(InputError, match="states its coordinates in"):
+        read_cloud(tmp_path / "a.ply", length_unit="mm")

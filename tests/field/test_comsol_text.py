@@ -140,6 +140,16 @@ def test_a_spreadsheet_may_have_its_names_without_a_percent_sign(tmp_path: Path)
     assert_the_box(read_field(path))
 
 
+def test_numbers_may_be_quoted(tmp_path: Path) -> None:
+    path = tmp_path / "f.csv"
+    rows = [[f'"{value!r}"' for value in row] for row in np.column_stack([POINTS, KELVIN]).tolist()]
+    path.write_text('"x","y","z","T (K)"\n' + "\n".join(map(",".join, rows)))
+    assert_the_box(read_field(path))
+    path.write_text("x,y,z,T (K)\n" + "\n".join(f'{x},{x},{x},"1,{x}00"' for x in range(1, 9)))
+    with pytest.raises(InputError, match="names 4 columns, but its rows have 5"):
+        read_field(path)
+
+
 @pytest.mark.parametrize("name", ["T", "comp1.T", "Temperature", "ht.T", "Temperature, mean"])
 def test_names_that_comsol_gives_the_temperature(tmp_path: Path, name: str) -> None:
     path = comsol.sectionwise(

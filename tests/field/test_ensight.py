@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -63,4 +64,27 @@ def test_damaged_cases_are_refused(tmp_path: Path) -> None:
         read_field(path)
     path.write_text("something else")
     with pytest.raises(InputError, match="is no EnSight case"):
+        read_field(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: "\ufeff" + text, "does not write its keywords as VTK reads them"),
+        (
+            lambda text: text.replace("type: ensight", "TYPE: ENSIGHT"),
+            "does not write its keywords",
+        ),
+        (lambda text: text.replace("ensight gold", "EnSight Gold"), "does not write its keywords"),
+        (lambda text: text.replace("GEOMETRY", "Geometry"), "does not write its keywords"),
+        (lambda text: text.replace("a.geo", "/data/run/a.geo"), "names a file by a folder"),
+        (lambda text: text.replace("a.geo", r".\a.geo"), "names a file by a folder"),
+    ],
+)
+def test_what_vtk_does_not_read_is_said(
+    tmp_path: Path, change: Callable[[str], str], said: str
+) -> None:
+    path = write(tmp_path, binary=False)
+    path.write_text(change(path.read_text()), encoding="utf-8")
+    with pytest.raises(InputError, match=said):
         read_field(path)

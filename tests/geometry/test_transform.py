@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -109,3 +112,14 @@ def test_a_rounded_motion_is_made_rigid_and_others_are_refused():
     for text in ("scale 1.001", "scale 1 -1 1"):
         with pytest.raises(InputError, match="no rigid motion"):
             rigid_motion(parse_transform(text), "motion.txt")
+
+
+def test_files_with_brackets_comments_and_marks(tmp_path: Path) -> None:
+    matrix = np.eye(4)
+    matrix[:3, 3] = 1.0, 2.0, 3.0
+    for text in (json.dumps(matrix.tolist()), str(matrix), f"\ufeff# CloudCompare\n{matrix}"):
+        (tmp_path / "m.txt").write_text(text, encoding="utf-8")
+        np.testing.assert_array_equal(parse_transform(str(tmp_path / "m.txt")), matrix)
+    (tmp_path / "m.txt").write_text("1,5 " * 16)
+    with pytest.raises(InputError, match=r"32 numbers; .* with decimal points"):
+        parse_transform(str(tmp_path / "m.txt"))

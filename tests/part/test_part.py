@@ -356,3 +356,10 @@ def test_parts_are_immutable() -> None:
     part: Part = read_part(CYLINDER)
     with pytest.raises(AttributeError):
         part.closed = False  # type: ignore[misc]
+
+
+def test_decimal_commas_are_named(tmp_path: Path) -> None:
+    text = trimesh.exchange.stl.export_stl_ascii(trimesh.creation.box((2, 3, 4)))
+    (tmp_path / "a.stl").write_text(text.replace(".", ","))
+    with pytest.raises(InputError, match="has decimal commas"):
+        read_part(tmp_path / "a.stl")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from pathlib import Path
 
@@ -10,7 +11,11 @@ from iriftrace.core.files import sha256_of
 from iriftrace.field.readers.states import Contents, State, state_number
 from iriftrace.field.readers.vtk_process import read_ensight
 
-_FORMAT = re.compile(r"^\s*type\s*:\s*ensight", re.IGNORECASE | re.MULTILINE)
+_FORMAT = re.compile(r"^[\ufeff\s]*type\s*:\s*ensight", re.IGNORECASE | re.MULTILINE)
+_ENTRY = re.compile(
+    r"^[ \t]*(?P<key>[a-z][a-z ]*?)\s*:(?P<value>.*)$", re.IGNORECASE | re.MULTILINE
+)
+_SECTION = re.compile(r"^\s*(format|geometry|variable|time|file)\s*$", re.IGNORECASE | re.MULTILINE)
 _TIMES = re.compile(r"^\s*time values\s*:(?P<values>[-+.\deE\s]*)", re.IGNORECASE | re.MULTILINE)
 
 
@@ -31,12 +36,14 @@ def read(path: Path, member: int | None) -> Contents:
 
 def _times(path: Path) -> list[str]:
     """Time values as they are written, of the longest time set; none for a steady case."""
-    text = path.read_text(errors="replace")
+    wide = path.read_bytes()[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    text = path.read_text(encoding="utf-16" if wide else "utf-8", errors="replace")
     if not _FORMAT.search(text):
         raise InputError(
             f"{path} is no EnSight case (it states no `type: ensight`); name the field's file, or "
             "the folder of an OpenFOAM case."
         )
+    _refuse_unread(path, text)
     sets = [match["values"].split() for match in _TIMES.finditer(text)]
     times = max(sets, key=len, default=[])
     try:
@@ -46,3 +53,23 @@ def _times(path: Path) -> list[str]:
             f"The time values in {path} are no numbers; export the case again."
         ) from None
     return times
+
+
+def _refuse_unread(path: Path, text: str) -> None:
+    """Refuse a case that other programs read and VTK does not."""
+    marks = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    entries = [(entry["key"], entry["value"]) for entry in _ENTRY.finditer(text)]
+    lower = "".join(key + (value if key.lower() == "type" else "") for key, value in entries)
+    upper = "".join(_SECTION.findall(text))
+    if path.read_bytes().startswith(marks) or lower != lower.lower() or upper != upper.upper():
+        raise InputError(
+            f"{path} begins with a byte order mark or does not write its keywords as VTK reads "
+            "them; save it as plain text, with FORMAT, GEOMETRY and VARIABLE in capitals and the "
+            "other keywords in lower case (`type: ensight gold`)."
+        )
+    for key, value in entries:
+        if key != "type" and re.search(r"\\|\s\"?/|[A-Za-z]:/", value):
+            raise InputError(
+                f"{path} names a file by a folder ({value.strip()}); put its files next to it and "
+                "name them without folders."
+            )

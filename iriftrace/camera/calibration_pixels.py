@@ -1,0 +1,39 @@
+"""Whether a camera matrix is one of pictures of the size that a calibration states."""
+
+from __future__ import annotations
+
+from warnings import warn
+
+import numpy as np
+
+from iriftrace.camera.calibration_file import CalibrationValues
+from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.errors import IriftraceWarning
+
+SHORTEST_FOCAL = 0.15
+"""Of a picture's width: lenses without fisheye see less than 147 degrees."""
+
+
+def check_pixels(values: CalibrationValues, matrix: FloatArray, size: IntArray) -> None:
+    """Refuse a camera matrix that is not of pictures of this size (width, height), in px."""
+    focal, centre = matrix[0, 0], matrix[:2, 2]
+    if focal < SHORTEST_FOCAL * size[0]:
+        raise values.wrong(
+            f"the focal length is {focal:.4g} px for pictures {size[0]} px wide, which no such "
+            "lens has; give the camera matrix in pixels"
+        )
+    off, swapped = (np.abs(centre / one - 0.5).max() for one in (size, size[::-1]))
+    if swapped < 0.05 < 0.1 < off:
+        raise values.wrong(
+            f"its pictures are {size[0]} px wide and {size[1]} px high, but its principal point "
+            f"({centre[0]:.0f}, {centre[1]:.0f}) px is the middle of pictures {size[1]} px wide; "
+            "give the width first"
+        )
+    if off > 0.5:
+        warn(
+            f"The principal point ({centre[0]:.0f}, {centre[1]:.0f}) px in {values.called} lies "
+            f"outside the pictures of {size[0]} x {size[1]} px; if this is no projector, the "
+            "camera matrix is of another resolution.",
+            IriftraceWarning,
+            stacklevel=4,
+        )
