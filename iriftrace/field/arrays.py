@@ -14,7 +14,7 @@ from iriftrace.air.refractivity import Air
 from iriftrace.core.arrays import FloatArray, as_float64
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import parse_quantity
-from iriftrace.field.gradient import point_mean
+from iriftrace.field.cell_means import point_means
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -119,7 +119,7 @@ def quantity_of(name: str) -> str | None:
 
 
 def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
-    """An array at the points, (n,); cell data are averaged, weighted with the cells' volumes."""
+    """An array at the points, (n,); cell data are averaged (`point_means`)."""
     at_points = name in grid.point_data
     values = as_float64(grid.point_data[name] if at_points else grid.cell_data[name])
     wrong = np.count_nonzero(~np.isfinite(values))
@@ -136,7 +136,7 @@ def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
         IriftraceWarning,
         stacklevel=3,
     )
-    return point_mean(grid, values)
+    return point_means(grid, values)
 
 
 def _is_usual(name: str, quantity: str) -> bool:

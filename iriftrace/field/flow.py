@@ -20,7 +20,7 @@ from iriftrace.air.thermophysics import (
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
-from iriftrace.field.gradient import point_mean
+from iriftrace.field.cell_means import point_means
 
 SI = "m/s"
 
@@ -158,7 +158,7 @@ def state_heat(grid: pv.UnstructuredGrid, ambient_k: float, pressure_pa: float) 
 def _at_points(grid: pv.UnstructuredGrid, name: str) -> FloatArray:
     if name in grid.point_data:
         return np.asarray(grid.point_data[name], dtype=np.float64)
-    return point_mean(grid, np.asarray(grid.cell_data[name], dtype=np.float64))
+    return point_means(grid, np.asarray(grid.cell_data[name], dtype=np.float64))
 
 
 def _rotation(transform: ArrayLike | None) -> FloatArray | None:

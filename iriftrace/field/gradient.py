@@ -1,4 +1,4 @@
-"""Gradients and means of a quantity at the points of a grid of linear volume cells.
+"""Gradients of a quantity at the points of a grid of linear volume cells, and their centroids.
 
 Every cell is taken as tetrahedra, on which linear interpolation has a constant gradient. The
 gradient at a point is recovered from those of the tetrahedra around it: `point_gradient` weights
@@ -102,22 +102,22 @@ def point_gradient(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
     return gradient.reshape(*values.shape, 3)
 
 
-def point_mean(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
-    """Cell values (m,) or (m, k) as means at the n points, weighted with the cells' volumes."""
+def cell_centroids(grid: pv.UnstructuredGrid) -> FloatArray:
+    """Centres of volume of the m cells of a grid, (m, 3), in its unit and frame."""
     points = _point_columns(grid)
-    columns = values.reshape(len(values), -1).T
-    totals, weight = np.zeros((len(columns), points.shape[1])), np.zeros(points.shape[1])
+    result = np.empty((grid.n_cells, 3))
     for kind, (cells, corners) in cell_corners(grid).items():
         at = points[:, corners.T]
-        volume = sum(abs(_cofactors(at, tet)[3]) for tet in _SPLITS[kind]) / _WAYS[kind]
-        # A flat cell next to flat cells only must not leave its points without a value.
-        volume = np.maximum(volume, np.finfo(float).tiny)
-        for corner in corners.T:
-            weight += np.bincount(corner, volume, minlength=len(weight))
-            for total, column in zip(totals, columns, strict=True):
-                total += np.bincount(corner, volume * column[cells], minlength=len(weight))
-    means = np.ascontiguousarray((totals / weight).T)
-    return means.reshape(-1, *values.shape[1:])
+        weight, moment = np.zeros(len(cells)), np.zeros((3, len(cells)))
+        for tet in _SPLITS[kind]:
+            volume = np.abs(_cofactors(at, tet)[3])
+            weight += volume
+            moment += volume * at[:, tet].mean(axis=1)
+        # A flat cell has its corners' mean.
+        centre = at.mean(axis=1)
+        np.divide(moment, weight, out=centre, where=weight > 0.0)
+        result[cells] = centre.T
+    return result
 
 
 def _point_columns(grid: pv.UnstructuredGrid) -> FloatArray:

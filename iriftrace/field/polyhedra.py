@@ -43,7 +43,8 @@ class SplitPolyhedra:
     cells: IntArray  # (p,) numbers of the polyhedra in the grid
     face_centres: FloatArray  # (f, 3), the means of the faces' corners
     face_corners: list[tuple[IntArray, IntArray]]  # (k,) faces and their (k, s) corners, per size
-    centres: FloatArray  # (p, 3), their centroids
+    centres: FloatArray  # (p, 3), their centroids or corners' means
+    centroids: FloatArray  # (p, 3)
     pieces: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
     owners: dict[int, IntArray]  # VTK cell type to (k,) numbers from 0 to p - 1
 
@@ -78,10 +79,8 @@ def split_polyhedra(grid: pv.UnstructuredGrid, *, at_corner_means: bool = False)
     surface = np.concatenate((triangles, *halves))
     surface_owners = np.concatenate((triangle_owners, quad_owners, quad_owners))
     known = np.concatenate((points, face_centres))
-    if at_corner_means:
-        centres = corner_means(grid, points, polyhedra)
-    else:
-        centres = _centroids(known, surface, surface_owners, len(polyhedra))
+    centroids = _centroids(known, surface, surface_owners, len(polyhedra))
+    centres = corner_means(grid, points, polyhedra) if at_corner_means else centroids
     apex = len(known) + np.arange(len(polyhedra))
     turned = _inward(known, centres, surface, surface_owners)
     owners = {TETRAHEDRON: triangle_owners, PYRAMID: quad_owners}
@@ -90,7 +89,7 @@ def split_polyhedra(grid: pv.UnstructuredGrid, *, at_corner_means: bool = False)
         for kind, base in ((TETRAHEDRON, triangles), (PYRAMID, quads))
         if len(base)
     }
-    return SplitPolyhedra(polyhedra, face_centres, face_corners, centres, pieces, owners)
+    return SplitPolyhedra(polyhedra, face_centres, face_corners, centres, centroids, pieces, owners)
 
 
 @frozen(eq=False)

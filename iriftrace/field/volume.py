@@ -11,11 +11,20 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from iriftrace.core.arrays import IntArray
+from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
-from iriftrace.field.gradient import CORNERS, HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE, cell_corners
+from iriftrace.field.cell_means import PLACES
+from iriftrace.field.gradient import (
+    CORNERS,
+    HEXAHEDRON,
+    PYRAMID,
+    TETRAHEDRON,
+    WEDGE,
+    cell_centroids,
+    cell_corners,
+)
 from iriftrace.field.marked import unmarked
-from iriftrace.field.polyhedra import SPLIT, split_polyhedra
+from iriftrace.field.polyhedra import SPLIT, SplitPolyhedra, split_polyhedra
 
 FLAT = 1e-4
 """Thickness of a cell over its length, below which it encloses nothing."""
@@ -77,7 +86,8 @@ def _linear(grid: pv.UnstructuredGrid, types: IntArray) -> pv.UnstructuredGrid:
     """The grid with its cells sorted by type and made linear, and with the points they use."""
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)[:-1]
     flat = np.asarray(grid.cell_connectivity, dtype=np.int64)
-    split = split_polyhedra(grid, at_corner_means=True)
+    # Values of points are best taken to the corners' means, those of cells belong to centroids.
+    split = split_polyhedra(grid, at_corner_means=bool(grid.point_data.keys()))
     cells: dict[int, list[IntArray]] = {}
     corners: dict[int, list[IntArray]] = {}
     for kind in np.setdiff1d(types, SPLIT).tolist():
@@ -89,7 +99,11 @@ def _linear(grid: pv.UnstructuredGrid, types: IntArray) -> pv.UnstructuredGrid:
     for kind, pieces in split.pieces.items():
         cells.setdefault(kind, []).append(split.cells[split.owners[kind]])
         corners.setdefault(kind, []).append(pieces)
-    points = split.extended(grid, np.asarray(grid.points))
+    points = np.concatenate(
+        (grid.points, split.face_centres, split.centres),
+        dtype=np.asarray(grid.points).dtype,
+        casting="unsafe",
+    )
     used = np.zeros(len(points), dtype=bool)
     for parts in corners.values():
         used[np.concatenate(parts)] = True
@@ -102,7 +116,17 @@ def _linear(grid: pv.UnstructuredGrid, types: IntArray) -> pv.UnstructuredGrid:
         result.point_data[name] = split.extended(grid, np.asarray(grid.point_data[name]))[used]
     for name in grid.cell_data:
         result.cell_data[name] = np.asarray(grid.cell_data[name])[order]
+    if len(split.cells) and grid.cell_data.keys():
+        result.cell_data[PLACES] = _places(result, order, split)
     return result
+
+
+def _places(linear: pv.UnstructuredGrid, order: IntArray, split: SplitPolyhedra) -> FloatArray:
+    """Centroids, (m, 3), of linear cells, or of the polyhedra of which they are pieces."""
+    places = cell_centroids(linear)
+    piece = np.isin(order, split.cells)
+    places[piece] = split.centroids[np.searchsorted(split.cells, order[piece])]
+    return places
 
 
 def without_seams(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:

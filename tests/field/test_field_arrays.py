@@ -137,12 +137,14 @@ def test_an_array_n_that_is_no_index_does_not_matter_beside_a_temperature(tmp_pa
     assert read_field(saved(grid, tmp_path / "f.vti")).source.array == "T"
 
 
-def test_cell_data_become_volume_weighted_means(tmp_path):
-    # Two cells of 1 and 3 mm3 beside each other: their common points get (1 a + 3 b) / 4.
+def test_cell_data_become_means_at_points(tmp_path):
+    # Two cells side by side, 1 and 3 mm wide: they count at the points between them by the inverse
+    # distances of their centres, since both lie on one side of these points.
     grid = pv.RectilinearGrid([0.0, 1.0, 4.0], [0.0, 1.0], [0.0, 1.0])
     grid.cell_data["T"] = [AMBIENT, AMBIENT + 100.0]
     with pytest.warns(IriftraceWarning, match="given in the cells"):
         field = read_field(saved(grid, tmp_path / "f.vtr"))
-    expected = np.array([AMBIENT, AMBIENT + 75.0, AMBIENT + 100.0])
+    near, far = np.linalg.norm([(0.5, 0.5, 0.5), (1.5, 0.5, 0.5)], axis=1)
+    expected = AMBIENT + np.array([0.0, 100.0 * near / (near + far), 100.0])
     place = np.searchsorted([0.0, 1.0, 4.0], field.grid.points[:, 0])
     assert_allclose(field.temperature_k, expected[place], rtol=1e-12)

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from iriftrace.field.gradient import consistent_gradient, point_gradient, point_mean
+from iriftrace.field.cell_means import point_means
+from iriftrace.field.gradient import cell_centroids, consistent_gradient, point_gradient
 from iriftrace.field.tetrahedra import tetrahedra_of
 from validation.inputs.shell_fields import field_of, hexahedra
 
@@ -122,19 +123,17 @@ def test_flat_cells_give_no_gradient_and_no_nonsense():
     points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], float)
     grid = pv.UnstructuredGrid([4, 0, 1, 2, 3], [10], points)
     assert_array_equal(point_gradient(grid, np.arange(4.0)), np.zeros((4, 3)))
-    assert_allclose(point_mean(grid, np.array([7.0])), 7.0)
+    assert_allclose(cell_centroids(grid), [(0.5, 0.5, 0.0)])
+    assert_allclose(point_means(grid, np.array([7.0])), 7.0)
 
 
-def test_means_are_weighted_with_the_volumes_of_all_types():
-    # Each cube counts as its volume whatever it is cut into: between two cubes the mean is theirs.
+def test_centroids_of_all_types_are_their_centres_of_volume():
     grid = row_of_cubes()
-    cube = np.floor(np.asarray(grid.cell_centers().points)[:, 0])
-    mean = point_mean(grid, cube)
     volume = np.abs(grid.compute_cell_sizes().cell_data["Volume"])
-    for point in range(grid.n_points):
-        around = grid.point_cell_ids(point)
-        expected = np.average(cube[around], weights=volume[around])
-        assert mean[point] == pytest.approx(expected, rel=1e-12)
+    cube = np.floor(np.asarray(grid.cell_centers().points)[:, 0]).astype(int)
+    moment = volume[:, None] * cell_centroids(grid)
+    for number in range(len(CUBES)):
+        assert_allclose(moment[cube == number].sum(axis=0), (number + 0.5, 0.5, 0.5), atol=1e-12)
 
 
 def test_cells_of_different_types_count_by_their_volume():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -158,14 +159,17 @@ def test_nothing_is_said_where_shells_cannot_be_thinned_out(tmp_path: Path) -> N
     assert found_in(continuous) is None
 
 
-@pytest.fixture
-def with_field(tmp_path: Path) -> Callable[[tuple[float, float, float]], Path]:
+@pytest.fixture(scope="module")
+def with_field(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[[tuple[float, float, float]], Path]:
     """Scenes of the bundled cylinder, seen from a place, with its field beside them."""
     field = read_field(folder_of("cylinder") / "field.vtu")
     part, shells = read_part(folder_of("cylinder") / "part.ply"), contour_shells(field)
 
+    @cache
     def write(origin: tuple[float, float, float]) -> Path:
-        folder = tmp_path / "scene"
+        folder = tmp_path_factory.mktemp("with_field")
         return write_scene(folder, part, shells, camera_at(origin), paraview=False, field=field)
 
     return write

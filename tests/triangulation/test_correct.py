@@ -58,6 +58,12 @@ def scan(request: pytest.FixtureRequest, scene: LoadedScene) -> Scan:
     return measure(scene, *DEVICES, system=request.param)
 
 
+ONCE = pytest.mark.parametrize(
+    ("scene", "scan"), [("shells", "fringe")], indirect=True, scope="module"
+)
+"""For what does not depend on the engine and on the devices."""
+
+
 def test_no_pixel_that_sees_the_part_is_left_out(scan: Scan, scene: LoadedScene) -> None:
     """Rays beside the part's outline are not traced; here all of the picture's are."""
     camera = DEVICES[0]
@@ -210,6 +216,7 @@ def test_the_diameter_comes_out_as_it_is(scan: Scan, scene: LoadedScene) -> None
     assert 1e3 * abs(corrected - cold) < 0.02
 
 
+@ONCE
 def test_a_saved_correction_can_be_undone(scan: Scan, scene: LoadedScene, tmp_path: Path) -> None:
     found = correct(scan.points, scene, *DEVICES, system=scan.system)
     cloud, numbers = found.save(tmp_path / "corrected.vtp")
@@ -296,6 +303,7 @@ def test_named_columns_are_the_coordinates(header: str, columns: list[int], tmp_
     np.testing.assert_array_equal(read_cloud(cloud).points, points[:, :3])
 
 
+@ONCE
 @pytest.mark.parametrize("ending", [".ply", ".vtp"])
 def test_a_corrected_cloud_is_not_corrected_again(
     scan: Scan, scene: LoadedScene, ending: str, tmp_path: Path
@@ -306,6 +314,7 @@ def test_a_corrected_cloud_is_not_corrected_again(
         read_cloud(cloud)
 
 
+@ONCE
 def test_other_devices_than_those_that_measured_are_noticed(scan: Scan, scene: LoadedScene) -> None:
     """Part of what they would have measured is hidden from them."""
     turned = [
@@ -317,6 +326,7 @@ def test_other_devices_than_those_that_measured_are_noticed(scan: Scan, scene: L
         correct(both, scene, *DEVICES, system=scan.system)
 
 
+@ONCE
 def test_a_table_under_the_part_is_left_as_it_is(scan: Scan, scene: LoadedScene) -> None:
     """Nine of ten points; some below the part, where the devices cannot see them."""
     count, low = 9 * len(scan.points), scene.part.bounds[1, 2] + 3.0
@@ -332,6 +342,7 @@ def test_a_table_under_the_part_is_left_as_it_is(scan: Scan, scene: LoadedScene)
         correct(points + np.array((0.0, 9.0, 6.0)), scene, *DEVICES, system=scan.system)
 
 
+@ONCE
 def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: LoadedScene) -> None:
     """Behind a device, or so far beside its picture that the lens distortion folds there."""
     lens = Distortion(k1=-0.2)
@@ -346,6 +357,7 @@ def test_points_that_no_device_can_see_stay_as_measured(scan: Scan, scene: Loade
     np.testing.assert_array_equal(found.points[-2:], outliers)
 
 
+@ONCE
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -15,21 +15,19 @@ from attrs import frozen
 from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.field.cell_means import linear_weights
 from iriftrace.field.gradient import cell_corners
 from iriftrace.field.polyhedra import SplitPolyhedra, added, split_polyhedra
 
 _CELLS, _PATCHES, _WALLS = range(3)
 """Kinds of places from which a point can have its value, the one that counts most last."""
 
-_LEAST = 0.1
-"""Least correction of a weight."""
-
 
 @frozen(eq=False)
 class Piece:
     """A mesh as it was read, whole or from one processor, and in linear cells."""
 
-    grid: pv.UnstructuredGrid  # pyvista.UnstructuredGrid with cell data
+    grid: pv.UnstructuredGrid  # with cell data
     patches: Mapping[str, Any]  # pyvista.PolyData with cell data of the patches that state values
     walls: frozenset[str]  # names of those that are walls
     # (n + f + p, 3), the mesh's points, the centres of its f faces with more than four corners
@@ -101,7 +99,8 @@ def _point_means(
     sums = {name: np.zeros((3, count, *np.shape(first[name])[1:])) for name in names}
     for kind in range(3):
         chosen = [places for places in around if places.kind == kind]
-        for places, weight in zip(chosen, _weights(chosen, count), strict=True):
+        weights = linear_weights([(places.point, places.arm) for places in chosen], count)
+        for places, weight in zip(chosen, weights, strict=True):
             total[kind] += np.bincount(places.point, weight, minlength=count)
             for name in names:
                 value = np.asarray(places.data[name], dtype=np.float64)[places.owner]
@@ -131,31 +130,6 @@ class _Around:
     owner: IntArray  # (k,) cell or face
     arm: FloatArray  # (k, 3) from the point to its centre
     data: Any  # cell data
-
-
-def _weights(around: Sequence[_Around], count: int) -> list[FloatArray]:
-    """Weights (k,) of places of one kind around points.
-
-    They are inverse distances times a linear function of the arms, by which the weighted mean of
-    the arms vanishes: the means of values that are linear in space are then exact (Holmes and
-    Connell, AIAA 89-1932). Where all places lie on one side the function stops at `_LEAST`.
-    """
-    moment, spread = np.zeros((count, 3)), np.zeros((count, 3, 3))
-    near = []
-    for places in around:
-        length = np.linalg.norm(places.arm, axis=1)
-        near.append(1.0 / np.maximum(length, np.finfo(float).tiny))
-        toward = near[-1][:, None] * places.arm
-        moment += added(places.point, toward, count)
-        for axis in range(3):
-            spread[:, axis] += added(places.point, toward * places.arm[:, axis, None], count)
-    # Faces around a point of a plane patch do not spread along its normal.
-    floor = np.maximum(1e-9 * np.trace(spread, axis1=1, axis2=2), np.finfo(float).tiny)
-    slope = np.linalg.solve(spread + floor[:, None, None] * np.eye(3), moment[..., None])[..., 0]
-    return [
-        weight * np.maximum(1.0 - (slope[places.point] * places.arm).sum(axis=1), _LEAST)
-        for places, weight in zip(around, near, strict=True)
-    ]
 
 
 def _around(piece: Piece, number: IntArray) -> Iterator[_Around]:
