@@ -18,7 +18,7 @@ ELSEWHERE = 3.0
 
 Devices look through other air than the board's camera. Cells of 2.8 and 2.6 mm at a cylinder's
 wall, in place of 2.2 mm, changed what devices measure by 1 to 3.8 times as much, for as much of the
-dots' shifts, as all contrast in proportion (`validation.board_twin`).
+dots' shifts, as all contrast in proportion; `validation.board_twin` tries it on other fields.
 """
 
 MOST_OUTLIERS = 0.02
