@@ -1,4 +1,4 @@
-"""Whether a camera matrix is one of pictures of the size that a calibration states."""
+"""Camera matrices that do not belong to pictures of the size that a calibration states."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import FloatArray
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import finish_axes, new_figure
 from iriftrace.part.part import Part
@@ -22,15 +23,13 @@ def scan_figure(scan: Scan) -> Figure:
     that were not measured are grey.
     """
     error = UM_PER_MM * scan.error_normal
-    low, middle, high = np.percentile(error, (5, 50, 95))
     mark = synthetic_mark(stated_source(scan.provenance["field"]))
     marked = f" ({mark})" if mark else ""
     figure, body = new_figure(
         8.0,
         4.4,
         f"What hot air adds to a {scan.system} measurement{marked}",
-        f"median {middle:.2g} µm, 5th to 95th percentile {low:.2g} to {high:.2g} µm along the "
-        "part's normal; grey: on the part, not measured",
+        f"{_spread(error)}; grey: on the part, not measured",
     )
     left, right = body.subplots(1, 2, width_ratios=(3, 2))
     limit = float(np.percentile(np.abs(error), 99))
@@ -65,13 +64,11 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     normal, face = found.normal[good], found.face[good]
     along = UM_PER_MM * np.einsum("ij,ij->i", found.error[good], normal)
     mark = synthetic_mark(stated_source(found.provenance["field"]))
-    low, middle, high = np.percentile(along, (5, 50, 95))
     figure, body = new_figure(
         8.0,
         4.4,
         "What hot air added to the measured points" + (f" ({mark})" if mark else ""),
-        f"median {middle:.2g} µm, 5th to 95th percentile {low:.2g} to {high:.2g} µm along the "
-        "part's normal",
+        _spread(along),
     )
     left, right = body.subplots(1, 2, width_ratios=(3, 2))
     limit = max(float(np.percentile(np.abs(along), 99)), 1e-6)
@@ -94,3 +91,12 @@ def correction_figure(found: Correction, part: Part, camera: Camera) -> Figure:
     right.legend(fontsize="small")
     finish_axes(right)
     return figure
+
+
+def _spread(along: FloatArray) -> str:
+    """Median and percentiles of errors along the normal, µm, in words."""
+    low, middle, high = np.percentile(along, (5, 50, 95))
+    return (
+        f"median {middle:.3g} µm, 5th to 95th percentile {low:.3g} to {high:.3g} µm along the "
+        "part's normal"
+    )

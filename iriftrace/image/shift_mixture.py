@@ -13,14 +13,6 @@ from iriftrace.image.camera_motion import OUTLIER
 NEAREST = 4
 """Members nearest to the fit, in shifts of the dots, that show what the residual may stand for."""
 
-ELSEWHERE = 3.0
-"""Relative uncertainty of what devices measure, over that of the contrast that the dots see.
-
-Devices look through other air than the board's camera. Cells of 2.8 and 2.6 mm at a cylinder's
-wall, in place of 2.2 mm, changed what devices measure by 1 to 3.8 times as much, for as much of the
-dots' shifts, as all contrast in proportion; `validation.board_twin` tries it on other fields.
-"""
-
 MOST_OUTLIERS = 0.02
 """A larger fraction of dots far from the fit are no outliers but air that the members are not."""
 
@@ -102,10 +94,11 @@ class ShiftMixture:
         """(k, k) covariance of the weights, by the noise of a component and the residual.
 
         The residual counts as noise of the shifts, which scatters the weights. Its systematic part
-        counts as a step towards each of the nearest members, and as more or less contrast,
-        `ELSEWHERE` times that of what the dots see. It is what the squared residual has more than
-        that of the noise, and two of its standard deviations, sqrt(2 / f) of it each for f degrees
-        of freedom, which no residual shows.
+        counts as a step towards each of the nearest members. It is what the squared residual has
+        more than that of the noise, and two of its standard deviations, sqrt(2 / f) of it each for
+        f degrees of freedom, which no residual shows. All weights together, the contrast of the
+        air, are as uncertain as the shift of a single dot is in proportion: devices look through
+        other air than most dots.
         """
         count = len(self.weights)
         found = np.zeros((count, count))
@@ -127,9 +120,17 @@ class ShiftMixture:
         scaled = steps[near] * (systematic / size[near])[:, None]
         found += scaled.T @ scaled
         whole = max(float(np.sqrt(np.mean((self._columns @ self.weights) ** 2))), systematic)
-        return np.asarray(
-            found + (ELSEWHERE * systematic / whole) ** 2 * np.outer(self.weights, self.weights)
-        )
+        contrast = max(systematic / whole, self._off_by_dot(noise))
+        return np.asarray(found + contrast**2 * np.outer(self.weights, self.weights))
+
+    def _off_by_dot(self, noise: float) -> float:
+        """Root mean square, over dots that moved, of what is left beyond noise of their shift."""
+        mixed = np.tensordot(self.weights, self._predicted[:, self.used], axes=1)
+        size = (mixed**2).sum(axis=1)
+        moved = size > (BEYOND_NOISE * noise) ** 2
+        beyond = (self.left(self.weights) ** 2).sum(axis=1) - mixed.shape[1] * noise**2
+        share = (beyond[moved] / size[moved]).mean() if moved.any() else 0.0
+        return float(np.sqrt(max(share, 0.0)))
 
     def _motion_of(self, weights: FloatArray) -> FloatArray:
         assert self._free is not None

@@ -168,8 +168,10 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
     Raises
     ------
     InputError
-        If it is something else, or has no sensor, no part, or another integrator.
+        If it is something else, or has no sensor, no part, or another integrator, or the current
+        variant traces no rays here.
     """
+    chosen = runtime.ensure()
     import mitsuba as mi
 
     from iriftrace.plugins.film import camera_of
@@ -197,7 +199,7 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
         wanted_engine=integrator.engine,
         load_s=0.0,
         build_s=time.perf_counter() - started,
-        variant=runtime.ensure(),
+        variant=chosen,
         mitsuba_scene=scene,
         integrator=integrator,
         **_devices(sensors),

@@ -17,7 +17,7 @@ from iriftrace.cli import main
 from iriftrace.core.errors import InputError
 from iriftrace.image.camera_motion import interaction_matrix
 from iriftrace.image.measured_shift import MeasuredShift
-from iriftrace.image.shift_mixture import simplex_weights
+from iriftrace.image.shift_mixture import ShiftMixture, simplex_weights
 from iriftrace.image.shift_noise import shift_noise
 from iriftrace.scene.load import load_scene
 from iriftrace.triangulation.correct import CorrectionStatus
@@ -161,6 +161,15 @@ def test_weights_are_the_least_squares_on_the_simplex() -> None:
     assert 0 < (weights == 0).sum() < 5
     mixture = np.array((0.0, 0.25, 0.0, 0.75, 0.0, 0.0))
     np.testing.assert_allclose(simplex_weights(columns, columns @ mixture), mixture, atol=1e-7)
+
+
+def test_contrast_is_as_uncertain_as_single_dots() -> None:
+    """Half of the dots move by a fifth of the others and are off by 30 % of that."""
+    predicted = np.zeros((1, 200, 2))
+    predicted[0, :100, 0], predicted[0, 100:, 0] = 5.0, 1.0
+    off = np.where(np.arange(200) < 100, 0.0, 0.3 * (-1.0) ** np.arange(200))
+    fit = ShiftMixture(predicted, predicted[0] * (1.0 + off)[:, None])
+    assert np.sqrt(fit.covariance(1e-6)[0, 0]) == pytest.approx(0.3 / np.sqrt(2.0), rel=1e-6)
 
 
 def test_noise_is_told_from_the_signal() -> None:
