@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -137,9 +138,12 @@ def correct(
         outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
         statuses.append(np.where(in_view, *outside).astype(np.int64))
         faces.append(np.full(len(measured), -1))
+        share = partial(
+            _air_share, loaded=member, camera=camera, second=second, system=system, phase=phase
+        )
         for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
             shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _share_of_noisy(
-                measured[rows], member, camera, second, system, phase
+                measured[rows], member.part, share
             )
     weights = None if traced.ensemble is None else traced.ensemble.weights
     status = _common_status(statuses, shares, weights)
@@ -286,12 +290,7 @@ def _across(points: FloatArray) -> float:
 
 
 def _share_of_noisy(
-    measured: FloatArray,
-    loaded: LoadedScene,
-    camera: Camera,
-    second: Camera,
-    system: System,
-    phase: Phase,
+    measured: FloatArray, part: Part, share: Callable[..., tuple[FloatArray, IntArray, IntArray]]
 ) -> tuple[FloatArray, IntArray, IntArray]:
     """`_air_share` where noise decides neither on which face a point lies nor whether it is seen.
 
@@ -300,18 +299,17 @@ def _share_of_noisy(
     too small. So the face is the nearest one, and points that seem hidden or far, or to lie on
     another region, are judged as if they lay on it.
     """
-    error, status, face = _air_share(measured, loaded, camera, second, system, phase)
+    error, status, face = share(measured)
     place = measured - error
-    foot, nearest = loaded.part.surface.nearest(place)
+    foot, nearest = part.surface.nearest(place)
     near = np.linalg.norm(foot - place, axis=1) <= REACH_MM
-    region = loaded.part.region_of_face
+    region = part.region_of_face
     doubtful = np.isin(status, (CorrectionStatus.HIDDEN, CorrectionStatus.FAR_FROM_PART))
     rows = np.flatnonzero(near & (doubtful | (region[face] != region[nearest])))
     face[near] = nearest[near]
     if len(rows):
-        error[rows], status[rows], _ = _air_share(
-            foot[rows] + error[rows], loaded, camera, second, system, phase, ON_THE_PART_MM
-        )
+        on_part = foot[rows] + error[rows]
+        error[rows], status[rows], _ = share(on_part, reach_mm=ON_THE_PART_MM)
     return error, status, face
 
 

@@ -266,19 +266,17 @@ def _kept_sides(leaning: Sequence[Lean]) -> FloatArray:
 def _leaning_boxes(
     part: Part, size: MeshSize, scale: float, sides: FloatArray, lean: Lean
 ) -> Iterator[Box]:
-    """Layers of boxes in which plumes lean, as fine as for one that rises, in the air kept."""
+    """Layers of boxes from a plume that rises to one that leans, in the air that is kept."""
     low, high = (bound[:2] for bound in part.bounds)
     bottom, top = _plume_ends(part, scale)
     downwind = np.array(lean.downwind)
     ends = np.linspace(bottom, top, max(int((top - bottom) / size.background), 1) + 1)
     for below, above in itertools.pairwise(ends):
-        least = downwind * lean.least * (below - bottom)
-        most = downwind * lean.most * (above - bottom)
-        lower = np.maximum(low + np.minimum(least, most), low - sides[0])
-        upper = np.minimum(high + np.maximum(least, most), high + sides[1])
-        if (lower < upper).all():
-            corners = (*lower.tolist(), below), (*upper.tolist(), above)
-            yield Box(_triple(corners[0]), _triple(corners[1]), WALL_LEVEL - 1)
+        reach = downwind * lean.most * (above - bottom)
+        lower = low + np.maximum(np.minimum(reach, 0.0), -sides[0])
+        upper = high + np.minimum(np.maximum(reach, 0.0), sides[1])
+        corners = (*lower.tolist(), below), (*upper.tolist(), above)
+        yield Box(_triple(corners[0]), _triple(corners[1]), WALL_LEVEL - 1)
 
 
 def _plume_ends(part: Part, scale: float) -> tuple[float, float]:

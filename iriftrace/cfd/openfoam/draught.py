@@ -10,11 +10,8 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
 
-RISES = (1.6, 0.55)
-"""Fastest and slowest rise of a plume in a draught over `rise_speed`.
-
-A cylinder of 27 mm at 1100 degC in 0.15 m/s: its plume rises with 1.3 times that speed.
-"""
+SLOWEST_RISE = 0.5
+"""Of plumes in a draught over `rise_speed`, a round number: the stronger the wind, the slower."""
 FASTEST = 2.0
 """m/s; faster air is turbulent behind a part of some centimetres, and no laminar flow."""
 SIDES = {"xmin": (0, -1.0), "xmax": (0, 1.0), "ymin": (1, -1.0), "ymax": (1, 1.0)}
@@ -70,11 +67,10 @@ class Draught:
 
 @frozen
 class Lean:
-    """How far draughts of one direction lean a plume, as shares of its height."""
+    """How far draughts of one direction lean a plume at most."""
 
     downwind: tuple[float, float]  # unit vector, world
-    least: float
-    most: float
+    most: float  # as a share of its height
 
 
 def rise_speed(height_mm: float, hottest_k: float, ambient_k: float) -> float:
@@ -84,21 +80,17 @@ def rise_speed(height_mm: float, hottest_k: float, ambient_k: float) -> float:
 
 
 def leans(draughts: Iterable[Draught], rise: float) -> tuple[Lean, ...]:
-    """How draughts lean a plume that rises at about `rise`, m/s; those of one direction together.
+    """How far draughts lean a plume that rises at about `rise`, m/s; those of one direction once.
 
-    Their horizontal speed carries the plume along while it rises, at `RISES` times that speed.
+    Their horizontal speed carries the plume along while it rises, at `SLOWEST_RISE` times that.
     """
-    found: dict[tuple[float, float], list[float]] = {}
+    found: dict[tuple[float, float], float] = {}
     for draught in draughts:
         across = np.array(draught.velocity[:2])
         speed = float(np.linalg.norm(across))
         x, y = (round(float(component) / speed, 6) for component in across)
-        found.setdefault((x, y), []).append(speed)
-    fastest, slowest = (rise * share for share in RISES)
-    return tuple(
-        Lean(downwind, min(speeds) / fastest, max(speeds) / slowest)
-        for downwind, speeds in found.items()
-    )
+        found[x, y] = max(speed, found.get((x, y), 0.0))
+    return tuple(Lean(downwind, speed / (SLOWEST_RISE * rise)) for downwind, speed in found.items())
 
 
 def draught_from(speed: float, source: Sequence[float]) -> Draught | None:
