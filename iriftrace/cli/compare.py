@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 from rich.markup import escape
@@ -13,6 +13,7 @@ from iriftrace.cli.console import out, say, working
 from iriftrace.cli.options import LightOf, Statuses, check_input, check_output, statuses
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 
 
 def compare(
@@ -78,7 +79,7 @@ def compare(
     say("Files: " + ", ".join(map(str, written)))
 
 
-def _print_report(report: dict[str, Any], name: str, resolution: tuple[int, int]) -> None:
+def _print_report(report: JsonObject, name: str, resolution: tuple[int, int]) -> None:
     table = Table(title="Measured shift against simulated", title_justify="left", show_header=False)
     table.add_column(style="bold")
     table.add_column()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -25,6 +25,7 @@ from iriftrace.cli.triangulation_text import (
     say_relations,
     um,
 )
+from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
     from iriftrace.part.growth import Growth
@@ -150,7 +151,7 @@ def _say_unsteadiness(unsteadiness: float | None, known: bool) -> None:
         )
 
 
-def _say_expansion(growth: Growth | None, features: list[dict[str, Any]]) -> None:
+def _say_expansion(growth: Growth | None, features: list[JsonObject]) -> None:
     """At which temperature sizes hold, and what is not known of those at another one."""
     references = [row["at_reference"] for row in features if "at_reference" in row]
     if growth is None and any(row["size_mm"]["corrected"] for row in features):
@@ -166,7 +167,7 @@ def _say_expansion(growth: Growth | None, features: list[dict[str, Any]]) -> Non
         )
 
 
-def _say_counts(values: dict[str, Any]) -> None:
+def _say_counts(values: JsonObject) -> None:
     """How many points are corrected, and what became of the others."""
     counts, error = values["points"], values["error_mm"]
     say(
@@ -183,7 +184,7 @@ def _say_counts(values: dict[str, Any]) -> None:
     )
 
 
-def _say_uncertainty(found: Correction, values: dict[str, Any]) -> None:
+def _say_uncertainty(found: Correction, values: JsonObject) -> None:
     """What the uncertainties contain, or why there is none."""
     if found.state.synthetic:
         say(

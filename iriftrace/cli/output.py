@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import asdict
 from rich.table import Table
 
 from iriftrace.cli.console import out, say
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.image.aov_image import Status
 
@@ -198,9 +199,7 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
     )
 
 
-def _add_shell_error(
-    table: Table, values: dict[str, Any], engine_test: dict[str, Any] | None
-) -> None:
+def _add_shell_error(table: Table, values: JsonObject, engine_test: JsonObject | None) -> None:
     """Difference between the shells and the field they were cut from, with a remedy if large."""
     table.add_row(
         "shells against field",

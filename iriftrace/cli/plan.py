@@ -24,6 +24,7 @@ from iriftrace.cli.plan_pairs import print_pairs, print_refined_pair, search_pro
 from iriftrace.cli.plan_tables import print_pose, print_table, setting_text
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.planning.criteria import STANDARD, Criteria
 
 if TYPE_CHECKING:
@@ -196,7 +197,7 @@ def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None
     write_poses(path, poses, convention)
 
 
-def _refuse_without(needed: str, there: bool, options: dict[str, Any]) -> None:
+def _refuse_without(needed: str, there: bool, options: JsonObject) -> None:
     if not there:
         refuse_given(options, f"is given without {needed}, so it changes nothing; add it.")
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 from rich.table import Table
@@ -26,6 +26,7 @@ from iriftrace.cli.options import (
 )
 from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
@@ -165,7 +166,7 @@ def scene(
             "the same way; leave out --isosurfaces or --member."
         )
     place = devices_of(camera_options, second_options, stereo_options, measured)
-    settings: dict[str, Any] = {
+    settings: JsonObject = {
         "wall_temperature_k": part_options.hot.single,
         "trim_mm": trim,
         "scale": scale,
@@ -272,7 +273,7 @@ def _ensemble(
     output: Path,
     devices: Callable[[IndexField | None, ShellStack], Camera],
     cut: Callable[[Member], tuple[ShellStack, IndexField]],
-    settings: dict[str, Any],
+    settings: JsonObject,
 ) -> None:
     """Write the scene of several fields, each cut when it is needed, and say what was written."""
     from iriftrace.scene.build import build_ensemble, named
@@ -314,7 +315,7 @@ def _ensemble(
 
 
 def _print_scene(
-    path: Path, camera: Camera, part: Part, settings: dict[str, Any], of_what: str = ""
+    path: Path, camera: Camera, part: Part, settings: JsonObject, of_what: str = ""
 ) -> None:
     """Say where the devices of a written scene stand, what is seen, and how to go on."""
     from iriftrace.cli.output import print_camera, print_view

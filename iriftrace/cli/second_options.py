@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
@@ -18,6 +18,7 @@ from iriftrace.cli.camera_options import (
 from iriftrace.cli.console import say
 from iriftrace.cli.options import Length, Vector, check_input, refuse_given
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -222,7 +223,7 @@ class StereoOptions:
         return " and ".join(map(str, self.stereo_calibration or ()))
 
 
-Placing = Callable[["IndexField | None", "ShellStack"], tuple["Camera", dict[str, Any]]]
+Placing = Callable[["IndexField | None", "ShellStack"], tuple["Camera", JsonObject]]
 
 
 def devices_of(
@@ -236,7 +237,7 @@ def devices_of(
     stereo = rig.read(first, second)
     two_devices = stereo is not None or second.given()
 
-    def place(field: IndexField | None, stack: ShellStack) -> tuple[Camera, dict[str, Any]]:
+    def place(field: IndexField | None, stack: ShellStack) -> tuple[Camera, JsonObject]:
         if not two_devices:
             return first.camera(part, field, stack), {}
         from iriftrace.triangulation.devices import DEVICE_OF_SYSTEM

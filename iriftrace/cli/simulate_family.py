@@ -14,6 +14,7 @@ from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import PartOptions
 from iriftrace.cli.simulation_progress import duration, simulation_progress
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
     from iriftrace.cfd.openfoam.case import Case
@@ -100,7 +101,7 @@ def family_scene(
     return scene_command(files[0], part, simulation.ambient, part_options, *more)
 
 
-def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[dict[str, Any]]:
+def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[JsonObject]:
     from attrs import evolve
 
     from iriftrace.cfd.openfoam.family_run import solve_member
@@ -113,7 +114,7 @@ def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[d
         yield entry
 
 
-def _solve_on_workers(client: Any, tasks: Sequence[Task]) -> Iterable[dict[str, Any]]:
+def _solve_on_workers(client: Any, tasks: Sequence[Task]) -> Iterable[JsonObject]:
     from iriftrace.cfd.openfoam.family_run import solve_elsewhere
     from iriftrace.sweep.workers import run_tasks
 
@@ -134,7 +135,7 @@ def _say_cost(cost: Cost) -> None:
         )
 
 
-def _finished(entry: dict[str, Any]) -> str:
+def _finished(entry: JsonObject) -> str:
     if entry["image_of"]:
         return f"{entry['name']}: mirror image of {entry['image_of']}"
     state = "" if entry["heat_w"] is None else f", {entry['heat_w']:.1f} W"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from rich.table import Table
 
 from iriftrace.cli.console import out, say
 from iriftrace.cli.options import celsius
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.features.relations import value_key
 
@@ -16,7 +16,7 @@ MOST_LINES = 12
 """Distances and angles, and regions, that are printed; the JSON file has all."""
 
 
-def say_field(provenance: dict[str, Any]) -> None:
+def say_field(provenance: JsonObject) -> None:
     """On which field the numbers rest, and what does not fit."""
     assumed = provenance["assumptions"]
     say(f"Field: {assumed['field_origin']}; {assumed['field_source']}.")
@@ -25,7 +25,7 @@ def say_field(provenance: dict[str, Any]) -> None:
 
 
 def say_features(
-    features: list[dict[str, Any]], true: str, gate: float | None, synthetic: bool = False
+    features: list[JsonObject], true: str, gate: float | None, synthetic: bool = False
 ) -> None:
     """Form and size of features as measured through hot air, and cold or corrected."""
     for row in features:
@@ -50,13 +50,13 @@ def say_features(
         )
 
 
-def _held_at(row: dict[str, Any]) -> str:
+def _held_at(row: JsonObject) -> str:
     """Temperature at which the size of an expanded part holds."""
     kelvin = row.get("at_reference", {}).get("holds_at_k")
     return "" if kelvin is None else f" at {kelvin - ZERO_CELSIUS_K:.0f} degC"
 
 
-def _at_reference(row: dict[str, Any]) -> str:
+def _at_reference(row: JsonObject) -> str:
     """What a size or angle is at the temperature of the drawing."""
     cold = row.get("at_reference")
     if cold is None:
@@ -69,7 +69,7 @@ def _at_reference(row: dict[str, Any]) -> str:
     return f"{at} {cold['size_mm']:.4f} mm{doubt}."
 
 
-def _uncertainty(row: dict[str, Any], synthetic: bool) -> str:
+def _uncertainty(row: JsonObject, synthetic: bool) -> str:
     """Uncertainties of a size, distance or angle; of a simulated one its scatter; worst member."""
     key = value_key(row)
     unit = key.rpartition("_")[2]
@@ -108,7 +108,7 @@ def minutes(degrees: float) -> str:
     return f"{round(60 * degrees, 4):.2g}'"
 
 
-def say_relations(rows: list[dict[str, Any]], true: str, synthetic: bool = False) -> None:
+def say_relations(rows: list[JsonObject], true: str, synthetic: bool = False) -> None:
     """Distances and angles of planes as measured through hot air, and cold or corrected."""
     for row in rows[:MOST_LINES]:
         pair = " and ".join(str(region or "all points") for region in row["regions"])
@@ -128,7 +128,7 @@ def say_relations(rows: list[dict[str, Any]], true: str, synthetic: bool = False
         say(f"{len(rows) - MOST_LINES} more distances and angles are in the JSON file.")
 
 
-def print_regions(rows: list[dict[str, Any]], title: str) -> None:
+def print_regions(rows: list[JsonObject], title: str) -> None:
     """A row for each region with points, those with most of them first."""
     seen = sorted((row for row in rows if row["points"]), key=lambda row: -int(row["points"]))
     table = Table(title=title, title_justify="left")

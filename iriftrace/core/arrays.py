@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,11 @@ Float32Array = NDArray[np.float32]
 NumberArray = NDArray[np.uint32]
 Int32Array = NDArray[np.int32]
 AnyIntArray = NDArray[np.integer[Any]]
+AnyArray = NDArray[Any]
+"""Of any elements: columns of a table, structured rows, the content of a file."""
+
+Variables = dict[str, tuple[tuple[str, ...], AnyArray, Mapping[str, object]]]
+"""Variables of a dataset by name, as xarray takes them: dimensions, values, attributes."""
 
 
 def as_float64(values: ArrayLike) -> FloatArray:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.image.exr_entries import (
     PREFIX,
     RGB,
@@ -154,7 +154,7 @@ class AovImage:
     """
 
     channels: dict[str, FloatImage]
-    header: dict[str, Any] = field(factory=dict)
+    header: JsonObject = field(factory=dict)
 
     def __attrs_post_init__(self) -> None:
         of_ensemble = not set(self.channels).isdisjoint(SCATTER_CHANNELS)
@@ -305,7 +305,7 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
         file cannot be written.
     """
     _refuse_not_finite(image, "cannot be written")
-    header: dict[str, Any] = {
+    header: JsonObject = {
         "compression": OpenEXR.RLE_COMPRESSION,
         "type": OpenEXR.scanlineimage,
     }

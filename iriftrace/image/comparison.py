@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from attrs import frozen
@@ -20,6 +20,7 @@ from attrs import frozen
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.image.aov_image import AovImage, Status, read_exr
 from iriftrace.image.camera_motion import FEWEST_POINTS, CameraMotion, fit_camera_motion
@@ -83,7 +84,7 @@ class Comparison:
         """(n, 2) array, px: what is left of the residual without the camera's motion."""
         return self.residual if self.motion is None else self.residual - self.motion.shifts
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """All numbers, as plain JSON values."""
         file = None
         if self.image_path is not None:
@@ -268,7 +269,7 @@ def correlation(one: FloatArray, other: FloatArray) -> float | None:
     return float(a @ b) / scale if scale > 0 else None
 
 
-def _motion(comparison: Comparison) -> dict[str, Any]:
+def _motion(comparison: Comparison) -> JsonObject:
     motion = comparison.motion
     if motion is None:
         return {"reason": comparison.no_motion}

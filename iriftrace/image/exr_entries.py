@@ -10,8 +10,10 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import is_number
+from iriftrace.core.plain import JsonObject
 
 RGB = {
     "displacement": ("displacement.X", "displacement.Y", "displacement.Z"),
@@ -44,7 +46,7 @@ def colour_channels(channels: dict[str, FloatImage], rgb: str) -> dict[str, Floa
     return dict(zip("RGB", [*planes, *nothing], strict=True))
 
 
-def exr_content(name: str, remedy: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def exr_content(name: str, remedy: str) -> tuple[JsonObject, dict[str, AnyArray]]:
     """Header and channels of an OpenEXR file; an InputError with a remedy if it is damaged."""
     if not OpenEXR.isOpenExrFile(name):
         raise InputError(f"{name} is not an OpenEXR file; {remedy}.")

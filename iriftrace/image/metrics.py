@@ -6,7 +6,6 @@ import json
 import warnings
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from attrs import asdict, frozen, has
@@ -16,6 +15,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import (
     AovImage,
     Status,
@@ -71,7 +71,7 @@ class ViewMetrics:
     coverage_area: float | None = None  # area of the pixels' footprints over the whole area
     ensemble: EnsembleMetrics | None = None  # scatter, where the image is that of several fields
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain JSON values, as in the file."""
         found = {key: getattr(self, key) for key in ViewMetrics.__annotations__}
         values = {key: asdict(one) if has(type(one)) else one for key, one in found.items()}
@@ -129,14 +129,14 @@ class PoseMetrics(ViewMetrics):
     time_s: dict[str, float | None]
     wavelength_nm: float | None
     camera: Camera
-    assumptions: dict[str, Any]
+    assumptions: JsonObject
     regions: dict[str, ViewMetrics]
     full_resolution: tuple[int, int] | None = None
-    shells_against_field: dict[str, Any] | None = None
-    engine_test: dict[str, Any] | None = None
+    shells_against_field: JsonObject | None = None
+    engine_test: JsonObject | None = None
 
     @property
-    def full_camera(self) -> dict[str, Any] | None:
+    def full_camera(self) -> JsonObject | None:
         """Shifts and resolutions with all pixels of the camera; None if the picture has them.
 
         A shift is as many times larger in pixels as there are more of them, and the step to the
@@ -159,7 +159,7 @@ class PoseMetrics(ViewMetrics):
         self.time_s[stage] = seconds
         self.time_s["total"] = (self.time_s["total"] or 0.0) + seconds
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain JSON values of schema `SCHEMA`."""
         whole = super().as_dict()
         whole["rays"] = {"launched": self.rays.launched, **whole["rays"]}
@@ -227,7 +227,7 @@ def pose_metrics(
     _check_sampling(len(rays.face), coverage.visible_faces)
     values = _values(image, part, rays, nearest) if len(rays.face) >= FEWEST_RAYS else None
 
-    def view(members: IntArray, own_hits: IntArray, regions: slice) -> dict[str, Any]:
+    def view(members: IntArray, own_hits: IntArray, regions: slice) -> JsonObject:
         numbers = {} if values is None or len(members) < FEWEST_RAYS else _numbers(values, members)
         if numbers:
             numbers |= _covered(coverage, regions)
@@ -297,7 +297,7 @@ def _values(image: AovImage, part: Part, rays: PoseRays, nearest: bool) -> dict[
     return values
 
 
-def _numbers(values: dict[str, FloatArray], members: IntArray) -> dict[str, Any]:
+def _numbers(values: dict[str, FloatArray], members: IntArray) -> JsonObject:
     """Metrics of some of the rays."""
     return {
         key: (Statistics.of if key in ("displacement_mm", "shift_px") else _mean)(column[members])

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import Float32Array, FloatArray, Int32Array
+from iriftrace.core.arrays import AnyArray, Float32Array, FloatArray, Int32Array
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask, lines_of_sight
 from iriftrace.part.part import Part
@@ -64,7 +65,7 @@ class FaceSightings:
     def __len__(self) -> int:
         return len(self.face)
 
-    def as_rows(self) -> NDArray[Any]:
+    def as_rows(self) -> AnyArray:
         """(n,) structured array of type `ROW`."""
         rows = np.empty(len(self), dtype=ROW)
         for name in COLUMNS:
@@ -72,7 +73,7 @@ class FaceSightings:
         return rows
 
     @classmethod
-    def from_rows(cls, rows: NDArray[Any]) -> FaceSightings:
+    def from_rows(cls, rows: AnyArray) -> FaceSightings:
         """Inverse of :meth:`as_rows`."""
         return cls(**{name: np.ascontiguousarray(rows[name]) for name in COLUMNS})
 
@@ -109,7 +110,7 @@ def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> F
     )
 
 
-def face_maps(sightings: Iterable[FaceSightings], part: Part) -> dict[str, Any]:
+def face_maps(sightings: Iterable[FaceSightings], part: Part) -> JsonObject:
     """Add up what n poses of a sweep see of a part with m faces; one pose at a time is in memory.
 
     Variables for the sweep's dataset: ``sightings`` over ``pose`` and, over ``face``, area, region,

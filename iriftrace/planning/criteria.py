@@ -9,6 +9,7 @@ from attrs import Attribute, asdict, field, frozen
 from attrs.validators import optional
 
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 
 METRICS = ("displacement", "coverage", "axial", "lateral")
 """Names of the metrics; the coverage is better the larger it is, the others the smaller."""
@@ -146,7 +147,7 @@ class Criteria:
         """Metrics with a positive weight, without which a pose cannot be ranked."""
         return [name for name, weight in self.weights.items() if weight > 0]
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain JSON values."""
         others = {name: value for name, value in asdict(self).items() if name not in METRICS}
         return {"weights": self.weights, **others}

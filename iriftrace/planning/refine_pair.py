@@ -6,13 +6,14 @@ import math
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import asdict, frozen
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.plain import JsonObject
 from iriftrace.planning.pairs import (
     PairPlan,
     feature_region,
@@ -57,7 +58,7 @@ class PairValue:
     coverage: float = math.nan
     angle_deg: float = math.nan
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain JSON values."""
         values = asdict(self)
         matrices, distances = values.pop("matrices"), values.pop("distances_mm")

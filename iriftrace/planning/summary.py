@@ -6,13 +6,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from attrs import evolve, frozen
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.image.aov_image import AovImage, Status, read_exr
@@ -224,7 +223,7 @@ def _other_winners(dataset: xr.Dataset, criteria: Criteria) -> dict[str, int]:
     return found
 
 
-def _variable(dataset: xr.Dataset, name: str) -> NDArray[Any]:
+def _variable(dataset: xr.Dataset, name: str) -> AnyArray:
     if name not in dataset:
         raise InputError(
             f"This is not a sweep of iriftrace: {name} is missing; give the file that "

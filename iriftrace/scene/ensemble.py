@@ -6,13 +6,12 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from attrs import field, frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
-from iriftrace.core.plain import plain, structured
+from iriftrace.core.plain import JsonObject, plain, structured
 from iriftrace.field.source import FieldSource
 from iriftrace.scene.member_weights import MemberWeights
 
@@ -38,9 +37,9 @@ class FieldMember:
     weight: float = 1.0  # relative to that of the others
     covariance: list[float] | None = field(default=None, repr=False)  # row of a fit's weights
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain JSON values."""
-        values: dict[str, Any] = plain(self)
+        values: JsonObject = plain(self)
         if self.covariance is None:
             del values["covariance"]
         return values

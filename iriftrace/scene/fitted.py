@@ -7,12 +7,12 @@ import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from attrs import evolve
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
+from iriftrace.core.plain import JsonObject
 from iriftrace.scene.ensemble import (
     FOLDER,
     INCLUDED,
@@ -140,7 +140,7 @@ def _copy_member(scene: Path, number: int, building: Path, member: FieldMember) 
     moved = text.replace(f'"{FOLDER}/{number}/', f'"{FOLDER}/{member.number}/')
     included.write_text(moved, encoding="utf-8")
     for file in target.rglob(SHELLS_TABLE):
-        table: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        table: JsonObject = json.loads(file.read_text(encoding="utf-8"))
         table["notes"] = {
             **(table.get("notes") or {}),
             "member": f"{member.number}: {member.label}",

@@ -8,6 +8,7 @@ from typing import Any
 
 from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.scene.air import (
@@ -23,7 +24,7 @@ from iriftrace.shells.table import AirStatement
 
 def found_of_shells(
     integrator: Any, stated: AirStatement, tables: Any, name: str, others: tuple[str, ...] = ()
-) -> dict[str, Any]:
+) -> JsonObject:
     """What a `LoadedScene` says of the air of its shells; `others` are not those stated."""
     return {
         "engine": integrator.engine,
@@ -34,7 +35,7 @@ def found_of_shells(
     }
 
 
-def found_of_field(integrator: Any, stated: AirStatement, name: str) -> dict[str, Any]:
+def found_of_field(integrator: Any, stated: AirStatement, name: str) -> JsonObject:
     """What a `LoadedScene` says of the cells engine's air."""
     return {
         "engine": "cells",

@@ -16,6 +16,7 @@ from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.part.part import Part, part_of_mesh, read_part
@@ -214,7 +215,7 @@ def _sensors(scene: Any, name: str) -> list[Any]:
     return sensors
 
 
-def _devices(sensors: Sequence[Any]) -> dict[str, Any]:
+def _devices(sensors: Sequence[Any]) -> JsonObject:
     """The cameras that a scene's first two sensors are."""
     second = sensors[1] if len(sensors) > 1 else None
     return {

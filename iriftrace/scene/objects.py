@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import Float32Array, FloatArray
 from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.shells.files import vertex_columns
@@ -127,7 +128,7 @@ def _shell(shell: Shell) -> Any:
 
 def _mesh(
     name: str,
-    bsdf: dict[str, Any],
+    bsdf: JsonObject,
     vertices: NDArray[np.floating],
     faces: NDArray[np.integer],
     columns: dict[str, Float32Array],

@@ -7,7 +7,7 @@ import warnings
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import Attribute, evolve, field, frozen
@@ -16,6 +16,7 @@ from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import FieldMember
@@ -146,7 +147,7 @@ class Scene:
         """
         from iriftrace.scene.build import build_ensemble, build_scene
 
-        settings: dict[str, Any] = {
+        settings: JsonObject = {
             "wall_temperature_k": self.air.wall_temperature_k,
             "trim_mm": trim_mm,
             "scale": scale,

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import asdict, evolve, field, frozen
-from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, whole_file
 from iriftrace.core.netcdf import check_netcdf
-from iriftrace.core.plain import plain
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.field.index_field import IndexField
 from iriftrace.image.differences import Hits, compare, hits_of, own_size
 from iriftrace.image.ray_statistics import FEWEST_RAYS
@@ -166,7 +166,7 @@ class Study:
         return None if stack is None else through_shells(self.scene, stack, mode)
 
     @property
-    def source(self) -> dict[str, Any]:
+    def source(self) -> JsonObject:
         """Where the study comes from, as plain JSON values."""
         fields = list(self.fields.values())
         return {
@@ -251,7 +251,7 @@ def picture(scene: Scene) -> Hits:
     return hits_of(rendered(scene).image, len(stack.shells), stack.triangles)
 
 
-Entry = dict[str, Any]
+Entry = JsonObject
 """Numbers of a case by the names of `SIZES` and `DIFFERENCES` (by reference), or of `TIMES`."""
 
 
@@ -331,7 +331,7 @@ def _dataset(study: Study, entries: Sequence[Entry]) -> xr.Dataset:
 
 def _column(
     study: Study, entries: Sequence[Entry], name: str, unit: str, kind: type, text: str
-) -> tuple[list[str], NDArray[Any], dict[str, str]]:
+) -> tuple[list[str], AnyArray, dict[str, str]]:
     """Dimensions, values and attributes of a variable; what a case does not have is NaN or -1."""
     sizes = {study.axis.name: len(study.axis.values), "mode": len(study.modes)}
     if name in DIFFERENCES:

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
+from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import array_in
+from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,8 +35,8 @@ class Piece:
     """
 
     number: int
-    entry: dict[str, Any]
-    rows: NDArray[Any] | None = None
+    entry: JsonObject
+    rows: AnyArray | None = None
 
 
 @frozen(eq=False)
@@ -154,15 +155,15 @@ class Journal:
         )
         self._numbers.add(piece.number)
 
-    def entry(self, number: int) -> dict[str, Any]:
+    def entry(self, number: int) -> JsonObject:
         """The JSON values of a piece."""
         try:
-            entry: dict[str, Any] = json.loads(self._stored("entry", number))
+            entry: JsonObject = json.loads(self._stored("entry", number))
         except (ValueError, TypeError, RecursionError) as error:
             raise sqlite3.DatabaseError(f"piece {number}: {error}") from error
         return entry
 
-    def rows(self, number: int) -> NDArray[Any] | None:
+    def rows(self, number: int) -> AnyArray | None:
         """The array of a piece."""
         blob = self._stored("rows", number)
         try:

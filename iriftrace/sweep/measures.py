@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import Status
 from iriftrace.trace.engine import CHANGE
 
@@ -37,7 +38,7 @@ class Measure:
         given = {"units": self.unit, "long_name": self.text, "cell_methods": self.method}
         return {name: text for name, text in given.items() if text}
 
-    def value(self, metrics: dict[str, Any] | None) -> float:
+    def value(self, metrics: JsonObject | None) -> float:
         """The value in the metrics of a pose or region; None for one that failed."""
         found: Any = metrics
         for key in self.keys:
@@ -200,13 +201,13 @@ OF_POSES: dict[str, Measure] = {
 
 
 def metric_variables(
-    entries: Iterable[dict[str, Any]],
+    entries: Iterable[JsonObject],
     count: int,
     region_names: Sequence[str],
     *,
     ensemble: bool = False,
     rig: bool = False,
-) -> dict[str, Any]:
+) -> JsonObject:
     """Variables of a dataset from what was measured in each of `count` poses.
 
     Their entries, of which only one is in memory at a time, have ``metrics`` (the JSON of a pose,
@@ -236,7 +237,7 @@ def metric_variables(
             found = [one.value(view) for view in views] if one.regional else one.value(whole)
             values[name][pose] = found
     dimensions = ("pose", "region")
-    variables: dict[str, Any] = {}
+    variables: JsonObject = {}
     for name, one in measures.items():
         attributes = one.attributes
         if ensemble and name.startswith(("displacement_", "shift_")):

@@ -6,7 +6,7 @@ import json
 import math
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -16,6 +16,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
+from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, read_part
 from iriftrace.scene.outline import blocker_surfaces, outermost_surface, read_surface
 from iriftrace.sweep.rig import add_measured, rig_of
@@ -66,7 +67,7 @@ class SweptScene:
                 empty=True,
             )
 
-    def metrics(self, matrix: ArrayLike, *, nearest: bool = False) -> dict[str, Any]:
+    def metrics(self, matrix: ArrayLike, *, nearest: bool = False) -> JsonObject:
         """Metrics of a pose as the sweep kept them; raises as `render`."""
         camera = self.camera.at(matrix)
         found = self.render(matrix, nearest=nearest).metrics.as_dict()
@@ -161,7 +162,7 @@ class Surroundings:
 
 def surroundings_of(dataset: xr.Dataset) -> Surroundings:
     """Read part and hot air, as far as their files are still what was swept."""
-    found: dict[str, Any] = {}
+    found: JsonObject = {}
     missing = []
     for key, name, read in (
         ("part", "the part", swept_part),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
@@ -11,6 +11,7 @@ from attrs import frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.features.table import found_features
 from iriftrace.part.part import Part
@@ -57,9 +58,7 @@ def rig_of(scene: LoadedScene) -> Rig | None:
     return Rig(scene.second, np.linalg.inv(scene.camera.matrix) @ scene.second.matrix)
 
 
-def add_measured(
-    metrics: dict[str, Any], scene: LoadedScene, camera: Camera, second: Camera
-) -> None:
+def add_measured(metrics: JsonObject, scene: LoadedScene, camera: Camera, second: Camera) -> None:
     """Add what two devices measure to a pose's metrics (plain values).
 
     The key ``scan`` for the whole part and for each region: ``points``, ``coverage`` (area of the
@@ -76,7 +75,7 @@ def add_measured(
         region["scan"] = found.get(name)
 
 
-def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> dict[str, Any]:
+def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> JsonObject:
     part = scene.part
     if is_inside(scene, second.matrix[None, :3, 3]).any():
         return _nothing(part)
@@ -102,14 +101,14 @@ def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> dict[str
     }
 
 
-def _nothing(part: Part) -> dict[str, Any]:
+def _nothing(part: Part) -> JsonObject:
     return {name: {"points": 0, "coverage": 0.0} for name in ("part", *part.region_names)}
 
 
-def _of(scan: Scan, part: Part, faces: BoolArray, size: _Size | None) -> dict[str, Any]:
+def _of(scan: Scan, part: Part, faces: BoolArray, size: _Size | None) -> JsonObject:
     chosen = faces[scan.face]
     seen = np.unique(scan.face[chosen])
-    known: dict[str, Any] = {
+    known: JsonObject = {
         "points": int(chosen.sum()),
         "coverage": float(part.face_areas[seen].sum() / part.face_areas[faces].sum()),
     }

@@ -6,7 +6,6 @@ import math
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
@@ -15,7 +14,7 @@ from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_set import PoseSet, push_out
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
-from iriftrace.core.plain import plain
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.sweep.journal import Piece
 from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
@@ -158,7 +157,7 @@ def check_comparable(series: Sequence[Series], *, resumable: bool) -> None:
             )
 
 
-def _sensor(camera: Camera) -> dict[str, Any]:
+def _sensor(camera: Camera) -> JsonObject:
     varied = ("matrix", "focal_length_mm")
     return {key: value for key, value in camera.as_dict().items() if key not in varied}
 
@@ -188,7 +187,7 @@ def render_here(series: Sequence[Series], sources: Sequence[SceneSource]) -> Ren
     return render
 
 
-def series_variables(series: Sequence[Series]) -> dict[str, Any]:
+def series_variables(series: Sequence[Series]) -> JsonObject:
     """Scene, focal length and stand-off of each pose, as variables of a dataset."""
     counts = [len(one.poses) for one in series]
     scenes = np.array([one.scene.name for one in series], dtype=object)
@@ -202,14 +201,12 @@ def series_variables(series: Sequence[Series]) -> dict[str, Any]:
     }
 
 
-def scenes_attribute(
-    series: Sequence[Series], sources: Sequence[SceneSource]
-) -> list[dict[str, Any]]:
+def scenes_attribute(series: Sequence[Series], sources: Sequence[SceneSource]) -> list[JsonObject]:
     """Every scene once: path as given, absolute path, SHA-256, files, parameters and field.
 
     A scene in memory has neither paths nor files.
     """
-    scenes: dict[str, dict[str, Any]] = {}
+    scenes: dict[str, JsonObject] = {}
     for one, source in zip(series, sources, strict=True):
         scene, name = one.scene, one.scene.name
         scenes[name] = {
@@ -226,5 +223,5 @@ def scenes_attribute(
     return list(scenes.values())
 
 
-def _files_of(source: SceneSource, path: Path) -> dict[str, Any]:
+def _files_of(source: SceneSource, path: Path) -> JsonObject:
     return {"path": source.path, "sha256": sha256_of(path), "files": source.files}

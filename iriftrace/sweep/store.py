@@ -10,7 +10,7 @@ import json
 import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from iriftrace.core.arrays import BoolArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, sha256_of, whole_file
 from iriftrace.core.netcdf import check_netcdf
+from iriftrace.core.plain import JsonObject
 from iriftrace.image.sightings import COLUMNS, COUNTS, ROW, FaceSightings
 from iriftrace.sweep.journal import journal_of
 
@@ -47,7 +48,7 @@ _CHUNK = 65_536
 _LEVEL = 4
 
 
-def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
+def pose_variables(poses: PoseSet, target: ArrayLike) -> JsonObject:
     """Where the cameras stood, as variables; ``distance`` is that to the target, mm, world."""
     distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
     origins = {
@@ -73,7 +74,7 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> dict[str, Any]:
 
 
 def to_dataset(
-    variables: dict[str, Any], region_names: Sequence[str], attributes: dict[str, Any]
+    variables: JsonObject, region_names: Sequence[str], attributes: JsonObject
 ) -> xr.Dataset:
     """All variables as one dataset; attributes that are no numbers or strings become JSON.
 
@@ -198,7 +199,7 @@ def scene_of(dataset: xr.Dataset) -> tuple[Path | None, str]:
     return (Path(scene["path"]), str(scene.get("sha256"))) if scene.get("path") else (None, "")
 
 
-def scene_of_pose(dataset: xr.Dataset, pose: int) -> dict[str, Any]:
+def scene_of_pose(dataset: xr.Dataset, pose: int) -> JsonObject:
     """Scene of one pose: path, SHA-256, parameters; empty where the attributes do not say."""
     try:
         scenes = json.loads(dataset.attrs.get("scenes", "[]"))
@@ -228,7 +229,7 @@ def check_unchanged(path: str | Path, sha256: str) -> None:
         raise InputError(f"{file} has changed since the sweep")
 
 
-def attribute(dataset: xr.Dataset, name: str) -> dict[str, Any]:
+def attribute(dataset: xr.Dataset, name: str) -> JsonObject:
     """A compound attribute of a sweep; empty if it is missing or something else."""
     try:
         value = json.loads(dataset.attrs.get(name, ""))

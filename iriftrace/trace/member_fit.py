@@ -8,7 +8,6 @@ of the members; a motion of the camera between the pictures may be fitted with i
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -16,6 +15,7 @@ from attrs import evolve, field, frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import Status
 from iriftrace.image.camera_motion import interaction_matrix
 from iriftrace.image.measured_shift import MeasuredShift
@@ -83,7 +83,7 @@ class MemberFit:
     measured: float
     dots: dict[str, int]
     motion: FloatArray | None
-    provenance: dict[str, Any] = field(repr=False)
+    provenance: JsonObject = field(repr=False)
 
     @property
     def weights(self) -> MemberWeights:
@@ -131,7 +131,7 @@ class MemberFit:
                 "draught, other bodies), or check that camera, board and places are those measured."
             )
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain JSON values, schema ``iriftrace.fit/1``."""
         labels = zip(self.members, self.single.tolist(), strict=True)
         motion = None if self.motion is None else self.motion.tolist()
@@ -233,7 +233,7 @@ def member_fit(
     unit: str,
     measured: float,
     dots: dict[str, int],
-    provenance: dict[str, Any],
+    provenance: JsonObject,
 ) -> MemberFit:
     """What was found of members; attributes as of `MemberFit`."""
     covariance = found.covariance(noise)

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
+from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import (
     CHANNELS,
     ERROR_CHANNEL,
@@ -161,7 +163,7 @@ class EnsembleStatistics:
             error = image.channels[ERROR_CHANNEL].ravel()[self._pixels]
             np.maximum(self._error, np.where(good, error, 0.0), out=self._error)
 
-    def image(self, header: dict[str, Any]) -> AovImage:
+    def image(self, header: JsonObject) -> AovImage:
         """The image of the means, with the channels of the scatter.
 
         ``displacement``, ``shift.px`` and ``refracted`` are those of the mean over the members
@@ -174,7 +176,7 @@ class EnsembleStatistics:
         channels = {name: self._first.channels[name].copy() for name in CHANNELS}
         some = self._weight > 0
 
-        def put(name: str, values: NDArray[Any]) -> None:
+        def put(name: str, values: AnyArray) -> None:
             plane = channels.setdefault(name, np.zeros(self._shape, dtype=np.float32))
             plane.ravel()[self._pixels] = values
 

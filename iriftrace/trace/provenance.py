@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import ENGINES
 from iriftrace.core.files import sha256_of
-from iriftrace.core.plain import plain
+from iriftrace.core.plain import JsonObject, plain
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 
 _MOST_LISTED = 2
 
 
-def provenance(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
+def provenance(scene: LoadedScene, camera: Camera) -> JsonObject:
     """Version, scene, field, part and assumptions in force, as plain JSON values."""
     part, ensemble, notes = scene.part, scene.ensemble, scene.stated.notes
     source, wavelength, written = scene.source, scene.stated.wavelength_nm, scene.stated.part
@@ -82,7 +81,7 @@ def _for_studies(scene: LoadedScene, notes: Mapping[str, str]) -> dict[str, str]
     return stated
 
 
-def _members(ensemble: LoadedEnsemble) -> dict[str, Any]:
+def _members(ensemble: LoadedEnsemble) -> JsonObject:
     return {"count": len(ensemble), "members": [m.as_dict() for m in ensemble.members]}
 
 

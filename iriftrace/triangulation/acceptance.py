@@ -14,11 +14,12 @@ import numpy as np
 
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.features.fit import fit_feature
 from iriftrace.part.part import Part
 
 
-def acceptance(features: Sequence[Mapping[str, Any]], part: Part) -> list[dict[str, Any]]:
+def acceptance(features: Sequence[Mapping[str, Any]], part: Part) -> list[JsonObject]:
     """Errors that VDI/VDE 2634 part 2 tests, of fitted spheres and planes.
 
     - probing error of form: range of the distances from the fitted sphere;

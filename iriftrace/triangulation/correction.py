@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from attrs import asdict, field, frozen
@@ -14,7 +13,8 @@ from scipy.special import stdtrit
 
 from iriftrace.clouds.read import Cloud
 from iriftrace.clouds.write import by_axis, save_cloud
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.core.units import length_factor
 from iriftrace.features.cold_size import ColdSizes
@@ -103,7 +103,7 @@ class Correction:
     face: IntArray
     normal: FloatArray
     system: str
-    provenance: dict[str, Any]
+    provenance: JsonObject
     field_uncertainty: float = 0.0
     errors: FloatArray | None = None
     weights: MemberWeights | None = None
@@ -148,7 +148,7 @@ class Correction:
         *,
         u_expansion: float | None = None,
         u_temperature_k: float | None = None,
-    ) -> list[dict[str, Any]]:
+    ) -> list[JsonObject]:
         """Features of the corrected points, measured and corrected; see `feature_table`.
 
         Of each size three expanded uncertainties, mm, None where one is not known:
@@ -173,11 +173,11 @@ class Correction:
     def relations(
         self,
         part: Part,
-        features: list[dict[str, Any]],
+        features: list[JsonObject],
         *,
         u_expansion: float | None = None,
         u_temperature_k: float | None = None,
-    ) -> list[dict[str, Any]]:
+    ) -> list[JsonObject]:
         """Distances and angles between `features` (see `relations`), with what they have.
 
         The keys of angles end in ``_deg`` in place of ``_mm``.
@@ -186,7 +186,7 @@ class Correction:
         cold = ColdSizes(part, u_expansion, u_temperature_k)
         return cold.add_to_relations(rows, features, "corrected")
 
-    def _with_uncertainty(self, row: dict[str, Any]) -> dict[str, Any]:
+    def _with_uncertainty(self, row: JsonObject) -> JsonObject:
         """A feature or relation with its uncertainties and its worst member."""
         key = value_key(row)
         unit = value_unit(row)
@@ -233,7 +233,7 @@ class Correction:
             return COVERAGE_FACTOR
         return float(stdtrit(degrees, COVERED))
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain JSON values, schema ``iriftrace.correction/1``."""
         corrected, u = self.status == CorrectionStatus.CORRECTED, self.u_normal
         return {
@@ -250,7 +250,7 @@ class Correction:
             "unsteadiness": self.state.unsteadiness,
         }
 
-    def regions(self, part: Part) -> list[dict[str, Any]]:
+    def regions(self, part: Part) -> list[JsonObject]:
         """What was taken out along the normal by region of the part; see `region_table`."""
         good = self.status == CorrectionStatus.CORRECTED
         along = np.einsum("ij,ij->i", self.error, self.normal)
@@ -259,9 +259,9 @@ class Correction:
     def save(
         self,
         path: str | Path,
-        features: Sequence[dict[str, Any]] = (),
-        regions: Sequence[dict[str, Any]] = (),
-        related: Sequence[dict[str, Any]] = (),
+        features: Sequence[JsonObject] = (),
+        regions: Sequence[JsonObject] = (),
+        related: Sequence[JsonObject] = (),
         *,
         cloud: Cloud | None = None,
         motion: FloatArray | None = None,
@@ -301,7 +301,7 @@ class Correction:
             "cloud": {"frame": "cloud" if in_cloud_frame else "scene", "length_unit": unit},
         }
         if cloud is None:
-            columns: dict[str, NDArray[Any]] = {**added, "status": status}
+            columns: dict[str, AnyArray] = {**added, "status": status}
             return save_cloud(path, points, columns, values, unit=unit)
         values["points"] |= {"not_measured": int((~cloud.measured).sum())}
         rows = cloud.rows.copy()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.triangles import cross_rows, unit_vectors
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene, loaded_scene
@@ -69,7 +70,7 @@ def better_phase(camera: Camera, projector: Camera) -> Phase:
     return "columns" if abs(base[0]) >= abs(base[1]) else "rows"
 
 
-def provenance_of_two(scene: LoadedScene, camera: Camera) -> dict[str, Any]:
+def provenance_of_two(scene: LoadedScene, camera: Camera) -> JsonObject:
     """Provenance of what two devices measure of a scene, as plain JSON values."""
     found = provenance(scene, camera)
     found["assumptions"]["exposure"] = "one instant: both devices see the same air"

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.part.part import Part
 
 
-def region_table(part: Part, face: IntArray, along_normal: FloatArray) -> list[dict[str, Any]]:
+def region_table(part: Part, face: IntArray, along_normal: FloatArray) -> list[JsonObject]:
     """Rows for all regions of a part, in its order, of values (n,), mm, on its faces (n,).
 
     ``region``, number of ``points``, ``measured``: area of the faces with a point as a fraction of

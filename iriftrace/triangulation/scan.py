@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from attrs import Factory, frozen
@@ -12,7 +11,8 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.clouds.write import by_axis, save_cloud
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.features.cold_size import ColdSizes
 from iriftrace.features.outliers import GATE
@@ -89,7 +89,7 @@ class Scan:
     phase: str
     camera: Camera
     second: Camera
-    provenance: dict[str, Any]
+    provenance: JsonObject
     errors: FloatArray | None = None
     weights: MemberWeights | None = None
     time_s: dict[str, float] = Factory(dict)
@@ -125,7 +125,7 @@ class Scan:
         along = each_along(self.errors, self.normal)
         return np.asarray(np.array(numbers)[np.abs(along).argmax(axis=0)])
 
-    def _by_member(self) -> dict[str, Any]:
+    def _by_member(self) -> JsonObject:
         """JSON values of an ensemble: scatter, and the error along the normal by each member."""
         scatter = self.scatter_normal
         if self.errors is None or scatter is None:
@@ -167,7 +167,7 @@ class Scan:
         found, *_ = np.linalg.lstsq(motions, -self.error_normal, rcond=1e-6)
         return found[:3], found[3:], self.error_normal + motions @ found
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain JSON values, schema ``iriftrace.scan/1``."""
         translation, rotation, left = self.best_fit()
         return {
@@ -192,7 +192,7 @@ class Scan:
 
     def features(
         self, part: Part, choices: Sequence[str], gate: float | None = GATE
-    ) -> list[dict[str, Any]]:
+    ) -> list[JsonObject]:
         """Features of the points, cold and measured; see `feature_table`.
 
         Of an ensemble also ``size_scatter_mm``, the size's standard deviation over its members,
@@ -204,7 +204,7 @@ class Scan:
         rows = feature_table(clouds, self.face, part, choices, by_member, gate)
         return ColdSizes(part).add_to_features([self._with_scatter(row) for row in rows], "cold")
 
-    def relations(self, part: Part, features: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    def relations(self, part: Part, features: list[JsonObject]) -> list[JsonObject]:
         """Distances and angles between `features` (see `relations`), with what they have.
 
         The keys of angles end in ``_deg`` in place of ``_mm``.
@@ -212,7 +212,7 @@ class Scan:
         rows = [self._with_scatter(row) for row in relations(features)]
         return ColdSizes(part).add_to_relations(rows, features, "cold")
 
-    def _with_scatter(self, row: dict[str, Any]) -> dict[str, Any]:
+    def _with_scatter(self, row: JsonObject) -> JsonObject:
         """A feature or relation with its scatter and worst member."""
         key = value_key(row)
         if self.weights is None:
@@ -224,17 +224,17 @@ class Scan:
         worst = worst_member(sizes, row[key]["cold"], key, self.provenance)
         return row | {scatter_key: float(self.weights.scatter(sizes)), **worst}
 
-    def regions(self, part: Part) -> list[dict[str, Any]]:
+    def regions(self, part: Part) -> list[JsonObject]:
         """Errors along the normal by region of the part; see `region_table`."""
         return region_table(part, self.face, self.error_normal)
 
     def save(
         self,
         path: str | Path,
-        features: Sequence[dict[str, Any]] = (),
-        acceptance: Sequence[dict[str, Any]] = (),
-        regions: Sequence[dict[str, Any]] = (),
-        related: Sequence[dict[str, Any]] = (),
+        features: Sequence[JsonObject] = (),
+        acceptance: Sequence[JsonObject] = (),
+        regions: Sequence[JsonObject] = (),
+        related: Sequence[JsonObject] = (),
     ) -> tuple[Path, Path]:
         """Write the cloud and, next to it, its numbers (.json).
 
@@ -257,7 +257,7 @@ class Scan:
         if acceptance:
             values["acceptance"] = list(acceptance)
         scatter, worst = self.scatter_normal, self.worst_member
-        columns: dict[str, NDArray[Any]] = {
+        columns: dict[str, AnyArray] = {
             **by_axis("true", self.true),
             **by_axis("error", self.error),
             "error_normal": self.error_normal,

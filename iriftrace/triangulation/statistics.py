@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.plain import JsonObject
 
 
 class PointStatus(IntEnum):
@@ -31,9 +31,7 @@ def each_along(errors: FloatArray, normal: FloatArray) -> FloatArray:
     return along
 
 
-def worst_member(
-    values: list[float], true: float, key: str, provenance: dict[str, Any]
-) -> dict[str, Any]:
+def worst_member(values: list[float], true: float, key: str, provenance: JsonObject) -> JsonObject:
     """Number of the member whose value is farthest from the true one, and that value.
 
     As ``worst_member`` and ``worst_`` and the key of the values, such as ``size_mm``.
