@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.figures.style import ColourScale, legend_below
+from iriftrace.figures.style import ColourScale, Look, legend_below
 from iriftrace.image.comparison import Comparison
 
 COLOUR_PERCENTILE = 98.0
@@ -56,7 +53,7 @@ def comparison_figure(
         dpi=_DPI,
         layout=ConstrainedLayoutEngine(h_pad=0.05, w_pad=0.05, compress=True),
     )
-    grid: NDArray[Any] = figure.subplots(2, columns, sharex=True, sharey=True, squeeze=False)
+    grid = figure.subplots(2, columns, sharex=True, sharey=True, squeeze=False)
     first = 0
     for panels, label in ((signals, "Shift (px)"), (residuals, "Residual (px)")):
         values = np.concatenate(list(panels.values())).ravel()
@@ -95,7 +92,7 @@ def _draw(
     scale: ColourScale,
 ) -> None:
     axes.set_facecolor(_BACKGROUND)
-    colours: dict[str, Any] = {"norm": scale.norm, "cmap": scale.colour_map}
+    colours: Look = {"norm": scale.norm, "cmap": scale.colour_map}
     if resolution is None:
         size = float(np.clip(4000.0 / len(places), 4.0, 40.0))
         across, down = places.T

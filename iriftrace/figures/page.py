@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
 
 Rows = tuple[tuple[str, ...], ...]
 """Cells of a table, row by row."""
 
 
-def write_page(path: Path, template: str, **values: Any) -> None:
+def write_page(path: Path, template: str, **values: object) -> None:
     """Write a page by one of the package's templates; its folder must exist."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -27,12 +27,12 @@ def write_page(path: Path, template: str, **values: Any) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def name_of(file: dict[str, Any]) -> str:
+def name_of(file: JsonObject) -> str:
     """Name of a part's or field's file by its provenance."""
     return file.get("source") or (Path(file["path"]).name if file.get("path") else "the part")
 
 
-def file_text(named: dict[str, Any]) -> str:
+def file_text(named: JsonObject) -> str:
     """Name of a file and the beginning of its SHA-256, or that it is not stated."""
     if not named.get("path"):
         return "not stated"
@@ -40,6 +40,6 @@ def file_text(named: dict[str, Any]) -> str:
     return name_of(named) + (f" (SHA-256 {sha256[:12]}\N{HORIZONTAL ELLIPSIS})" if sha256 else "")
 
 
-def value_text(value: Any) -> str:
+def value_text(value: object) -> str:
     """A JSON value as a cell of a table."""
     return ", ".join(map(str, value)) if isinstance(value, list) else str(value)

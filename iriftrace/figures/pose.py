@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from attrs import frozen
@@ -17,9 +17,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.engines import Bending
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.style import COLOURS, DPI, TEXT_COLOUR, ColourScale, legend_below
 from iriftrace.image.aov_image import AovImage, Status
@@ -275,7 +276,7 @@ def _draw_silhouettes(axes: Axes, image: AovImage, seen: BoolArray) -> None:
         )
 
 
-def _neighbours(pixels: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def _neighbours(pixels: AnyArray, axis: int) -> tuple[AnyArray, AnyArray]:
     return (pixels[:-1], pixels[1:]) if axis == 0 else (pixels[:, :-1], pixels[:, 1:])
 
 
@@ -314,7 +315,7 @@ def _length(value: float) -> str:
     return f"{value:.1f}" if value >= 1.0 or value == 0.0 else f"{value:.2g}"
 
 
-def _provenance(header: dict[str, Any]) -> str:
+def _provenance(header: JsonObject) -> str:
     field, wavelength = header.get("field"), header.get("wavelength_nm")
     ensemble = header.get("ensemble")
     parts = [

@@ -112,42 +112,15 @@ def report_content(
 ) -> ReportContent:
     """Collect what is said of a sweep, with `top` rows of the ranking and a set of `views`."""
     plan = summary.plan
-    region = plan.criteria.region
     chosen = None if views is None else plan_views(dataset, views, limits, plan.criteria)
     ranking = ranking_table(summary, top)
     part = name_of(attribute(dataset, "part"))
-    of_it = "" if region == "part" else f", and of it the region {region},"
     device = "camera" if summary.devices is None else "sensor"
-    weights = plan.criteria.weights
     best = plan.best
-    setting = setting_of(summary.varied, best)
     return ReportContent(
         title=f"Where to put the {device}: {part}",
-        question=(
-            f"From where should the {device} look at {part}{of_it} to measure it best through the "
-            "hot air around it? Every pose of a sweep was traced through the hot air; the score is "
-            + " + ".join(
-                f"{weights[metric.key]:g} times "
-                + ("(1 - coverage)" if metric.key == "coverage" else in_words(metric))
-                for metric in summary.metrics
-                if weights[metric.key]
-            )
-            + ", each normalised to 0 to 1, the smaller the better."
-        ),
-        answer=(
-            f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} "
-            f"ranked poses, with the score {plan.score[best]:.3f}: "
-            + ", ".join(
-                f"{in_words(quantity)} "
-                + (
-                    f"0 ({FRONTAL})"
-                    if quantity is summary.axial and summary.sees_frontally(best)
-                    else f"{quantity.values[best]:.4g} {quantity.unit}"
-                )
-                for quantity in summary.metrics
-            )
-            + "."
-        ),
+        question=_question(summary, device, part),
+        answer=_answer(summary),
         rests_on=rests_on(dataset, summary),
         unclear=alternative_text(summary),
         setting=setting_rows(dataset, summary),
@@ -166,6 +139,40 @@ def report_content(
         views=None if chosen is None else views_table(summary, chosen),
         views_title=views_title(summary, limits),
         views_text="" if chosen is None else views_text(summary, chosen),
+    )
+
+
+def _question(summary: SweepSummary, device: str, part: str) -> str:
+    region, weights = summary.plan.criteria.region, summary.plan.criteria.weights
+    of_it = "" if region == "part" else f", and of it the region {region},"
+    score = " + ".join(
+        f"{weights[metric.key]:g} times "
+        + ("(1 - coverage)" if metric.key == "coverage" else in_words(metric))
+        for metric in summary.metrics
+        if weights[metric.key]
+    )
+    return (
+        f"From where should the {device} look at {part}{of_it} to measure it best through the hot "
+        f"air around it? Every pose of a sweep was traced through the hot air; the score is {score}"
+        ", each normalised to 0 to 1, the smaller the better."
+    )
+
+
+def _answer(summary: SweepSummary) -> str:
+    plan, best = summary.plan, summary.plan.best
+    setting = setting_of(summary.varied, best)
+    values = ", ".join(
+        f"{in_words(quantity)} "
+        + (
+            f"0 ({FRONTAL})"
+            if quantity is summary.axial and summary.sees_frontally(best)
+            else f"{quantity.values[best]:.4g} {quantity.unit}"
+        )
+        for quantity in summary.metrics
+    )
+    return (
+        f"Pose {best}{f' ({setting})' if setting else ''} is the best of {len(plan.order)} ranked "
+        f"poses, with the score {plan.score[best]:.3f}: {values}."
     )
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from iriftrace.core.plain import JsonObject
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import Rows, file_text
 from iriftrace.planning.texts import least_error_text, other_statistics_text, warned_text
@@ -77,7 +79,7 @@ def setting_rows(dataset: xr.Dataset, summary: SweepSummary) -> Rows:
     )
 
 
-def _fields(dataset: xr.Dataset) -> list[dict[str, Any]]:
+def _fields(dataset: xr.Dataset) -> list[JsonObject]:
     """Fields of all scenes; that of the sweep's own attribute where they do not say."""
     try:
         scenes = json.loads(dataset.attrs.get("scenes", "[]"))
@@ -97,17 +99,17 @@ def _field(dataset: xr.Dataset) -> str:
     return "; ".join(_distinct(texts)) + light
 
 
-def _fields_of(scene: dict[str, Any]) -> list[dict[str, Any]]:
+def _fields_of(scene: JsonObject) -> list[JsonObject]:
     """Fields of one scene: those of an ensemble's members, or its only one."""
     members = [member.get("source") or {} for member in scene.get("members") or []]
     return members or [scene.get("field") or {}]
 
 
-def _distinct(values: Any) -> list[str]:
+def _distinct(values: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(values))
 
 
-def _camera(camera: dict[str, Any], *, varied: bool) -> str:
+def _camera(camera: JsonObject, *, varied: bool) -> str:
     if not camera:
         return "not stated"
     focal = camera.get("focal_length_mm")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import base64
 import json
 from pathlib import Path
-from typing import Any
 
 from attrs import frozen
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.source import stated_source, synthetic_mark
 from iriftrace.figures.page import Rows, file_text, name_of, value_text, write_page
@@ -39,7 +39,7 @@ class ScanReport:
     assumptions: Rows
 
 
-def read_numbers(path: Path) -> tuple[Path, dict[str, Any]]:
+def read_numbers(path: Path) -> tuple[Path, JsonObject]:
     """The JSON file of a scan or correction, which may be given by its cloud, and its values."""
     file = path if path.suffix.lower() == ".json" else path.with_suffix(".json")
     if not file.is_file():
@@ -60,7 +60,7 @@ def read_numbers(path: Path) -> tuple[Path, dict[str, Any]]:
     return file, values
 
 
-def scan_report(values: dict[str, Any]) -> ScanReport:
+def scan_report(values: JsonObject) -> ScanReport:
     """Collect what is said of a scan or correction by its JSON values."""
     true = SCHEMAS[values["schema"]]
     simulated = true == "cold"
@@ -150,7 +150,7 @@ def _celsius(kelvin: float) -> str:
     return f"{kelvin - ZERO_CELSIUS_K:g} °C"
 
 
-def _answer(values: dict[str, Any], simulated: bool) -> list[str]:
+def _answer(values: JsonObject, simulated: bool) -> list[str]:
     counts = values["points"]
     if simulated:
         error, left = values["error_normal_mm"], values["best_fit"]["error_normal_mm"]
@@ -167,7 +167,7 @@ def _answer(values: dict[str, Any], simulated: bool) -> list[str]:
     ]
 
 
-def _doubtful(values: dict[str, Any], simulated: bool) -> list[str]:
+def _doubtful(values: JsonObject, simulated: bool) -> list[str]:
     """What decides how much the numbers are worth."""
     assumed = values["assumptions"]
     mark = synthetic_mark(stated_source(values.get("field")))
@@ -196,7 +196,7 @@ def _feature_note(expanded: bool) -> str:
     return text
 
 
-def _feature(row: dict[str, Any], true: str, expanded: bool) -> tuple[str, ...]:
+def _feature(row: JsonObject, true: str, expanded: bool) -> tuple[str, ...]:
     kind = "size_mm" if row["size_mm"]["measured"] is not None else "form_mm"
     measured, size = row[kind]["measured"], row[kind][true]
     cells = [row["kind"], row["region"] or "all points", *_held_at(row, expanded)]
@@ -209,12 +209,12 @@ def _feature(row: dict[str, Any], true: str, expanded: bool) -> tuple[str, ...]:
 _UNCERTAINTIES = ("size_uncertainty_mm", "fit_uncertainty_mm", "total_uncertainty_mm")
 
 
-def _held_at(row: dict[str, Any], expanded: bool) -> tuple[str, ...]:
+def _held_at(row: JsonObject, expanded: bool) -> tuple[str, ...]:
     kelvin = row.get("at_reference", {}).get("holds_at_k")
     return (("" if kelvin is None else f"{kelvin - ZERO_CELSIUS_K:.0f}"),) if expanded else ()
 
 
-def _cold(row: dict[str, Any], expanded: bool) -> tuple[str, ...]:
+def _cold(row: JsonObject, expanded: bool) -> tuple[str, ...]:
     """Cells of a size at the temperature of the drawing."""
     cold = row.get("at_reference")
     if not expanded:
@@ -226,7 +226,7 @@ def _cold(row: dict[str, Any], expanded: bool) -> tuple[str, ...]:
     return f"{cold['size_mm']:.4f}", _um(cold["expansion_uncertainty_mm"])
 
 
-def _relation(row: dict[str, Any], true: str, expanded: bool) -> tuple[str, ...]:
+def _relation(row: JsonObject, true: str, expanded: bool) -> tuple[str, ...]:
     planes = " and ".join(str(region or "all points") for region in row["regions"])
     angle = row["kind"] == "angle"
     values, unit = (row["angle_deg"], "°") if angle else (row["size_mm"], " mm")
@@ -246,7 +246,7 @@ def _difference(value: float | None, angle: bool) -> str:
     return f"{60 * value:.2g}\N{PRIME}" if angle else f"{_um(value)} µm"
 
 
-def _region(row: dict[str, Any]) -> tuple[str, ...]:
+def _region(row: JsonObject) -> tuple[str, ...]:
     values = row["along_normal_mm"]
     numbers = map(_um, (values["median"], values["rms"], row["size_p95_mm"]))
     return row["region"], f"{row['points']:,}", f"{row['measured']:.0%}", *numbers

@@ -100,7 +100,11 @@ def scene_figure(
     for body in bodies[1:]:
         name = second_name.capitalize()
         _name(axes, view.pixels(body.points), name, "above", SECOND_COLOUR)
-    norm = temperature_norm(shells)
+    _add_temperature_bar(figure, temperature_norm(shells))
+    return figure
+
+
+def _add_temperature_bar(figure: Figure, norm: FuncNorm) -> None:
     bar = figure.colorbar(
         ScalarMappable(norm, COLOUR_MAP),
         cax=figure.add_axes((0.885, 0.22, 0.022, 0.56)),
@@ -108,7 +112,6 @@ def scene_figure(
     )
     bar.set_ticks(temperature_ticks(norm))
     bar.set_ticks([], minor=True)
-    return figure
 
 
 def celsius_of(shells: ShellStack) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,6 +14,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from iriftrace.figures.style import (
     COLOURS,
     TEXT_COLOUR,
+    Look,
     finish_axes,
     legend_below,
     new_figure,
@@ -124,7 +124,7 @@ def _draw_column(rows: Sequence[Axes], against: xr.Dataset, along: xr.DataArray)
         finish_axes(axes)
 
 
-def _line(mode: int, hollow: bool = False) -> dict[str, Any]:
+def _line(mode: int, hollow: bool = False) -> Look:
     colour = COLOURS[mode % len(COLOURS)]
     return {
         "color": colour,

@@ -41,8 +41,12 @@ DPI = 200
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
 
-def _mark(marker: str, size: float, edge: str, width: float, face: str = "none") -> dict[str, Any]:
-    """A single mark, size and width in points, as keywords of Matplotlib's ``plot``."""
+Look = dict[str, Any]
+"""A line or mark, as keywords of Matplotlib's ``plot``."""
+
+
+def _mark(marker: str, size: float, edge: str, width: float, face: str = "none") -> Look:
+    """A single mark, size and width in points."""
     return {"marker": marker, "ms": size, "mec": edge, "mew": width, "mfc": face, "ls": "none"}
 
 
@@ -75,8 +79,10 @@ def write_figure(figure: Figure, path: str | Path) -> None:
 def figure_bytes(figure: Figure, suffix: str = ".png") -> bytes:
     """The content of a ``.png`` or ``.pdf`` file, drawn without the global state of pyplot."""
     content = BytesIO()
-    undated: dict[str, Any] = {"metadata": {"CreationDate": None}} if suffix == ".pdf" else {}
-    _CANVAS[suffix](figure).print_figure(content, format=suffix[1:], dpi=figure.dpi, **undated)
+    undated = {"CreationDate": None} if suffix == ".pdf" else None
+    _CANVAS[suffix](figure).print_figure(
+        content, format=suffix[1:], dpi=figure.dpi, metadata=undated
+    )
     return content.getvalue()
 
 
@@ -199,7 +205,7 @@ def scale_of(quantity: Quantity) -> ColourScale:
     return ColourScale(quantity.values, (low, high), quantity.label, logarithmic)
 
 
-def marks(summary: SweepSummary, unknown: BoolArray, mark: dict[str, Any] = BEST) -> list[Line2D]:
+def marks(summary: SweepSummary, unknown: BoolArray, mark: Look = BEST) -> list[Line2D]:
     """Legend entries: the best pose, and those without a number or warned of if there are any."""
     best = Line2D([], [], label=f"Best pose by score: {summary.plan.best}", **mark)
     warned = summary.warned.any(axis=1).sum()
@@ -210,7 +216,7 @@ def marks(summary: SweepSummary, unknown: BoolArray, mark: dict[str, Any] = BEST
     ]
 
 
-def count_entry(text: str, count: int, mark: dict[str, Any], remark: str = "") -> list[Line2D]:
+def count_entry(text: str, count: int, mark: Look, remark: str = "") -> list[Line2D]:
     """Legend entry that counts the poses with a mark, if there are any."""
     label = f"{text}: {count} {'pose' if count == 1 else 'poses'}{remark}"
     return [Line2D([], [], label=label, **mark)] if count else []

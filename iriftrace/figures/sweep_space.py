@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pyvista as pv
@@ -91,10 +91,7 @@ def sweep_scene_figure(
     box = box_around(np.concatenate((summary.origins, summary.targets, *solid, *air)))
     centre = part.centre if part else box.centre
     view = fitting_view(towards_cameras(summary.origins - centre), box, _ROOM_PX)
-    radius = _mark_px(view.pixels(np.unique(summary.origins, axis=0))) / view.px_per_mm
-    depth = summary.origins @ view.towards
-    near = (depth - depth.min()) / max(float(np.ptp(depth)), 1e-9)
-    radii = radius * (_FAR_SIZE + (1.0 - _FAR_SIZE) * near)
+    radii = _mark_radii(summary.origins, view)
     shown = best_at_each_place(summary)
     known, unknown = shown & quantity.known, shown & ~quantity.known
     scale = scale_of(quantity)
@@ -112,19 +109,11 @@ def sweep_scene_figure(
         if rings.n_cells:
             plotter.add_mesh(rings, color=_UNKNOWN_COLOUR, lighting=False)
         if shell:
-            # Last, because it is blended with what lies behind it; only its front.
-            look: Any = {"culling": "back", "smooth_shading": True, "ambient": 0.5}
-            surface = thinned(polydata(*shell))
-            plotter.add_mesh(surface, color=_SHELL_COLOUR, opacity=_SHELL_OPACITY, **look)
+            # Last, because it is blended with what lies behind it.
+            _add_front(plotter, thinned(polydata(*shell)))
 
     hidden = "" if shown.all() else "  ·  the best at each place"
-    entries: list[Artist] = [*marks(summary, ~quantity.known, BEST_RING)]
-    if part:
-        entries.append(Patch(facecolor=PART_COLOUR, label="Part"))
-    if surroundings.blockers:
-        entries.append(Patch(facecolor=BLOCKER_COLOUR, label="Blocks the view"))
-    if shell:
-        entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell"))
+    entries = [*marks(summary, ~quantity.known, BEST_RING), *_surroundings_entries(surroundings)]
     title = f"{quantity.title} of each camera pose"
     figure = _framed(title, f"{summary.subtitle}{hidden}", scale, entries)
     axes = add_picture(figure, view, box, draw, (0, _FOOT_PX))
@@ -132,6 +121,18 @@ def sweep_scene_figure(
     axes.plot(*view.pixels(warned).T, **WARNED)
     axes.plot(*view.pixels(summary.origins[summary.plan.best])[0], **BEST_RING)
     return figure
+
+
+def _surroundings_entries(surroundings: Surroundings) -> list[Artist]:
+    """Legend entries for what is drawn besides the poses."""
+    entries: list[Artist] = []
+    if surroundings.part:
+        entries.append(Patch(facecolor=PART_COLOUR, label="Part"))
+    if surroundings.blockers:
+        entries.append(Patch(facecolor=BLOCKER_COLOUR, label="Blocks the view"))
+    if surroundings.hot_air:
+        entries.append(Patch(facecolor=_SHELL_COLOUR, alpha=0.5, label="Outermost shell"))
+    return entries
 
 
 def sweep_face_figure(summary: SweepSummary, part: Part, values: FaceMap) -> Figure:
@@ -214,6 +215,15 @@ def best_at_each_place(summary: SweepSummary) -> BoolArray:
     return shown
 
 
+def _mark_radii(places: FloatArray, view: View) -> FloatArray:
+    """(n,) array, mm: radii of marks at (n, 3) places, larger the nearer they are to the viewer."""
+    radius = _mark_px(view.pixels(np.unique(places, axis=0))) / view.px_per_mm
+    depth = places @ view.towards
+    near = (depth - depth.min()) / max(float(np.ptp(depth)), 1e-9)
+    radii: FloatArray = radius * (_FAR_SIZE + (1.0 - _FAR_SIZE) * near)
+    return radii
+
+
 def _mark_px(positions: FloatArray) -> float:
     """Radius at which most marks do not touch, px."""
     if len(positions) < 2:
@@ -230,6 +240,17 @@ def _marks(shape: pv.PolyData, places: FloatArray, radii: FloatArray) -> pv.Poly
     points["radius"] = radii
     copies: pv.PolyData = points.glyph(geom=shape, orient=False, scale="radius", factor=1.0)
     return copies
+
+
+def _add_front(plotter: pv.Plotter, hot_air: pv.PolyData) -> None:
+    plotter.add_mesh(
+        hot_air,
+        color=_SHELL_COLOUR,
+        opacity=_SHELL_OPACITY,
+        culling="back",
+        smooth_shading=True,
+        ambient=0.5,
+    )
 
 
 def _add_coloured(

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 from matplotlib import colormaps
-from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import AnyArray, FloatArray
 from iriftrace.core.errors import InputError, SetupError
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.source import FieldSource, stated_source, synthetic_mark
@@ -236,7 +235,7 @@ def _cloud(path: Path) -> Draw:
     return _coloured(path, np.asarray(cloud.points, dtype=np.float64), columns)
 
 
-def _coloured(path: Path, places: FloatArray, columns: Mapping[str, NDArray[Any]]) -> Draw:
+def _coloured(path: Path, places: FloatArray, columns: Mapping[str, AnyArray]) -> Draw:
     """Points in the colours of the first column that is known, or of a vector's length."""
     known = dict(columns)
     for vector in CLOUD_COLUMNS:
