@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from iriftrace.cli.console import notes, out, say
 from iriftrace.cli.draught_options import DraughtOptions
@@ -65,15 +65,15 @@ def simulate_family(
     wind: DraughtOptions,
 ) -> None:
     """Solve what is missing of a family, here or on workers, and say how far it is."""
-    from iriftrace.cfd.openfoam.family_run import run_family
-    from iriftrace.sweep.workers import scheduler_client
+    from iriftrace.cfd.openfoam.family_run import run_family, solve_elsewhere
+    from iriftrace.sweep.workers import run_tasks, scheduler_client
 
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         solve: Solve = partial(_solve_here, installation)
         if wind.address is not None:
             client = stack.enter_context(scheduler_client(wind.address, wind.workers))
-            solve = partial(_solve_on_workers, client)
+            solve = partial(run_tasks, client, solve_elsewhere)
         status = stack.enter_context(notes.status("Mesh"))
 
         def expect(cost: Cost) -> None:
@@ -112,13 +112,6 @@ def _solve_here(installation: Installation, tasks: Sequence[Task]) -> Iterator[J
             quiet = evolve(display, expect=lambda cells, seconds: None)
             entry = solve_member(task, installation, quiet)
         yield entry
-
-
-def _solve_on_workers(client: Any, tasks: Sequence[Task]) -> Iterable[JsonObject]:
-    from iriftrace.cfd.openfoam.family_run import solve_elsewhere
-    from iriftrace.sweep.workers import run_tasks
-
-    return run_tasks(client, solve_elsewhere, tasks)
 
 
 def _say_cost(cost: Cost) -> None:

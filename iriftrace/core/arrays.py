@@ -18,8 +18,10 @@ AnyIntArray = NDArray[np.integer[Any]]
 AnyArray = NDArray[Any]
 """Of any elements: columns of a table, structured rows, the content of a file."""
 
-Variables = dict[str, tuple[tuple[str, ...], AnyArray, Mapping[str, object]]]
-"""Variables of a dataset by name, as xarray takes them: dimensions, values, attributes."""
+Variable = tuple[tuple[str, ...], AnyArray] | tuple[tuple[str, ...], AnyArray, Mapping[str, object]]
+"""A variable of a dataset as xarray takes it: dimensions, values, and maybe attributes."""
+
+Variables = dict[str, Variable]
 
 
 def as_float64(values: ArrayLike) -> FloatArray:

@@ -305,7 +305,7 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
         file cannot be written.
     """
     _refuse_not_finite(image, "cannot be written")
-    header: JsonObject = {
+    header = {
         "compression": OpenEXR.RLE_COMPRESSION,
         "type": OpenEXR.scanlineimage,
     }

@@ -162,28 +162,13 @@ def compare(
     image.require("camera")
     if not isinstance(measured, MeasuredShift):
         measured = read_measured_shift(measured)
-    if measured.resolution is not None and measured.resolution != image.resolution:
-        theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
-        raise InputError(
-            f"{measured.path} is a map of {theirs} pixels, but the rendering has {ours}, so pixels "
-            "do not correspond; render at the camera's resolution (-D scale=1)."
-        )
-    outside = ~image.camera.holds(measured.places)
-    if outside.any():
-        u, v = measured.places[outside][0]
-        width, height = image.resolution
-        raise InputError(
-            f"{outside.sum()} of {len(outside)} places of {measured.path} lie outside the "
-            f"rendering of {width} x {height} pixels, the first at ({u:g}, {v:g}), so they are "
-            "positions in another picture; render at the camera's resolution (-D scale=1)."
-        )
+    _refuse_another_picture(image, measured)
     shift, points, known = _at_places(image, measured.places, positions, include)
-    count = int(known.sum())
-    if count < FEWEST_POINTS:
+    if known.sum() < FEWEST_POINTS:
         width, height = image.resolution
         raise InputError(
-            f"Only {count} of {len(known)} measured places lie on good pixels of the part in the "
-            f"rendering of {width} x {height} pixels, but {FEWEST_POINTS} are needed; are the "
+            f"Only {known.sum()} of {len(known)} measured places lie on good pixels of the part in "
+            f"the rendering of {width} x {height} pixels, but {FEWEST_POINTS} are needed; are the "
             "positions in its pixels, and is the pose the measured one?"
         )
     _warn_of_another_size(image, measured)
@@ -205,6 +190,25 @@ def compare(
         motion=motion,
         no_motion=reason,
     )
+
+
+def _refuse_another_picture(image: AovImage, measured: MeasuredShift) -> None:
+    """Refuse a map of another size than the rendering, and markers outside it."""
+    if measured.resolution is not None and measured.resolution != image.resolution:
+        theirs, ours = (f"{w} x {h}" for w, h in (measured.resolution, image.resolution))
+        raise InputError(
+            f"{measured.path} is a map of {theirs} pixels, but the rendering has {ours}, so pixels "
+            "do not correspond; render at the camera's resolution (-D scale=1)."
+        )
+    outside = ~image.camera.holds(measured.places)
+    if outside.any():
+        u, v = measured.places[outside][0]
+        width, height = image.resolution
+        raise InputError(
+            f"{outside.sum()} of {len(outside)} places of {measured.path} lie outside the "
+            f"rendering of {width} x {height} pixels, the first at ({u:g}, {v:g}), so they are "
+            "positions in another picture; render at the camera's resolution (-D scale=1)."
+        )
 
 
 def _warn_of_another_size(image: AovImage, measured: MeasuredShift) -> None:

@@ -59,7 +59,7 @@ def exr_content(name: str, remedy: str) -> tuple[JsonObject, dict[str, AnyArray]
         raise InputError(f"{name} is damaged or incomplete ({error}); {remedy}.") from error
 
 
-def names_part(named: Any) -> bool:
+def names_part(named: object) -> bool:
     """True for a header entry with a part's file, checksum, unit and place."""
     return (
         isinstance(named, dict)
@@ -71,7 +71,7 @@ def names_part(named: Any) -> bool:
     )
 
 
-def encoded(key: str, value: Any) -> str:
+def encoded(key: str, value: object) -> str:
     """An entry of the header as text; InputError if it is not plain JSON."""
     # What JSON cannot read comes back as it is.
     if isinstance(value, str) and decoded(value) is value:

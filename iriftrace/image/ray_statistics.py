@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from attrs import fields, frozen
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import IntArray
+from iriftrace.core.arrays import Float32Array, FloatArray, IntArray
 from iriftrace.core.statistics import spread
 from iriftrace.image.aov_image import (
     MEMBERS_CHANNEL,
@@ -39,7 +36,7 @@ class Statistics:
     p75: float | None = None
 
     @classmethod
-    def of(cls, values: NDArray[np.floating[Any]]) -> Statistics:
+    def of(cls, values: Float32Array | FloatArray) -> Statistics:
         """Statistics of an (n,) array."""
         if len(values) < FEWEST_RAYS:
             return cls()

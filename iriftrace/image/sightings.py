@@ -14,9 +14,8 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.arrays import AnyArray, Float32Array, FloatArray, Int32Array
+from iriftrace.core.arrays import AnyArray, Float32Array, FloatArray, Int32Array, Variables
 from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.displacement import good_mask, lines_of_sight
 from iriftrace.part.part import Part
@@ -110,7 +109,7 @@ def sight_faces(image: AovImage, include: Collection[int] = (Status.GOOD,)) -> F
     )
 
 
-def face_maps(sightings: Iterable[FaceSightings], part: Part) -> JsonObject:
+def face_maps(sightings: Iterable[FaceSightings], part: Part) -> Variables:
     """Add up what n poses of a sweep see of a part with m faces; one pose at a time is in memory.
 
     Variables for the sweep's dataset: ``sightings`` over ``pose`` and, over ``face``, area, region,
@@ -134,7 +133,7 @@ def face_maps(sightings: Iterable[FaceSightings], part: Part) -> JsonObject:
     seen = rays > 0
     displacement[seen] = moved[seen] / rays[seen]
     region = (part.region_of_face + 1).astype(np.int16)
-    of_face = {
+    of_face: dict[str, tuple[AnyArray, str, str]] = {
         "face_area": (part.face_areas, "mm2", "area"),
         "face_region": (region, "1", "number of the face's region in the coordinate region"),
         "face_times_seen": (times_seen, "1", "poses that see the face"),

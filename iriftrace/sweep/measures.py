@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from iriftrace.core.arrays import Variables
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import Status
 from iriftrace.trace.engine import CHANGE
@@ -207,7 +208,7 @@ def metric_variables(
     *,
     ensemble: bool = False,
     rig: bool = False,
-) -> JsonObject:
+) -> Variables:
     """Variables of a dataset from what was measured in each of `count` poses.
 
     Their entries, of which only one is in memory at a time, have ``metrics`` (the JSON of a pose,
@@ -237,7 +238,7 @@ def metric_variables(
             found = [one.value(view) for view in views] if one.regional else one.value(whole)
             values[name][pose] = found
     dimensions = ("pose", "region")
-    variables: JsonObject = {}
+    variables: Variables = {}
     for name, one in measures.items():
         attributes = one.attributes
         if ensemble and name.startswith(("displacement_", "shift_")):

@@ -8,7 +8,6 @@ from hashlib import sha256
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from attrs import frozen
 
@@ -111,7 +110,7 @@ def _field_files(path: Path, variables: dict[str, str]) -> tuple[Path, ...]:
     return tuple(file for folder in folders if (file := folder / FIELD_FILE).is_file())
 
 
-def fingerprint(*pieces: Any) -> str:
+def fingerprint(*pieces: object) -> str:
     """SHA-256 of plain values."""
     return sha256(json.dumps(pieces, sort_keys=True).encode()).hexdigest()
 

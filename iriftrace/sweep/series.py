@@ -12,6 +12,7 @@ from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_set import PoseSet, push_out
+from iriftrace.core.arrays import Variables
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
@@ -187,7 +188,7 @@ def render_here(series: Sequence[Series], sources: Sequence[SceneSource]) -> Ren
     return render
 
 
-def series_variables(series: Sequence[Series]) -> JsonObject:
+def series_variables(series: Sequence[Series]) -> Variables:
     """Scene, focal length and stand-off of each pose, as variables of a dataset."""
     counts = [len(one.poses) for one in series]
     scenes = np.array([one.scene.name for one in series], dtype=object)

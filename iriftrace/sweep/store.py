@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import BoolArray
+from iriftrace.core.arrays import BoolArray, Variables
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, sha256_of, whole_file
 from iriftrace.core.netcdf import check_netcdf
@@ -48,7 +48,7 @@ _CHUNK = 65_536
 _LEVEL = 4
 
 
-def pose_variables(poses: PoseSet, target: ArrayLike) -> JsonObject:
+def pose_variables(poses: PoseSet, target: ArrayLike) -> Variables:
     """Where the cameras stood, as variables; ``distance`` is that to the target, mm, world."""
     distance = np.linalg.norm(poses.origins - np.asarray(target, dtype=np.float64), axis=1)
     origins = {
@@ -74,7 +74,7 @@ def pose_variables(poses: PoseSet, target: ArrayLike) -> JsonObject:
 
 
 def to_dataset(
-    variables: JsonObject, region_names: Sequence[str], attributes: JsonObject
+    variables: Variables, region_names: Sequence[str], attributes: JsonObject
 ) -> xr.Dataset:
     """All variables as one dataset; attributes that are no numbers or strings become JSON.
 

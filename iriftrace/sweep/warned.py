@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import frozen
 
-from iriftrace.core.arrays import BoolArray, IntArray
-from iriftrace.core.plain import JsonObject
+from iriftrace.core.arrays import BoolArray, Variable
 from iriftrace.image.aov_image import Status
 from iriftrace.sweep.store import WHOLE_PART
 from iriftrace.trace.engine import LIMIT, TOO_COARSE
@@ -45,7 +44,7 @@ FLAGS = (
 """In the order of their bits, the lowest first."""
 
 
-def warned_variable(dataset: xr.Dataset) -> tuple[tuple[str], IntArray, JsonObject]:
+def warned_variable(dataset: xr.Dataset) -> Variable:
     """Flags of each pose of a sweep, with the attributes that explain them in the file."""
     whole = dataset.sel(region=WHOLE_PART)
     counts = ("rays_good", "rays_hit", "hits_at_border", "rays_out_of_focus", "rays_open_boundary")

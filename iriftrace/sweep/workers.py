@@ -8,13 +8,13 @@ import socket
 import threading
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning, SetupError
 from iriftrace.runtime import variant as runtime
@@ -25,6 +25,30 @@ from iriftrace.sweep.pose import PoseTask, SceneSource, render_pose, source_of
 
 if TYPE_CHECKING:
     from iriftrace.sweep.series import RenderPoses
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+Result_co = TypeVar("Result_co", covariant=True)
+
+
+class Future(Protocol[Result_co]):
+    """A result that a worker of Dask will have."""
+
+    def result(self) -> Result_co: ...
+
+
+class Client(Protocol):
+    """What is used of a client of Dask distributed, whose own methods have no types."""
+
+    loop: object
+
+    def submit(
+        self, work: Callable[..., Result], *arguments: object, pure: bool
+    ) -> Future[Result]: ...
+
+    def cancel(self, futures: Sequence[Future[object]]) -> None: ...
+
+    def nthreads(self) -> Mapping[str, int]: ...
 
 
 LOCAL = "local"
@@ -102,7 +126,7 @@ def pose_workers(scheduler: str, count: int | None = None) -> Iterator[RenderPos
 
 
 @contextmanager
-def scheduler_client(scheduler: str, count: int | None = None) -> Iterator[Any]:
+def scheduler_client(scheduler: str, count: int | None = None) -> Iterator[Client]:
     """Dask client of the workers as long as the block lasts; parameters and errors as above."""
     check_scheduler(scheduler, count)
     with ExitStack() as stack:
@@ -110,7 +134,9 @@ def scheduler_client(scheduler: str, count: int | None = None) -> Iterator[Any]:
         yield stack.enter_context(_local(count) if scheduler == LOCAL else _connected(scheduler))
 
 
-def run_tasks(client: Any, work: Callable[[Any], Any], tasks: Iterable[Any]) -> Iterator[Any]:
+def run_tasks(
+    client: Client, work: Callable[[Task], Result], tasks: Iterable[Task]
+) -> Iterator[Result]:
     """Results of `work(task)` as they come, of a function of a module that runs on the workers."""
     futures = [client.submit(work, task, pure=False) for task in tasks]
     try:
@@ -121,7 +147,7 @@ def run_tasks(client: Any, work: Callable[[Any], Any], tasks: Iterable[Any]) -> 
 
 
 @contextmanager
-def _local(count: int | None) -> Iterator[Any]:
+def _local(count: int | None) -> Iterator[Client]:
     distributed = import_module("distributed")
     cores = import_module("dask.system").CPU_COUNT
     with (
@@ -142,7 +168,7 @@ def _local(count: int | None) -> Iterator[Any]:
 
 
 @contextmanager
-def _connected(address: str) -> Iterator[Any]:
+def _connected(address: str) -> Iterator[Client]:
     distributed = import_module("distributed")
     try:
         client = distributed.Client(address, timeout=_SECONDS_TO_ANSWER, set_as_default=False)
@@ -177,9 +203,9 @@ def _quiet() -> Iterator[None]:
             logging.getLogger(name).setLevel(level)
 
 
-def _render(client: Any, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
+def _render(client: Client, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
     waiting = iter(tasks)
-    running: set[Any] = set()
+    running: set[Future[Piece]] = set()
     completed = import_module("distributed").as_completed(loop=client.loop)
 
     def fill() -> None:
@@ -204,11 +230,11 @@ def _render(client: Any, tasks: Iterable[PoseTask]) -> Iterator[Piece]:
         client.cancel(list(running))
 
 
-def _result(future: Any) -> Piece:
+def _result(future: Future[Result]) -> Result:
     """The result, or an error that a user understands."""
     distributed = import_module("distributed")
     try:
-        result: Piece = future.result()
+        result: Result = future.result()
     except distributed.KilledWorker as error:
         raise SetupError(
             f"{error.allowed_failures + 1} workers died of the same task, the last one at "
