@@ -6,12 +6,11 @@ import json
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve
 
-from iriftrace.core.engines import Bending
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import structured
@@ -19,6 +18,9 @@ from iriftrace.field.path_data import FieldCells
 from iriftrace.part.part import Part
 from iriftrace.scene.file import SceneFile
 from iriftrace.shells.table import AirStatement, PartOrigin
+
+if TYPE_CHECKING:
+    from iriftrace.plugins.kernels.tables import SceneTables
 
 
 def air_statement_of(file: SceneFile) -> AirStatement:
@@ -88,7 +90,7 @@ def statement_of_field(cells: FieldCells, shells: AirStatement, name: str) -> Ai
     return evolve(shells, air=cells.air, source=cells.source)
 
 
-def stated_normals(wanted: str, tables: Any) -> str:
+def stated_normals(wanted: str, tables: SceneTables) -> str:
     """Normals that bend rays: the wanted ones, and for how many shells not."""
     if wanted == "facet" or not tables.has_normals:
         return "facet"
@@ -96,16 +98,9 @@ def stated_normals(wanted: str, tables: Any) -> str:
     return f"gradient, but facet for {without} of the shells" if without else wanted
 
 
-def stated_bending(integrator: Any, tables: Any) -> Bending:
-    """Places where rays are bent by shells."""
-    if integrator.bends_in_layers(tables):
-        return Bending.LAYERS
-    if integrator.bending == "layers" and integrator.normals == "gradient":
-        return Bending.SHELLS_WITHOUT_DERIVATIVES
-    return Bending.SHELLS
-
-
-def stated_index_rule(name: str, stated: AirStatement, tables: Any, others: Sequence[str]) -> str:
+def stated_index_rule(
+    name: str, stated: AirStatement, tables: SceneTables, others: Sequence[str]
+) -> str:
     """The stated rule, as long as the scene has the stated shells and none of `others`."""
     rule = stated.rule
     if rule is None:

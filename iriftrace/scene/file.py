@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import frozen
@@ -19,6 +19,10 @@ from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.geometry.ply import read_ply
 from iriftrace.scene.wavelength import WAVELENGTH, of_the_file
 from iriftrace.shells.hessian import PLY_COLUMNS
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+    from mitsuba.parser import SceneNode
 
 _HEAD = 100_000
 """Bytes of a file among which a scene begins, whatever comments it has before."""
@@ -43,6 +47,34 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
     """Parse a scene's XML without loading it, and refuse or warn of what would spoil the result."""
     import mitsuba as mi
 
+    nodes = _parsed(path, values)
+    shapes = [node.props for node in nodes if node.type == mi.ObjectType.Shape]
+    files = _files(nodes, path)
+    for file in files:
+        check_readable(file)
+    for node in nodes:
+        _check_named_file(node, path)
+    part, part_path = _the_part(shapes, path)
+    for props in shapes:
+        mesh = _mesh_file(props, path)
+        # Mitsuba also looks in the current folder.
+        if mesh is not None and not os.path.isfile(str(props["filename"])):
+            _check_there(mesh, path)
+    shells = [props for props in shapes if _is_shell(props, nodes)]
+    shell_paths = _shell_meshes(shells, _bends_in_layers(nodes), path)
+    _warn_of_lost_accuracy(nodes, bool(shell_paths), path)
+    return SceneFile(
+        part_path=part_path,
+        part_to_world=_placement(part, "The part"),
+        shell_paths=shell_paths,
+        file_paths=files,
+    )
+
+
+def _parsed(path: Path, values: Mapping[str, str]) -> list[SceneNode]:
+    """Nodes of a scene that is one and has these parameters."""
+    import mitsuba as mi
+
     require_scene(path)
     check_readable(path)
     with path.open("rb") as opened:
@@ -59,13 +91,11 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
         mi.parser.transform_resolve_references(config, state)
     except RuntimeError as error:
         raise InputError(readable(error)) from error
-    nodes = list(state.nodes)
-    shapes = [node.props for node in nodes if node.type == mi.ObjectType.Shape]
-    files = _files(nodes, path)
-    for file in files:
-        check_readable(file)
-    for node in nodes:
-        _check_named_file(node, path)
+    return list(state.nodes)
+
+
+def _the_part(shapes: Sequence[mi.Properties], path: Path) -> tuple[mi.Properties, Path]:
+    """The shape that is measured, and its mesh."""
     parts = [props for props in shapes if props.id() == "part"]
     if len(parts) != 1:
         raise InputError(
@@ -79,26 +109,24 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
             "regions need a mesh file; use type ply."
         )
     _check_there(part_path, path)
-    for props in shapes:
-        mesh = _mesh_file(props, path)
-        # Mitsuba also looks in the current folder.
-        if mesh is not None and not os.path.isfile(str(props["filename"])):
-            _check_there(mesh, path)
-    shell_paths, flat = [], []
-    for props in shapes:
-        if not _is_shell(props, nodes):
-            continue
+    return parts[0], part_path
+
+
+def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) -> tuple[Path, ...]:
+    """Meshes of shells that have what bends rays, at the shells or in the layers between them."""
+    meshes, flat = [], []
+    for props in shells:
         placement = _placement(props, f"Shell '{props.id()}'")
         mesh = _mesh_file(props, path)
         if mesh is None:
             continue
-        if _bends_in_layers(nodes) and _changes_lengths(placement) and _has_derivatives(mesh):
+        if in_layers and _changes_lengths(placement) and _has_derivatives(mesh):
             raise InputError(
                 f"Shell '{props.id()}' in {path} has a to_world that changes lengths, but its file "
                 "gives the index's derivatives per mm of its own; make the scene anew with "
                 "--field-transform, or bend rays at the shells alone (-D bending=shells)."
             )
-        shell_paths.append(mesh)
+        meshes.append(mesh)
         if not _flag(props, "face_normals") and not _has_normals(mesh):
             flat.append(mesh.name)
     if flat:
@@ -106,26 +134,24 @@ def read_scene_file(path: Path, values: Mapping[str, str]) -> SceneFile:
             f"{', '.join(flat)} in {path} has no vertex normals, so Mitsuba would invent some that "
             'know nothing of grad(n); add <boolean name="face_normals" value="true"/> to the shape.'
         )
+    return tuple(meshes)
+
+
+def _warn_of_lost_accuracy(nodes: Sequence[SceneNode], has_shells: bool, path: Path) -> None:
     if any(_plugin(node) == "dielectric" for node in nodes):
         warnings.warn(
             f"{path} has shells with Mitsuba's dielectric, whose single-precision index ratio "
             "costs up to 0.6 % of the deflection; use iso_shell.",
             IriftraceWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
-    if shell_paths and not any(_flag(n.props, "embree_use_robust_intersections") for n in nodes):
+    if has_shells and not any(_flag(n.props, "embree_use_robust_intersections") for n in nodes):
         warnings.warn(
             f"{path} does not set embree_use_robust_intersections, so single rays can slip between "
             'triangles; add <boolean name="embree_use_robust_intersections" value="true"/>.',
             IriftraceWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
-    return SceneFile(
-        part_path=part_path,
-        part_to_world=_placement(parts[0], "The part"),
-        shell_paths=tuple(shell_paths),
-        file_paths=files,
-    )
 
 
 def require_scene(path: Path) -> None:
@@ -170,16 +196,15 @@ def readable(error: Exception) -> str:
     return re.sub(r"\s*\n\s*", " ", text).strip()
 
 
-def _plugin(node: Any) -> str:
-    name: str = node.props.plugin_name()
-    return name
+def _plugin(node: SceneNode) -> str:
+    return str(node.props.plugin_name())
 
 
-def _flag(props: Any, name: str) -> bool:
+def _flag(props: mi.Properties, name: str) -> bool:
     return name in props and props[name] is True
 
 
-def _is_shell(props: Any, nodes: list[Any]) -> bool:
+def _is_shell(props: mi.Properties, nodes: Sequence[SceneNode]) -> bool:
     import mitsuba as mi
 
     children = (props[key] for key in list(props.keys()))
@@ -187,14 +212,14 @@ def _is_shell(props: Any, nodes: list[Any]) -> bool:
     return any(_plugin(nodes[child.index()]) in SHELL_BSDFS for child in linked)
 
 
-def _mesh_file(props: Any, scene: Path) -> Path | None:
+def _mesh_file(props: mi.Properties, scene: Path) -> Path | None:
     if "filename" not in props:
         return None
     named = Path(str(props["filename"]))
     return named if named.is_absolute() else scene.parent / named
 
 
-def _check_named_file(node: Any, scene: Path) -> None:
+def _check_named_file(node: SceneNode, scene: Path) -> None:
     """Refuse a file of the current folder, where Mitsuba also looks, in place of the scene's."""
     name, default = _NAMED_FILES.get(_plugin(node), ("", None))
     named = node.props.get(name, default) if name else None
@@ -213,7 +238,7 @@ def _check_there(file: Path, scene: Path) -> None:
     raise InputError(f"The file {file}, which {scene} names, is not there; correct its path.")
 
 
-def _files(nodes: list[Any], scene: Path) -> tuple[Path, ...]:
+def _files(nodes: Sequence[SceneNode], scene: Path) -> tuple[Path, ...]:
     """Every file that a property names, once."""
     words = [
         str(node.props[key])
@@ -227,10 +252,11 @@ def _files(nodes: list[Any], scene: Path) -> tuple[Path, ...]:
     )
 
 
-def _placement(props: Any, what: str) -> NDArray[np.float64]:
+def _placement(props: mi.Properties, what: str) -> NDArray[np.float64]:
     if "to_world" not in props:
         return np.eye(4)
-    matrix = np.array(props["to_world"].matrix, dtype=np.float64).reshape(4, 4)
+    to_world: Any = props["to_world"]
+    matrix = np.array(to_world.matrix, dtype=np.float64).reshape(4, 4)
     if np.linalg.det(matrix[:3, :3]) <= 0:
         raise InputError(
             f"{what} has a to_world that mirrors it, which would turn its triangles inside out; "
@@ -239,14 +265,14 @@ def _placement(props: Any, what: str) -> NDArray[np.float64]:
     return matrix
 
 
-def _bends_in_layers(nodes: list[Any]) -> bool:
-    # Without one the scene may be traced by the default one.
-    integrators = [node.props for node in nodes if _plugin(node) == "first_hit"] or [{}]
-    return any(
-        props.get("bending", "layers") == "layers"
-        and props.get("normals", "gradient") == "gradient"
-        for props in integrators
-    )
+def _bends_in_layers(nodes: Sequence[SceneNode]) -> bool:
+    """True if an integrator bends rays in layers; without one the default one may, which does."""
+    chosen = [
+        (node.props.get("bending", "layers"), node.props.get("normals", "gradient"))
+        for node in nodes
+        if _plugin(node) == "first_hit"
+    ]
+    return not chosen or ("layers", "gradient") in chosen
 
 
 def _changes_lengths(placement: NDArray[np.float64]) -> bool:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.scene.air import (
-    stated_bending,
     stated_index_rule,
     stated_normals,
     statement_of_field,
@@ -21,22 +19,52 @@ from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_folder
 from iriftrace.scene.wavelength import WAVELENGTH
 from iriftrace.shells.table import AirStatement
 
+if TYPE_CHECKING:
+    from iriftrace.plugins.kernels.tables import SceneTables
+
+
+Integrator = Any
+"""``first_hit`` or ``gradient_path``: their classes are made anew for each variant."""
+
+
+class TracedAir(TypedDict):
+    """What a `LoadedScene` says of its air, as its attributes."""
+
+    engine: str
+    normals: str
+    bending: Bending
+    index_rule: str
+    stated: AirStatement
+
 
 def found_of_shells(
-    integrator: Any, stated: AirStatement, tables: Any, name: str, others: tuple[str, ...] = ()
-) -> JsonObject:
-    """What a `LoadedScene` says of the air of its shells; `others` are not those stated."""
+    integrator: Integrator,
+    stated: AirStatement,
+    tables: SceneTables,
+    name: str,
+    others: tuple[str, ...] = (),
+) -> TracedAir:
+    """The air of a scene's shells; `others` are not those stated."""
     return {
         "engine": integrator.engine,
         "normals": stated_normals(integrator.normals, tables),
-        "bending": stated_bending(integrator, tables),
+        "bending": _bending(integrator, tables),
         "index_rule": stated_index_rule(name, stated, tables, others),
         "stated": stated,
     }
 
 
-def found_of_field(integrator: Any, stated: AirStatement, name: str) -> JsonObject:
-    """What a `LoadedScene` says of the cells engine's air."""
+def _bending(integrator: Integrator, tables: SceneTables) -> Bending:
+    """Places where rays are bent by shells."""
+    if integrator.bends_in_layers(tables):
+        return Bending.LAYERS
+    if integrator.bending == "layers" and integrator.normals == "gradient":
+        return Bending.SHELLS_WITHOUT_DERIVATIVES
+    return Bending.SHELLS
+
+
+def found_of_field(integrator: Integrator, stated: AirStatement, name: str) -> TracedAir:
+    """The air of the cells engine."""
     return {
         "engine": "cells",
         "normals": f"{integrator.gradient} gradient",
@@ -52,13 +80,13 @@ def field_file(path: Path, values: Mapping[str, str]) -> Path:
     return folder / FIELD_FILE
 
 
-def set_wavelength(integrator: Any, values: Mapping[str, str]) -> None:
+def set_wavelength(integrator: Integrator, values: Mapping[str, str]) -> None:
     """Let the cells engine take other light than its field's, if that was asked for."""
     if WAVELENGTH in values:
         integrator.wavelength_nm = parse_quantity(values[WAVELENGTH], "nm")
 
 
-def integrator_for(own: Any, engine: str, name: str, field_file: Path) -> Any:
+def integrator_for(own: Integrator, engine: str, name: str, field_file: Path) -> Integrator:
     """The scene's own integrator, or one for the engine that is asked for."""
     import mitsuba as mi
 

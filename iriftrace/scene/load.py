@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from attrs import evolve
@@ -16,7 +16,6 @@ from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.part.part import Part, part_of_mesh, read_part
@@ -48,7 +47,7 @@ if TYPE_CHECKING:
 
 def load_scene(
     path: str | PathLike[str],
-    variables: Mapping[str, Any] | None = None,
+    variables: Mapping[str, object] | None = None,
     *,
     variant: str | None = None,
     engine: str = AUTO,
@@ -208,14 +207,20 @@ def from_mitsuba(scene: mi.Scene) -> LoadedScene:
     )
 
 
-def _sensors(scene: Any, name: str) -> list[Any]:
-    sensors: list[Any] = scene.sensors()
+def _sensors(scene: mi.Scene, name: str) -> list[mi.Sensor]:
+    sensors: list[mi.Sensor] = scene.sensors()
     if not sensors:
         raise InputError(f"{name} has no sensor, so there is nothing to look through; add one.")
     return sensors
 
 
-def _devices(sensors: Sequence[Any]) -> JsonObject:
+class _Devices(TypedDict):
+    camera: Camera
+    second: Camera | None
+    second_id: str
+
+
+def _devices(sensors: Sequence[mi.Sensor]) -> _Devices:
     """The cameras that a scene's first two sensors are."""
     second = sensors[1] if len(sensors) > 1 else None
     return {
@@ -225,7 +230,7 @@ def _devices(sensors: Sequence[Any]) -> JsonObject:
     }
 
 
-def _camera(sensor: Any) -> Camera:
+def _camera(sensor: mi.Sensor) -> Camera:
     """The camera that a sensor is, of its film's crop window alone."""
     from iriftrace.plugins.film import camera_of
 
@@ -236,7 +241,7 @@ def _camera(sensor: Any) -> Camera:
     return camera.cropped(int(left), int(top), int(width), int(height))
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value) if isinstance(value, float) else str(value)

@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
@@ -26,6 +26,7 @@ from iriftrace.scene.ensemble import (
     weights_of,
 )
 from iriftrace.scene.integrators import (
+    Integrator,
     field_file,
     found_of_field,
     integrator_for,
@@ -33,6 +34,9 @@ from iriftrace.scene.integrators import (
 )
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.shells.table import AirStatement
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 KEPT_TRIANGLES = 10_000_000
 """Triangles of shells that stay in memory between poses, about 1.5 GB with Mitsuba's own tree."""
@@ -46,7 +50,7 @@ class _Lease:
     frees both.
     """
 
-    integrator: Any
+    integrator: Integrator
 
     def __attrs_post_init__(self) -> None:
         weakref.finalize(self, self.integrator.forget).atexit = False
@@ -110,8 +114,8 @@ class LoadedScene:
     load_s: float
     build_s: float
     variant: str
-    mitsuba_scene: Any = field(repr=False)
-    integrator: Any = field(repr=False)
+    mitsuba_scene: mi.Scene = field(repr=False)
+    integrator: Integrator = field(repr=False)
     second: Camera | None = None
     second_id: str = ""
     ensemble: LoadedEnsemble | None = field(default=None, repr=False)

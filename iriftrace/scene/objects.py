@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import Float32Array, FloatArray
 from iriftrace.core.errors import IriftraceWarning
-from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.shells.files import vertex_columns
 
 if TYPE_CHECKING:
+    import mitsuba as mi
+
     from iriftrace.shells.stack import Shell, ShellStack
 
 
@@ -81,7 +82,7 @@ def mitsuba_scene(
     normals: str,
     inside_hit: str,
     blockers: Sequence[Part] = (),
-) -> Any:
+) -> mi.Scene:
     """A scene of a part, shells, devices by their ids, and bodies that only block the view.
 
     `normals` and `inside_hit` are parameters of ``first_hit``.
@@ -90,7 +91,7 @@ def mitsuba_scene(
 
     from iriftrace.plugins.calibrated_camera import sensor_of
 
-    return mi.load_dict(
+    scene: mi.Scene = mi.load_dict(
         {
             "type": "scene",
             "embree_use_robust_intersections": True,
@@ -102,15 +103,16 @@ def mitsuba_scene(
         },
         optimize=False,
     )
+    return scene
 
 
-def _body(name: str, body: Part) -> Any:
+def _body(name: str, body: Part) -> mi.Mesh:
     return _mesh(name, {"type": "diffuse"}, body.vertices, body.faces, {})
 
 
-def _shell(shell: Shell) -> Any:
+def _shell(shell: Shell) -> mi.Mesh:
     """The mesh of a shell, with the derivatives of the index where it knows them."""
-    bsdf = {
+    bsdf: dict[str, object] = {
         "type": "iso_shell",
         "ext_ior": float(1 + shell.ext),
         "int_ior": float(1 + shell.int_),
@@ -128,11 +130,11 @@ def _shell(shell: Shell) -> Any:
 
 def _mesh(
     name: str,
-    bsdf: JsonObject,
+    bsdf: dict[str, object],
     vertices: NDArray[np.floating],
     faces: NDArray[np.integer],
     columns: dict[str, Float32Array],
-) -> Any:
+) -> mi.Mesh:
     """A mesh with values at its vertices; with the normals of its triangles if there are none."""
     import mitsuba as mi
 

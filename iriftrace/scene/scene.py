@@ -21,7 +21,7 @@ from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import FieldMember
 from iriftrace.scene.hot_air import HotAir
-from iriftrace.scene.integrators import check_engine, found_of_shells
+from iriftrace.scene.integrators import Integrator, check_engine, found_of_shells
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedEnsemble, LoadedScene
 from iriftrace.scene.objects import kept_camera, kept_part, mitsuba_scene
@@ -212,7 +212,7 @@ def _one_state(scene: Scene, number: int) -> LoadedScene:
         set_shells(found, dispersion(stated.air, scene.wavelength_nm))
         stated = stated.at_wavelength(scene.wavelength_nm)
     loaded = time.perf_counter()
-    integrator = found.integrator()
+    integrator: Integrator = found.integrator()
     prepared = integrator.prepare(found)
 
     def cells() -> FieldCells:

@@ -8,9 +8,12 @@ are, because each lies at one temperature.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 WAVELENGTH = "wavelength"
 """Parameter that every scene has, whatever its file says."""
@@ -21,7 +24,7 @@ def of_the_file(values: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in values.items() if name != WAVELENGTH}
 
 
-def set_shells(scene: Any, factor: float) -> None:
+def set_shells(scene: mi.Scene, factor: float) -> None:
     """Multiply n - 1 on both sides of all shells of a Mitsuba scene."""
     from iriftrace.plugins.kernels.tables import shell_indices
 
