@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from attrs import asdict, evolve, frozen
@@ -26,6 +26,8 @@ from iriftrace.trace.lost import LIMIT as LOST_LIMIT
 from iriftrace.trace.pose_image import sensor_for
 
 if TYPE_CHECKING:
+    import mitsuba as mi
+
     from iriftrace.plugins.kernels.queries import StraightHits
 
 PIXELS = 100_000
@@ -136,7 +138,7 @@ def choose(scene: LoadedScene, *views: View) -> Choice:
 class _Sample(NamedTuple):
     """Rays of a view that hit the part in focus, and how many of them must be bent."""
 
-    rays: tuple[Any, Any] | None  # origins (Point3d, mm) and directions (Vector3d)
+    rays: tuple[mi.Point3d, mi.Vector3d] | None  # origins, mm, and directions
     fewest: int
     straight: StraightHits | None = None  # of a picture that is tested as it is
     straight_s: float = 0.0
@@ -190,7 +192,7 @@ def _sample(scene: LoadedScene, view: View) -> _Sample:
     return _Sample(rays, FEWEST, straight, seconds) if whole else _Sample(rays, FEWEST)
 
 
-def _of_bundle(origins: FloatArray, directions: FloatArray) -> tuple[Any, Any]:
+def _of_bundle(origins: FloatArray, directions: FloatArray) -> tuple[mi.Point3d, mi.Vector3d]:
     import mitsuba as mi
 
     count = min(SAMPLE, len(origins))
@@ -231,7 +233,7 @@ def _lost_fraction(scene: LoadedScene, samples: list[_Sample]) -> float:
     )
 
 
-def _lost_of(scene: LoadedScene, origin: Any, direction: Any) -> float:
+def _lost_of(scene: LoadedScene, origin: mi.Point3d, direction: mi.Vector3d) -> float:
     import drjit as dr
     import mitsuba as mi
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ from iriftrace.scene.loaded import LoadedScene
 from iriftrace.trace.provenance import provenance
 
 if TYPE_CHECKING:
+    import mitsuba as mi
+
     from iriftrace.plugins.kernels.queries import StraightHits
 
 _SCATTERED = (*(f"displacement.{axis}" for axis in "XYZ"), "shift.px.X", "shift.px.Y")
@@ -65,13 +67,13 @@ def pose_image(
     return statistics.image({**last, **whole, "time_s": time_s, "counts": counts})
 
 
-def sensor_for(scene: LoadedScene, camera: Camera | None) -> Any:
+def sensor_for(scene: LoadedScene, camera: Camera | None) -> mi.Sensor:
     """Mitsuba's sensor of a camera, or the scene's own; the scene's variant is set."""
-    if camera is None:
-        return scene.mitsuba_scene.sensors()[0]
     from iriftrace.plugins.calibrated_camera import sensor_of
 
-    return sensor_of(camera)
+    own = scene.mitsuba_scene.sensors()[0]
+    sensor: mi.Sensor = own if camera is None else sensor_of(camera)
+    return sensor
 
 
 def _one_field(

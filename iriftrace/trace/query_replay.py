@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import gc
 import time
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from iriftrace.camera.tiles import pixels_in_tiles
-from iriftrace.plugins.kernels.march import refracted_hits
+from iriftrace.plugins.kernels.march import RefractedHits, refracted_hits
 from iriftrace.plugins.kernels.queries import straight_hits
 from iriftrace.scene.loaded import LoadedScene
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 RECORDED = 24
 """Queries recorded of each ray; hardly one crosses more shells of the usual 13."""
@@ -32,12 +35,12 @@ class Recording:
         import drjit as dr
         import mitsuba as mi
 
-        self.scene = scene.mitsuba_scene
+        self.scene: Any = scene.mitsuba_scene
         self.integrator = scene.integrator
         self.prepared = scene.integrator.prepare(self.scene)
         sensor = self.scene.sensors()[0]
         width, height = sensor.film().size()
-        pixel: Any = mi.UInt32(pixels_in_tiles(int(width), int(height)))
+        pixel = mi.UInt32(pixels_in_tiles(int(width), int(height)))
         origin, direction = self._rays(sensor, pixel, int(width))
         hits = straight_hits(
             self.prepared.opaque,
@@ -64,14 +67,14 @@ class Recording:
         dr.eval(self.points, self.directions, self.last)
 
     @staticmethod
-    def _rays(sensor: Any, pixel: Any, width: int) -> tuple[Any, Any]:
+    def _rays(sensor: Any, pixel: mi.UInt32, width: int) -> tuple[mi.Point3d, mi.Vector3d]:
         import mitsuba as mi
 
         x, y = mi.Float64(pixel % width) + 0.5, mi.Float64(pixel // width) + 0.5
         origin, direction = sensor.rays64(x, y)
         return origin, direction
 
-    def _trace(self, max_crossings: int) -> Any:
+    def _trace(self, max_crossings: int) -> RefractedHits:
         tables = self.prepared.tables
         return refracted_hits(
             self.scene,
@@ -100,7 +103,9 @@ class Recording:
 
         number = dr.arange(mi.UInt32, self.rays)
 
-        def query(k: Any, total: Any, active: Any) -> tuple[Any, Any, Any]:
+        def query(
+            k: mi.UInt32, total: mi.Float, active: mi.Bool
+        ) -> tuple[mi.UInt32, mi.Float, mi.Bool]:
             index = k * self.rays + number
             ray = mi.Ray3f(
                 dr.gather(mi.Point3f, self.points, index, active),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -18,6 +18,9 @@ from iriftrace.runtime import variant as runtime
 from iriftrace.scene.loaded import LoadedScene
 from iriftrace.scene.scene import AnyScene, loaded_scene
 from iriftrace.trace.engine import choose
+
+if TYPE_CHECKING:
+    import mitsuba as mi
 
 
 @frozen(eq=False)
@@ -155,7 +158,7 @@ def traced_as_chosen(
         bent_on_part = np.array(refracted.outcome) == 1
         first = scene.integrator.prepare(scene.mitsuba_scene).tables.part_first_face
 
-        def points(value: Any, exists: NDArray[np.bool_]) -> FloatArray:
+        def points(value: mi.Point3d, exists: BoolArray) -> FloatArray:
             return np.where(exists[:, None], np.array(value, dtype=np.float64).T, np.nan)
 
         return RayHits(
@@ -209,7 +212,7 @@ def bent_ends(
         )
 
 
-def _on_device(vectors: FloatArray) -> Any:
+def _on_device(vectors: FloatArray) -> mi.Float64:
     """Coordinates one after the other (Float64), of which Dr.Jit gathers vectors."""
     import mitsuba as mi
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import AovImage, Status, write_exr
 from iriftrace.image.metrics import PoseMetrics, pose_metrics, write_metrics
 from iriftrace.scene.scene import AnyScene, loaded_scene
@@ -129,7 +129,7 @@ def render_scene(
     return Rendering(image, checked)
 
 
-def keep_checks(metrics: PoseMetrics, earlier: Mapping[str, Any]) -> PoseMetrics:
+def keep_checks(metrics: PoseMetrics, earlier: JsonObject) -> PoseMetrics:
     """Fill in times and checks that only rendering knew, for an image reduced again.
 
     `earlier` are the JSON values written when it was rendered; another pose's are not used.
