@@ -89,33 +89,14 @@ def rankable(
 
     A pose without a value of each of `needed` cannot. Reasons are by number of the pose.
     """
-    region, min_hits, min_coverage = criteria.region, criteria.min_hits, criteria.min_coverage
+    region = criteria.region
     variables = metric_variables(criteria)
     column = ranked_region(dataset, [*variables.values(), "rays_good"], region)
     metrics = {name: np.abs(values_of(dataset, v, column)) for name, v in variables.items()}
     if criteria.robust:
         metrics["displacement"] += scatter_added(dataset, criteria)
-    good_rays = values_of(dataset, "rays_good", column)
-    count = len(good_rays)
-    failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else [""] * count
-    together = criteria.criterion != "displacement"
-    points = values_of(dataset, "points_measured", column).tolist() if together else None
-    reasons = {}
-    seen = metrics["coverage"].tolist()
-    for pose, (failure, rays) in enumerate(zip(failures, good_rays.tolist(), strict=True)):
-        # Text that was never written comes back from some writers as NaN or None.
-        if failure and isinstance(failure, str):
-            reasons[pose] = f"failed: {failure}"
-        elif not rays >= 0:
-            reasons[pose] = "not traced"
-        elif rays < min_hits:
-            reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
-        elif points is not None and points[pose] < min_hits:
-            reasons[pose] = (
-                f"{points[pose]:.0f} points that both devices see in focus, fewer than {min_hits}"
-            )
-        elif seen[pose] < min_coverage:
-            reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
+    count = dataset.sizes["pose"]
+    reasons = _poor_poses(dataset, criteria, column, metrics["coverage"])
     rich = np.ones(count, dtype=np.bool_)
     rich[list(reasons)] = False
     if not rich.any():
@@ -144,6 +125,35 @@ def rankable(
             "can be ranked; give the weight 0 to what is not known."
         )
     return metrics, eligible, reasons
+
+
+def _poor_poses(
+    dataset: xr.Dataset, criteria: Criteria, column: int, coverage: FloatArray
+) -> dict[int, str]:
+    """Poses that failed or see too little, and why."""
+    min_hits, min_coverage = criteria.min_hits, criteria.min_coverage
+    good_rays = values_of(dataset, "rays_good", column).tolist()
+    unknown = [""] * len(good_rays)
+    failures = dataset["failure"].to_numpy().tolist() if "failure" in dataset else unknown
+    together = criteria.criterion != "displacement"
+    points = values_of(dataset, "points_measured", column).tolist() if together else None
+    reasons = {}
+    seen = coverage.tolist()
+    for pose, (failure, rays) in enumerate(zip(failures, good_rays, strict=True)):
+        # Text that was never written comes back from some writers as NaN or None.
+        if failure and isinstance(failure, str):
+            reasons[pose] = f"failed: {failure}"
+        elif not rays >= 0:
+            reasons[pose] = "not traced"
+        elif rays < min_hits:
+            reasons[pose] = f"{rays:.0f} good rays, fewer than {min_hits}"
+        elif points is not None and points[pose] < min_hits:
+            reasons[pose] = (
+                f"{points[pose]:.0f} points that both devices see in focus, fewer than {min_hits}"
+            )
+        elif seen[pose] < min_coverage:
+            reasons[pose] = f"coverage {seen[pose]:.4g}, less than {min_coverage:g}"
+    return reasons
 
 
 def scatter_added(dataset: xr.Dataset, criteria: Criteria) -> FloatArray:

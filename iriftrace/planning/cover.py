@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -90,20 +90,7 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
     areas = np.asarray(face_areas, dtype=np.float64)
     if k < 1:
         raise InputError(f"The number of views is {k}, so nothing is seen; give at least 1.")
-    if visible.ndim != 2 or areas.shape != visible.shape[1:]:
-        raise InputError(
-            f"What the poses see has shape {visible.shape} and the areas {areas.shape}; give "
-            "(poses, faces) and (faces,)."
-        )
-    if not (np.isfinite(areas).all() and (areas >= 0).all()):
-        raise InputError(
-            "A face's area is negative or not finite, so nothing can be covered; repair the part."
-        )
-    if not np.any(visible & (areas > 0)):
-        raise InputError(
-            f"None of the {len(visible)} poses sees any of the part, so there is nothing to choose "
-            "from; check the poses or relax the limits."
-        )
+    _check_seen(visible, areas)
     groups, shares = _grouped(visible, areas / areas.sum())
     views = min(k, len(visible))
     entries = np.count_nonzero(groups)
@@ -129,6 +116,23 @@ def choose_views(seen: ArrayLike, face_areas: ArrayLike, k: int) -> ViewSet:
         exact=exact,
         gap=0.0 if exact else gap,
     )
+
+
+def _check_seen(seen: BoolArray, areas: FloatArray) -> None:
+    if seen.ndim != 2 or areas.shape != seen.shape[1:]:
+        raise InputError(
+            f"What the poses see has shape {seen.shape} and the areas {areas.shape}; give "
+            "(poses, faces) and (faces,)."
+        )
+    if not (np.isfinite(areas).all() and (areas >= 0).all()):
+        raise InputError(
+            "A face's area is negative or not finite, so nothing can be covered; repair the part."
+        )
+    if not np.any(seen & (areas > 0)):
+        raise InputError(
+            f"None of the {len(seen)} poses sees any of the part, so there is nothing to choose "
+            "from; check the poses or relax the limits."
+        )
 
 
 def _grouped(seen: BoolArray, shares: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -185,7 +189,9 @@ def _bound_of_gains(groups: BoolArray, shares: FloatArray, poses: IntArray, k: i
     return min(float(shares.sum()), _covered(groups, shares, poses) + float(gains.sum()))
 
 
-def _program(groups: BoolArray, shares: FloatArray, k: int) -> tuple[FloatArray, Any, FloatArray]:
+def _program(
+    groups: BoolArray, shares: FloatArray, k: int
+) -> tuple[FloatArray, sparse.csr_array, FloatArray]:
     """Cost, matrix and upper limits of the program whose minimum is minus what k poses see.
 
     Variables: how far each pose is used, then how far each group is seen, both 0..1. A group is

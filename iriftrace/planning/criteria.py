@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal, get_args
+from collections.abc import Callable
+from typing import Literal, get_args
 
 from attrs import Attribute, asdict, field, frozen
 from attrs.validators import optional
@@ -23,7 +24,7 @@ _SCORE = {"displacement": 0.5, "coverage": 0.2, "axial": 0.15, "lateral": 0.15}
 _ALONE = {"displacement": 1.0, "coverage": 0.0, "axial": 0.0, "lateral": 0.0}
 
 
-def _is_weight(_: Any, attribute: Attribute[float | None], value: float | None) -> None:
+def _is_weight(_: object, attribute: Attribute[float | None], value: float | None) -> None:
     if value is not None and not (math.isfinite(value) and value >= 0):
         raise InputError(
             f"The weight of {attribute.name} is {value}, which would make its bad values good; "
@@ -31,15 +32,15 @@ def _is_weight(_: Any, attribute: Attribute[float | None], value: float | None) 
         )
 
 
-def _is_factor(_: Any, __: Attribute[float], value: float) -> None:
+def _is_factor(_: object, __: Attribute[float], value: float) -> None:
     if not (math.isfinite(value) and value >= 0):
         raise InputError(
             f"{value} standard deviations over the members are to be added; give 0 or more."
         )
 
 
-def _one_of(choices: Any) -> Any:
-    def check(_: Any, attribute: Attribute[str], value: str) -> None:
+def _one_of(choices: object) -> Callable[[object, Attribute[str], str], None]:
+    def check(_: object, attribute: Attribute[str], value: str) -> None:
         if value not in get_args(choices):
             raise InputError(
                 f"Unknown {attribute.name} '{value}'; use one of {', '.join(get_args(choices))}."

@@ -129,12 +129,7 @@ def plan_pairs(
     SetupError
         Pairs are to be measured and no usable LLVM or CUDA is there.
     """
-    low, high = angles_deg
-    if not 0.0 < low < high < 180.0:
-        raise InputError(
-            f"The angles {low:g}:{high:g} are no range of triangulation; give the smaller one "
-            "first, such as 15:45."
-        )
+    _check_angles(angles_deg)
     ranked_region(dataset, ["rays_good"], criteria.region)
     try:
         part = swept_part(dataset)
@@ -146,12 +141,7 @@ def plan_pairs(
     views = views_of(dataset, len(areas))
     table = pair_table(views, part, areas, criteria, system, bool(feature), angles_deg)
     if not len(table):
-        raise InputError(
-            f"No two poses of the sweep have {criteria.min_hits} rays each on faces of {region} "
-            f"that both see at {low:g} to {high:g} degrees"
-            + (f", and {criteria.min_coverage:.1%} of its area" if criteria.min_coverage else "")
-            + "; sweep closer poses, or give another --angle."
-        )
+        raise InputError(_no_pair(region, criteria, angles_deg))
     size, bias, coverage, angle = table[:, 2:].T
     counted = quantities(table[:, 2:].T, bool(feature))
     limits = {name: limits_of(values, criteria.percentile) for name, values in counted.items()}
@@ -160,11 +150,10 @@ def plan_pairs(
     exact: list[float] = []
     engine = ""
     if confirm:
-        best = table[order[:CONFIRMED], :2].astype(np.int64)
-        exact, engine = _measured(dataset, views, best, part, criteria, system, feature, region)
-    if exact:
+        best = order[:CONFIRMED].copy()
+        pairs = table[best, :2].astype(np.int64)
+        exact, engine = _measured(dataset, views, pairs, part, criteria, system, feature, region)
         # The measured ones change places by what they measured.
-        best = order[: len(exact)].copy()
         values = table[best, 2:].T
         values[1 if feature else 0] = exact
         known = score_of_pairs(quantities(values, bool(feature)), limits, criteria, clipped=True)
@@ -185,6 +174,25 @@ def plan_pairs(
         criteria=criteria,
         angles_deg=angles_deg,
         limits=limits,
+    )
+
+
+def _check_angles(angles_deg: tuple[float, float]) -> None:
+    low, high = angles_deg
+    if not 0.0 < low < high < 180.0:
+        raise InputError(
+            f"The angles {low:g}:{high:g} are no range of triangulation; give the smaller one "
+            "first, such as 15:45."
+        )
+
+
+def _no_pair(region: str, criteria: Criteria, angles_deg: tuple[float, float]) -> str:
+    low, high = angles_deg
+    least = f", and {criteria.min_coverage:.1%} of its area" if criteria.min_coverage else ""
+    return (
+        f"No two poses of the sweep have {criteria.min_hits} rays each on faces of {region} that "
+        f"both see at {low:g} to {high:g} degrees{least}; sweep closer poses, or give another "
+        "--angle."
     )
 
 

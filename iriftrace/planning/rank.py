@@ -117,15 +117,7 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
         mean = metrics["displacement"] - scatter_added(dataset, criteria)
         limits["displacement"] = limits_of(mean[eligible], criteria.percentile)
     if criteria.outside == "discard":
-        for name in needed:
-            upper = limits[name][1]
-            above = eligible & (metrics[name] > upper + _ROUNDING * abs(upper))
-            for pose in np.flatnonzero(above).tolist():
-                unranked.setdefault(
-                    pose,
-                    f"{name} {metrics[name][pose]:.4g} is above the "
-                    f"{criteria.percentile:g}th percentile, {upper:.4g}",
-                )
+        unranked |= _above_percentile(metrics, eligible, limits, criteria)
     ranked = eligible.copy()
     ranked[list(unranked)] = False
     if not ranked.any():
@@ -161,6 +153,26 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
         criteria=criteria,
         warnings=tuple(messages),
     )
+
+
+def _above_percentile(
+    metrics: Mapping[str, FloatArray],
+    eligible: BoolArray,
+    limits: Mapping[str, tuple[float, float]],
+    criteria: Criteria,
+) -> dict[int, str]:
+    """Poses above the percentile in a metric that is needed, and why they are not ranked."""
+    reasons: dict[int, str] = {}
+    for name in criteria.needed:
+        upper = limits[name][1]
+        above = eligible & (metrics[name] > upper + _ROUNDING * abs(upper))
+        for pose in np.flatnonzero(above).tolist():
+            reasons.setdefault(
+                pose,
+                f"{name} {metrics[name][pose]:.4g} is above the {criteria.percentile:g}th "
+                f"percentile, {upper:.4g}",
+            )
+    return reasons
 
 
 def _of_spreads(

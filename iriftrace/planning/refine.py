@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -155,31 +155,18 @@ def refine_pose(
     check_evaluations(evaluations)
     around = around_pose(dataset, plan.best)
     trials: list[_Trial] = []
-    # What counts for a pose that cannot be scored: more than any score.
-    nothing = 1.0 + sum(plan.criteria.weights.values())
 
     def evaluate(place: FloatArray) -> float:
         metrics = _metrics(swept, around.matrix(place), plan)
         score = math.nan if metrics is None else score_of(plan, metrics)
-        known = nothing if math.isnan(score) else score
+        known = _worst_score(plan) if math.isnan(score) else score
         trials.append(_Trial(known, metrics or {}, np.array(place)))
         if progress is not None:
             progress(len(trials), min(trial.score for trial in trials))
         return known
 
     start_score = evaluate(np.zeros(4))
-    if start_score >= nothing:
-        raise InputError(
-            f"Pose {plan.best} cannot be scored any more when it is rendered again, so the scene "
-            "is not what was swept; run the sweep again."
-        )
-    if abs(start_score - plan.score[plan.best]) > _SAME_SCORE:
-        warnings.warn(
-            f"The scene gives pose {plan.best} the score {start_score:.3f} and the sweep had "
-            f"{plan.score[plan.best]:.3f}, so its air is not that of the sweep; run it again.",
-            IriftraceWarning,
-            stacklevel=2,
-        )
+    _check_start(start_score, plan)
     converged = search(evaluate, 4, evaluations - 1)
     best = min(trials, key=lambda trial: trial.score)
     if start_score - best.score < _LEAST_GAIN:
@@ -197,6 +184,27 @@ def refine_pose(
         evaluations=len(trials),
         converged=converged,
     )
+
+
+def _worst_score(plan: Plan) -> float:
+    """What counts for a pose that cannot be scored: more than any score."""
+    return 1.0 + sum(plan.criteria.weights.values())
+
+
+def _check_start(score: float, plan: Plan) -> None:
+    """Refuse a best pose that has no score any more, and warn of one that has another."""
+    if score >= _worst_score(plan):
+        raise InputError(
+            f"Pose {plan.best} cannot be scored any more when it is rendered again, so the scene "
+            "is not what was swept; run the sweep again."
+        )
+    if abs(score - plan.score[plan.best]) > _SAME_SCORE:
+        warnings.warn(
+            f"The scene gives pose {plan.best} the score {score:.3f} and the sweep had "
+            f"{plan.score[plan.best]:.3f}, so its air is not that of the sweep; run it again.",
+            IriftraceWarning,
+            stacklevel=3,
+        )
 
 
 def search(evaluate: Callable[[FloatArray], float], count: int, evaluations: int) -> bool:
@@ -307,8 +315,8 @@ def write_refined(path: Path, refined: Refinement, plan: Plan, dataset: xr.Datas
 def write_search(
     path: Path,
     schema: str,
-    found: Mapping[str, Any],
-    ranking: Mapping[str, Any],
+    found: Mapping[str, object],
+    ranking: Mapping[str, object],
     dataset: xr.Dataset,
 ) -> None:
     """Write what a search found (.json), with the ranking of the sweep that it went out from."""

@@ -129,22 +129,13 @@ def correct(
     # Clouds come in any order, and rays side by side are traced faster.
     with np.errstate(divide="ignore", invalid="ignore"):
         pixel, second_pixel = (device.project(measured) for device in (camera, second))
-    in_view = np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1)
+    in_view = np.asarray(np.isfinite(np.hstack((pixel, second_pixel))).all(axis=1))
     order = places_in_tiles(pixel)
     order = order[(in_view & in_box)[order]]
-    shares, statuses, faces = [], [], []
-    for member in members:
-        shares.append(np.zeros_like(measured))
-        outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
-        statuses.append(np.where(in_view, *outside).astype(np.int64))
-        faces.append(np.full(len(measured), -1))
-        share = partial(
-            _air_share, loaded=member, camera=camera, second=second, system=system, phase=phase
-        )
-        for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
-            shares[-1][rows], statuses[-1][rows], faces[-1][rows] = _share_of_noisy(
-                measured[rows], member.part, share
-            )
+    share = partial(_air_share, camera=camera, second=second, system=system, phase=phase)
+    found = [_in_one_field(measured, in_view, order, member, share) for member in members]
+    shares, statuses = [one[0] for one in found], [one[1] for one in found]
+    face = found[0][2]
     weights = None if traced.ensemble is None else traced.ensemble.weights
     status = _common_status(statuses, shares, weights)
     # What stands behind the part, such as a table, is hidden and none of it.
@@ -160,8 +151,8 @@ def correct(
         measured=measured,
         error=error,
         status=status,
-        face=faces[0],
-        normal=loaded.part.surface.normals[faces[0]],
+        face=face,
+        normal=loaded.part.surface.normals[face],
         system=system,
         provenance=provenance_of_two(traced, camera),
         field_uncertainty=field_uncertainty,
@@ -172,6 +163,26 @@ def correct(
         growth=loaded.part.growth,
         state=field_state(loaded),
     )
+
+
+def _in_one_field(
+    measured: FloatArray,
+    in_view: BoolArray,
+    order: IntArray,
+    scene: LoadedScene,
+    share: Callable[..., tuple[FloatArray, IntArray, IntArray]],
+) -> tuple[FloatArray, IntArray, IntArray]:
+    """`_share_of_noisy` of the points whose rows are in `order`, and outcomes of all others."""
+    error = np.zeros_like(measured)
+    outside = (CorrectionStatus.FAR_FROM_PART, CorrectionStatus.OUTSIDE_VIEW)
+    status = np.where(in_view, *outside).astype(np.int64)
+    face = np.full(len(measured), -1)
+    of_field = partial(share, loaded=scene)
+    for rows in np.array_split(order, math.ceil(len(order) / PIECE)) if len(order) else ():
+        error[rows], status[rows], face[rows] = _share_of_noisy(
+            measured[rows], scene.part, of_field
+        )
+    return error, status, face
 
 
 def _checked(points: ArrayLike, field_uncertainty: float) -> FloatArray:
