@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
@@ -24,6 +24,8 @@ from iriftrace.cli.options import (
 from iriftrace.core.errors import InputError, IriftraceWarning
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from iriftrace.camera.calibration import Calibration
     from iriftrace.camera.camera import Camera
     from iriftrace.camera.pose_set import PoseSet
@@ -348,7 +350,7 @@ class OrbitOptions:
             "one of the two.",
         )
 
-    def _axes(self, scene: LoadedScene) -> list[tuple[float, Any]]:
+    def _axes(self, scene: LoadedScene) -> list[tuple[float, ArrayLike]]:
         """Stand-off and semi-axes, mm, of each orbit."""
         from iriftrace.camera.orbit import paper_semi_axes, semi_axes
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,7 +10,7 @@ from cyclopts import Parameter
 from rich.markup import escape
 from rich.table import Table
 
-from iriftrace.cli.console import out, say, working
+from iriftrace.cli.console import drawn, out, say, working
 from iriftrace.cli.options import LightOf, Statuses, check_input, check_output, statuses
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
@@ -66,14 +67,10 @@ def compare(
     written = [target]
     if figures:
         from iriftrace.figures.comparison import comparison_figure
-        from iriftrace.figures.style import write_figure
 
-        picture = target.with_suffix(".png")
-        with working("Drawing"):
-            title = f"{measured.name} and {image.name}, {report['points']['compared']:,} places"
-            shown = comparison_figure(comparison, comparison.measurement.resolution, title)
-            write_figure(shown, picture)
-        written.append(picture)
+        title = f"{measured.name} and {image.name}, {report['points']['compared']:,} places"
+        figure = partial(comparison_figure, comparison, comparison.measurement.resolution, title)
+        written.append(drawn(figure, target.with_suffix(".png")))
     comparison.save(target)
     _print_report(report, image.name, comparison.image.resolution)
     say("Files: " + ", ".join(map(str, written)))

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from subprocess import list2cmdline
 from types import FrameType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from rich.console import Console
 from rich.progress import (
@@ -28,6 +28,9 @@ from rich.progress import (
     Task,
     TimeRemainingColumn,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 out = Console(highlight=False)
 notes = Console(stderr=True, highlight=False)
@@ -56,7 +59,7 @@ def say_finding(state: Literal["ok", "warn", "error"], name: str, text: str) -> 
     say(text)
 
 
-def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+def show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     notes.print("[bold yellow]warning:[/] ", end="")
     notes.print(str(message), markup=False, soft_wrap=True)
 
@@ -68,6 +71,15 @@ def working(what: str) -> Iterator[None]:
     with notes.status(f"{what} ..."):
         yield
     raise_if_noticed()
+
+
+def drawn(figure: Callable[[], Figure], picture: Path) -> Path:
+    """Draw a figure into a file, whose name is given back."""
+    from iriftrace.figures.style import write_figure
+
+    with working("Drawing"):
+        write_figure(figure(), picture)
+    return picture
 
 
 class Rate(ProgressColumn):
@@ -142,7 +154,7 @@ def watching() -> Iterator[None]:
         yield
         return
 
-    def hook(unraisable: Any) -> None:
+    def hook(unraisable: sys.UnraisableHookArgs) -> None:
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             former_hook(unraisable)
         elif _watching.is_set():

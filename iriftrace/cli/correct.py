@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from iriftrace.cli.console import say, working
+from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.options import Share, celsius, check_input, check_kept, check_numbers
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_options import (
@@ -120,12 +121,9 @@ def correct(
     )
     if figures:
         from iriftrace.figures.scan import correction_figure
-        from iriftrace.figures.style import write_figure
 
-        with working("Drawing"):
-            picture = output.with_suffix(".png")
-            write_figure(correction_figure(found, loaded.part, loaded.camera), picture)
-        files = (*files, picture)
+        figure = partial(correction_figure, found, loaded.part, loaded.camera)
+        files = (*files, drawn(figure, output.with_suffix(".png")))
     values = found.as_dict()
     _say_counts(values)
     say_features(features, "corrected", gate, found.state.synthetic)

@@ -60,12 +60,8 @@ def fit(
         Fit a rigid motion of the camera between the two pictures, too.
     """
     from iriftrace.core.files import whole_file
-    from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
-    from iriftrace.image.measured_shift import read_measured_shift
     from iriftrace.scene.file import require_scene
     from iriftrace.scene.fitted import check_fitted_scene, write_fitted_scene
-    from iriftrace.trace.member_fit import fit_members
-    from iriftrace.trace.temperature_fit import fit_temperatures
 
     check_input(board, measured, scene)
     for xml in (board, scene):
@@ -73,18 +69,7 @@ def fit(
             require_scene(xml)
     check_output(output, "scene.xml", make=True)
     check_fitted_scene(scene or board, output)
-    if is_air_temperatures(measured):
-        options = {"--noise": noise, "--camera-motion": camera_motion or None}
-        refuse_given(options, f"is about shifts, but {measured} has temperatures; leave it out.")
-        temperatures = read_air_temperatures(measured)
-        loaded = trace.load(board)
-        with working("Fitting the members"):
-            found = fit_temperatures(loaded, temperatures)
-    else:
-        shifts = read_measured_shift(measured)
-        loaded = trace.load(board)
-        with working("Fitting the members"):
-            found = fit_members(loaded, shifts, noise_px=noise, camera_motion=camera_motion)
+    found = _fitted(board, measured, noise, camera_motion, trace)
     _print_fit(found)
     found.require_contained()
     if not found.contained:
@@ -101,6 +86,28 @@ def fit(
         temporary.write_text(json.dumps(found.as_dict(), indent=2) + "\n", encoding="utf-8")
     say(f"Files: {output} with {len(listed)} members, {numbers}")
     say(f"Correct a cloud by it:  {command_line('correct', 'CLOUD', output)}")
+
+
+def _fitted(
+    board: Path, measured: Path, noise: float | None, camera_motion: bool, trace: TraceOptions
+) -> MemberFit:
+    """Weights by temperatures in the air, or by shifts of dots."""
+    from iriftrace.field.air_temperatures import is_air_temperatures, read_air_temperatures
+    from iriftrace.image.measured_shift import read_measured_shift
+    from iriftrace.trace.member_fit import fit_members
+    from iriftrace.trace.temperature_fit import fit_temperatures
+
+    if is_air_temperatures(measured):
+        options = {"--noise": noise, "--camera-motion": camera_motion or None}
+        refuse_given(options, f"is about shifts, but {measured} has temperatures; leave it out.")
+        temperatures = read_air_temperatures(measured)
+        loaded = trace.load(board)
+        with working("Fitting the members"):
+            return fit_temperatures(loaded, temperatures)
+    shifts = read_measured_shift(measured)
+    loaded = trace.load(board)
+    with working("Fitting the members"):
+        return fit_members(loaded, shifts, noise_px=noise, camera_motion=camera_motion)
 
 
 _WHAT = {"px": "dots", "K": "temperatures"}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from iriftrace.cli.console import say, working
+from iriftrace.cli.console import drawn, say, working
 from iriftrace.cli.options import check_input, check_kept, check_numbers
 from iriftrace.cli.trace_options import TraceOptions
 from iriftrace.cli.triangulation_options import Features, Gate, Phase, System, check_cloud_output
@@ -21,6 +21,7 @@ from iriftrace.cli.triangulation_text import (
 
 if TYPE_CHECKING:
     from iriftrace.scene.loaded import LoadedScene
+    from iriftrace.triangulation.scan import Scan
 
 
 def measure(
@@ -89,14 +90,27 @@ def write_scan(
     regions = scan.regions(loaded.part)
     related = scan.relations(loaded.part, features)
     files = list(scan.save(output, features, errors, regions, related))
-    values = scan.as_dict()
     if figures:
         from iriftrace.figures.scan import scan_figure
-        from iriftrace.figures.style import write_figure
 
-        with working("Drawing"):
-            write_figure(scan_figure(scan), output.with_suffix(".png"))
-        files.append(output.with_suffix(".png"))
+        files.append(drawn(lambda: scan_figure(scan), output.with_suffix(".png")))
+    _say_errors(scan)
+    say_field(scan.provenance)
+    say("Files: " + ", ".join(map(str, files)))
+    say_features(features, "cold", gate)
+    say_relations(related, "cold")
+    print_regions(regions, "Error along the normal by region")
+    for row in errors:
+        value = row["error_mm"]
+        say(
+            f"{row['error'].capitalize()} ({row['region'] or 'all points'}): "
+            f"{um(value['measured'])} through hot air, {um(value['cold'])} cold."
+        )
+
+
+def _say_errors(scan: Scan) -> None:
+    """How many points were measured, and how wrong they are."""
+    values = scan.as_dict()
     points, error, fit = values["points"], values["error_normal_mm"], values["best_fit"]
     say(
         f"{points['measured']:,} points of {points['pixels']:,} pixels were measured: "
@@ -120,14 +134,3 @@ def write_scan(
         )
     if scan.system == "stereo":
         say(f"The two lines miss each other by {um(values['gap_mm']['median'])} (median).")
-    say_field(scan.provenance)
-    say("Files: " + ", ".join(map(str, files)))
-    say_features(features, "cold", gate)
-    say_relations(related, "cold")
-    print_regions(regions, "Error along the normal by region")
-    for row in errors:
-        value = row["error_mm"]
-        say(
-            f"{row['error'].capitalize()} ({row['region'] or 'all points'}): "
-            f"{um(value['measured'])} through hot air, {um(value['cold'])} cold."
-        )

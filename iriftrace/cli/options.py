@@ -7,13 +7,15 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Annotated, Any
+from typing import Annotated, TypeVar
 
 from cyclopts import Parameter, Token
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable
 from iriftrace.core.units import ZERO_CELSIUS_K
+
+T = TypeVar("T")
 
 
 def numbers(text: str, count: int, option: str, separator: str = ",") -> tuple[float, ...]:
@@ -43,17 +45,17 @@ def quantity(text: str, unit: str, option: str) -> float:
 
 
 def word_parameter(
-    metavar: str, read: Callable[[str, str], Any], show: Callable[[Any], str] = str
+    metavar: str, read: Callable[[str, str], T], show: Callable[[T], str] = str
 ) -> Parameter:
     """An option of one word, which `read` reads, being given the word and the option's name.
 
     In the help the word is called `metavar`, and `show` writes default values as users would.
     """
 
-    def convert(_type: Any, tokens: Sequence[Token]) -> Any:
+    def convert(_type: object, tokens: Sequence[Token]) -> T:
         return read(tokens[0].value, tokens[0].keyword or "")
 
-    def default(value: Any) -> str | None:
+    def default(value: T | None) -> str | None:
         return None if value is None else show(value)
 
     return Parameter(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
     from iriftrace.field.part_fit import Fit
     from iriftrace.image.metrics import PoseMetrics
-    from iriftrace.image.ray_statistics import EnsembleMetrics
+    from iriftrace.image.ray_statistics import EnsembleMetrics, RayCounts
     from iriftrace.part.part import Part
     from iriftrace.shells.report import ShellReport
     from iriftrace.shells.stack import ShellStack
@@ -146,20 +146,7 @@ def print_summary(metrics: PoseMetrics) -> None:
         table.add_row(f"with all {width} x {height} px", f"shift {_in_pixels(full['shift_px'])}")
         lateral, axial = full["lateral_resolution_mm"], full["axial_resolution_mm"]
         table.add_row("", f"lateral {_um(lateral)}, axial {_um(axial)} (step)")
-    rays = metrics.rays
-    table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
-    for status in Status:
-        count = rays.of(status)
-        if count:
-            of_hits = rays.hit and status is not Status.MISSED
-            share = f" ({count / rays.hit:.2%} of the hits)" if of_hits else ""
-            table.add_row("", f"{count:,} {status.text}{share}")
-    if rays.open_boundary:
-        table.add_row(
-            "",
-            f"{rays.open_boundary:,} of the good ones pass an open end of the data; "
-            "the plume beyond is not modelled",
-        )
+    _add_rays(table, metrics.rays)
     for name, values in metrics.regions.items():
         median = values.displacement_mm.median
         table.add_row(
@@ -175,6 +162,22 @@ def print_summary(metrics: PoseMetrics) -> None:
     for key, value in metrics.assumptions.items():
         text = ", ".join(value) if isinstance(value, list) else value
         say(f"  {key.replace('_', ' ')}: {text}")
+
+
+def _add_rays(table: Table, rays: RayCounts) -> None:
+    table.add_row("rays", f"{rays.launched:,} launched, {rays.hit:,} hit the part")
+    for status in Status:
+        count = rays.of(status)
+        if count:
+            of_hits = rays.hit and status is not Status.MISSED
+            share = f" ({count / rays.hit:.2%} of the hits)" if of_hits else ""
+            table.add_row("", f"{count:,} {status.text}{share}")
+    if rays.open_boundary:
+        table.add_row(
+            "",
+            f"{rays.open_boundary:,} of the good ones pass an open end of the data; "
+            "the plume beyond is not modelled",
+        )
 
 
 def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, get_type_hints
 
 import numpy as np
 from cyclopts import App, Parameter
@@ -161,7 +161,7 @@ def __getattr__(name: str) -> Callable[..., None]:
     module, _, function = place.partition(":")
     make = getattr(import_module(f"iriftrace.part.shapes.{module}"), function)
 
-    def command(*, output: Path, **sizes: Any) -> None:
+    def command(*, output: Path, **sizes: float | None) -> None:
         check_name(output)
         with working(f"Making the {function.replace('_', ' ')}"):
             made = make(**sizes)

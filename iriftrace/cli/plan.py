@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import Group, Parameter
@@ -24,12 +25,12 @@ from iriftrace.cli.plan_pairs import print_pairs, print_refined_pair, search_pro
 from iriftrace.cli.plan_tables import print_pose, print_table, setting_text
 from iriftrace.cli.trace_options import check_light
 from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
 from iriftrace.planning.criteria import STANDARD, Criteria
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from iriftrace.core.arrays import IntArray
     from iriftrace.planning.cover import ViewLimits, ViewSet
     from iriftrace.planning.refine import Refinement
     from iriftrace.planning.summary import SweepSummary
@@ -186,18 +187,18 @@ def plan(
         say(f"Ranked poses in {save_poses}")
 
 
-def _save(path: Path, dataset: xr.Dataset, ranked: Any, convention: str) -> None:
+def _save(path: Path, dataset: xr.Dataset, ranked: IntArray, convention: str) -> None:
     from iriftrace.camera.pose_files import write_poses
     from iriftrace.camera.pose_set import PoseSet
 
     if not path.parent.is_dir():
         raise InputError(f"The folder {path.parent} does not exist; create it first.")
-    chosen = dataset.isel(pose=list(ranked))
+    chosen = dataset.isel(pose=ranked)
     poses = PoseSet(chosen["matrix"].values, chosen["azimuth"].values, chosen["elevation"].values)
     write_poses(path, poses, convention)
 
 
-def _refuse_without(needed: str, there: bool, options: JsonObject) -> None:
+def _refuse_without(needed: str, there: bool, options: Mapping[str, object]) -> None:
     if not there:
         refuse_given(options, f"is given without {needed}, so it changes nothing; add it.")
 

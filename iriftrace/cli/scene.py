@@ -26,7 +26,6 @@ from iriftrace.cli.options import (
 )
 from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
     from iriftrace.field.index_field import IndexField
     from iriftrace.field.readers.members import Member
     from iriftrace.part.part import Part
+    from iriftrace.scene.build import SceneSettings
     from iriftrace.scene.write_ensemble import MemberAir
     from iriftrace.shells.stack import ShellStack
 
@@ -166,7 +166,7 @@ def scene(
             "the same way; leave out --isosurfaces or --member."
         )
     place = devices_of(camera_options, second_options, stereo_options, measured)
-    settings: JsonObject = {
+    settings: SceneSettings = {
         "wall_temperature_k": part_options.hot.single,
         "trim_mm": trim,
         "scale": scale,
@@ -185,12 +185,7 @@ def scene(
         return camera
 
     if len(states) > len(fields) and field_options.time is None:
-        warnings.warn(
-            f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
-            f"{states[-1].label}; choose one with --time latest, or all with --time all.",
-            IriftraceWarning,
-            stacklevel=1,
-        )
+        _warn_of_all(states)
     if len(states) > 1:
 
         def cut(one: Member) -> tuple[ShellStack, IndexField]:
@@ -207,6 +202,15 @@ def scene(
         built = build_scene(volume, measured, camera, output, shells=stack, **settings)
     print_shells(built.shells, built.report, built.fit)
     _print_scene(output, camera, measured, settings)
+
+
+def _warn_of_all(states: Sequence[Member]) -> None:
+    warnings.warn(
+        f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
+        f"{states[-1].label}; choose one with --time latest, or all with --time all.",
+        IriftraceWarning,
+        stacklevel=1,
+    )
 
 
 def _first_field(
@@ -273,7 +277,7 @@ def _ensemble(
     output: Path,
     devices: Callable[[IndexField | None, ShellStack], Camera],
     cut: Callable[[Member], tuple[ShellStack, IndexField]],
-    settings: JsonObject,
+    settings: SceneSettings,
 ) -> None:
     """Write the scene of several fields, each cut when it is needed, and say what was written."""
     from iriftrace.scene.build import build_ensemble, named
@@ -315,7 +319,7 @@ def _ensemble(
 
 
 def _print_scene(
-    path: Path, camera: Camera, part: Part, settings: JsonObject, of_what: str = ""
+    path: Path, camera: Camera, part: Part, settings: SceneSettings, of_what: str = ""
 ) -> None:
     """Say where the devices of a written scene stand, what is seen, and how to go on."""
     from iriftrace.cli.output import print_camera, print_view
@@ -326,8 +330,9 @@ def _print_scene(
     )
     print_view(part, camera, remedy)
     say(f"Scene{of_what} written; now run:  {command_line('render', path)}")
-    if "second" in settings:
-        x, y, z = settings["second"].origin
+    second = settings.get("second")
+    if second is not None:
+        x, y, z = second.origin
         say(
             f"Second device ({settings['second_id']}) at ({x:.1f}, {y:.1f}, {z:.1f}) mm; what both "
             f"measure:  {command_line('measure', path, '-o', path.with_name('scan.vtp'))}"

@@ -18,7 +18,6 @@ from iriftrace.cli.camera_options import (
 from iriftrace.cli.console import say
 from iriftrace.cli.options import Length, Vector, check_input, refuse_given
 from iriftrace.core.errors import InputError
-from iriftrace.core.plain import JsonObject
 
 if TYPE_CHECKING:
     from iriftrace.camera.camera import Camera
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from iriftrace.core.arrays import FloatArray
     from iriftrace.field.index_field import IndexField
     from iriftrace.part.part import Part
+    from iriftrace.scene.build import SceneSettings
     from iriftrace.shells.stack import ShellStack
 
 SECOND = Group("Second device", sort_key=6)
@@ -223,7 +223,7 @@ class StereoOptions:
         return " and ".join(map(str, self.stereo_calibration or ()))
 
 
-Placing = Callable[["IndexField | None", "ShellStack"], tuple["Camera", JsonObject]]
+Placing = Callable[["IndexField | None", "ShellStack"], tuple["Camera", "SceneSettings"]]
 
 
 def devices_of(
@@ -237,7 +237,7 @@ def devices_of(
     stereo = rig.read(first, second)
     two_devices = stereo is not None or second.given()
 
-    def place(field: IndexField | None, stack: ShellStack) -> tuple[Camera, JsonObject]:
+    def place(field: IndexField | None, stack: ShellStack) -> tuple[Camera, SceneSettings]:
         if not two_devices:
             return first.camera(part, field, stack), {}
         from iriftrace.triangulation.devices import DEVICE_OF_SYSTEM

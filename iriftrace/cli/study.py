@@ -11,7 +11,7 @@ from attrs import frozen
 from cyclopts import App, Group, Parameter
 
 from iriftrace.cli.camera_options import CameraOptions, Scale
-from iriftrace.cli.console import pose_progress, say, working
+from iriftrace.cli.console import drawn, pose_progress, say, working
 from iriftrace.cli.field_options import AirOptions, FieldOptions, PartOptions, Rule
 from iriftrace.cli.options import (
     Numbers,
@@ -141,7 +141,6 @@ def _run(
     `describe` gets the scene with the last field, all fields by their names, and the modes.
     """
     from iriftrace.figures.studies import study_figure
-    from iriftrace.figures.style import write_figure
     from iriftrace.runtime import variant
     from iriftrace.scene.hot_air import HotAir
     from iriftrace.scene.scene import Scene
@@ -171,9 +170,7 @@ def _run(
     with pose_progress(output, "Cases") as report:
         dataset = run_study(described, output, report)
     (print_comparison if described.references else print_timing)(dataset)
-    picture = output.with_suffix(".png")
-    with working("Drawing"):
-        write_figure(study_figure(dataset), picture)
+    picture = drawn(lambda: study_figure(dataset), output.with_suffix(".png"))
     say(f"Study in {output}, figure in {picture}")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from attrs import frozen
 from cyclopts import Parameter
@@ -62,7 +62,7 @@ class TraceOptions:
             return load_scene(scene, self.variables(), variant=self.variant, engine=self.engine)
 
 
-def check_light(wavelength: float | None, header: Mapping[str, Any], file: Path) -> None:
+def check_light(wavelength: float | None, header: Mapping[str, object], file: Path) -> None:
     """Refuse a result of other light (nm) than is asked for, or whose header does not state it."""
     if wavelength is None:
         return

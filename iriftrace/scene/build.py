@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from attrs import evolve, field, frozen
 
@@ -27,6 +27,20 @@ if TYPE_CHECKING:
     from iriftrace.part.part import Part
     from iriftrace.scene.ensemble import FieldMember
     from iriftrace.shells.stack import ShellStack
+
+
+class SceneSettings(TypedDict, total=False):
+    """What `build_scene` and `build_ensemble` have in common, besides part, camera and path."""
+
+    wall_temperature_k: float | None
+    trim_mm: float | None
+    scale: float
+    normals: str
+    inside_hit: str
+    notes: Mapping[str, str] | None
+    second: Camera | None
+    second_id: str
+    blockers: Sequence[Part]
 
 
 @frozen(eq=False)

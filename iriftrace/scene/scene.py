@@ -16,7 +16,6 @@ from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import FieldMember
@@ -32,7 +31,7 @@ from iriftrace.scene.write import SCALE
 if TYPE_CHECKING:
     from iriftrace.field.part_fit import Fit
     from iriftrace.field.path_data import FieldCells
-    from iriftrace.scene.build import BuiltEnsemble, BuiltScene
+    from iriftrace.scene.build import BuiltEnsemble, BuiltScene, SceneSettings
 
 
 @frozen(eq=False)
@@ -147,7 +146,7 @@ class Scene:
         """
         from iriftrace.scene.build import build_ensemble, build_scene
 
-        settings: JsonObject = {
+        settings: SceneSettings = {
             "wall_temperature_k": self.air.wall_temperature_k,
             "trim_mm": trim_mm,
             "scale": scale,

@@ -6,9 +6,8 @@ surfaces through the part's corners. Errors of the cold points are the tessellat
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from iriftrace.features.fit import fit_feature
 from iriftrace.part.part import Part
 
 
-def acceptance(features: Sequence[Mapping[str, Any]], part: Part) -> list[JsonObject]:
+def acceptance(features: Sequence[JsonObject], part: Part) -> list[JsonObject]:
     """Errors that VDI/VDE 2634 part 2 tests, of fitted spheres and planes.
 
     - probing error of form: range of the distances from the fitted sphere;
