@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -21,7 +20,7 @@ from iriftrace.cli.options import (
     Whole,
     refuse_given,
 )
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -158,10 +157,9 @@ class CameraOptions:
             raise InputError(f"--calibration-length-unit: {error}") from error
         found = read_calibration(self.calibration, length_mm=unit)
         if found.matrix is None and found.views and self.origin is None and self.target is None:
-            warnings.warn(
+            warn(
                 f"{self.calibration} has {found.views} views of a calibration board, which are no "
                 "pose of the camera, so it looks from its usual place; give --origin and --target.",
-                IriftraceWarning,
                 stacklevel=2,
             )
         return found

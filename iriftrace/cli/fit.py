@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +12,7 @@ from rich.table import Table
 from iriftrace.cli.console import command_line, out, say, working
 from iriftrace.cli.options import check_input, check_output, refuse_given
 from iriftrace.cli.trace_options import TraceOptions
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import warn
 
 if TYPE_CHECKING:
     from iriftrace.trace.member_fit import MemberFit
@@ -73,10 +72,9 @@ def fit(
     _print_fit(found)
     found.require_contained()
     if not found.contained:
-        warnings.warn(
+        warn(
             f"{found.verdict} The uncertainty of corrections includes the residual; closer members "
             "(other speeds and directions of the draught, finer meshes) make it smaller.",
-            IriftraceWarning,
             stacklevel=1,
         )
     with working("Writing the scene"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import chain
@@ -25,7 +24,7 @@ from iriftrace.cli.options import (
     check_output,
 )
 from iriftrace.cli.second_options import SecondOptions, StereoOptions, devices_of
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
@@ -205,10 +204,9 @@ def scene(
 
 
 def _warn_of_all(states: Sequence[Member]) -> None:
-    warnings.warn(
+    warn(
         f"All {len(states)} states are averaged as an ensemble, {states[0].label} to "
         f"{states[-1].label}; choose one with --time latest, or all with --time all.",
-        IriftraceWarning,
         stacklevel=1,
     )
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
-from warnings import warn
 
 from attrs import evolve
 from cyclopts import Parameter
@@ -24,7 +23,7 @@ from iriftrace.cli.options import (
 from iriftrace.cli.simulate_family import family_cases, family_scene, simulate_family
 from iriftrace.cli.simulation_options import SimulationOptions
 from iriftrace.cli.simulation_progress import simulation_progress
-from iriftrace.core.errors import IriftraceWarning, SetupError
+from iriftrace.core.errors import SetupError, warn
 from iriftrace.core.units import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
@@ -173,7 +172,7 @@ def _print_wall(case: Case) -> None:
         low, high = (f"{kelvin:.2f} K" for kelvin in (measured.kelvins.min(), wall.hottest))
         say(f"  wall from {measured.path}: {low} to {high} at {len(measured.points):,} points")
         if far := measured.far_faces(case.part, case.size.wall):
-            warn(far, IriftraceWarning, stacklevel=2)
+            warn(far, stacklevel=2)
         return
     from iriftrace.part.region_choice import placed_regions
 

@@ -5,6 +5,10 @@ Every message says what is wrong (with the value), why it matters and what to do
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class IriftraceError(Exception):
     """Root of all errors raised on purpose; the command line shows the message and exits with 2."""
@@ -20,3 +24,16 @@ class SetupError(IriftraceError, RuntimeError):
 
 class IriftraceWarning(UserWarning):
     """The result stands, but the user should know what limits it."""
+
+
+def warn(text: str, *, stacklevel: int = 3) -> None:
+    """Issue an `IriftraceWarning`; the level is that of `warnings.warn` where this is called."""
+    warnings.warn(text, IriftraceWarning, stacklevel=stacklevel + 1)
+
+
+@contextmanager
+def without_warnings() -> Iterator[None]:
+    """Ignore every `IriftraceWarning` inside the block: what it says has been said, or is known."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IriftraceWarning)
+        yield

@@ -8,7 +8,6 @@ and the rest.
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
@@ -217,12 +216,10 @@ def _warn_of_another_size(image: AovImage, measured: MeasuredShift) -> None:
     if measured.resolution is not None or full is None or tuple(full) == image.resolution:
         return
     (width, height), (across, down) = image.resolution, full
-    warnings.warn(
+    warn(
         f"The rendering has {width} x {height} px, {width / across:.3g} times the camera's "
         f"{across} across and {height / down:.3g} times its {down} down; the measured positions "
-        "must be in the rendering's pixels, or render the whole picture with -D scale=1.",
-        IriftraceWarning,
-        stacklevel=3,
+        "must be in the rendering's pixels, or render the whole picture with -D scale=1."
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Collection
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
 from iriftrace.image.aov_image import (
@@ -334,19 +333,15 @@ def _check_part(image: AovImage, part: Part, hit_face: IntArray) -> None:
         )
     expected = (image.header.get("part") or {}).get("sha256")
     if expected is not None and expected != part.sha256:
-        warnings.warn(
+        warn(
             f"{part.path} is not the file with which the image was rendered (its SHA-256 differs), "
-            "so coverage and regions may be wrong.",
-            IriftraceWarning,
-            stacklevel=3,
+            "so coverage and regions may be wrong."
         )
 
 
 def _check_sampling(rays: int, faces: int) -> None:
     if faces and rays < _RAYS_PER_FACE * faces:
-        warnings.warn(
+        warn(
             f"fewer than {_RAYS_PER_FACE:g} rays fall on each visible face of the part, so "
-            "`coverage` depends on the tessellation; use `coverage_area` or more rays.",
-            IriftraceWarning,
-            stacklevel=3,
+            "`coverage` depends on the tessellation; use `coverage_area` or more rays."
         )

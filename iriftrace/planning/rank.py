@@ -8,7 +8,6 @@ smallest is the best.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -16,7 +15,7 @@ import numpy as np
 from attrs import frozen
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn, without_warnings
 from iriftrace.planning.candidates import in_force, name_of, rankable, scatter_added
 from iriftrace.planning.criteria import METRICS, STANDARD, Criteria
 
@@ -140,7 +139,7 @@ def rank_poses(dataset: xr.Dataset, criteria: Criteria = STANDARD) -> Plan:
     if "coverage" in needed:
         messages += _of_face_sizes(dataset, criteria.region, metrics["coverage"], ranked)
     for message in messages:
-        warnings.warn(message, IriftraceWarning, stacklevel=2)
+        warn(message, stacklevel=2)
     return Plan(
         order=order.astype(np.int64),
         score=score,
@@ -198,8 +197,7 @@ def _of_spreads(
 
 def ranked_quietly(dataset: xr.Dataset, criteria: Criteria) -> Plan:
     """As `rank_poses`, without the warnings, which are said of the ranking that is shown."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IriftraceWarning)
+    with without_warnings():
         return rank_poses(dataset, criteria)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -21,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from iriftrace.camera.pose import look_at_of
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import whole_file
 from iriftrace.planning.candidates import metric_variables, scatter_variable
 from iriftrace.planning.rank import Plan, score_of
@@ -199,11 +198,9 @@ def _check_start(score: float, plan: Plan) -> None:
             "is not what was swept; run the sweep again."
         )
     if abs(score - plan.score[plan.best]) > _SAME_SCORE:
-        warnings.warn(
+        warn(
             f"The scene gives pose {plan.best} the score {score:.3f} and the sweep had "
-            f"{plan.score[plan.best]:.3f}, so its air is not that of the sweep; run it again.",
-            IriftraceWarning,
-            stacklevel=3,
+            f"{plan.score[plan.best]:.3f}, so its air is not that of the sweep; run it again."
         )
 
 

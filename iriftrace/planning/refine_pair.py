@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +11,7 @@ import numpy as np
 from attrs import asdict, frozen
 
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.planning.pairs import (
     PairPlan,
@@ -173,9 +172,8 @@ def _value(
     if is_inside(scene, matrices[:, :3, 3]).any():
         return nothing
     try:
-        with warnings.catch_warnings():
+        with without_warnings():
             # What limits a scene was said when it was swept.
-            warnings.simplefilter("ignore", IriftraceWarning)
             scan = measure(scene, *devices, system=plan.system)
     except InputError:
         return nothing

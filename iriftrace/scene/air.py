@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve
 
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import structured
 from iriftrace.field.path_data import FieldCells
@@ -54,12 +53,10 @@ def other_shells(file: SceneFile, stated: AirStatement) -> tuple[str, ...]:
         str(path) for path in file.shell_paths if known.get(path.resolve()) != sha256_of(path)
     )
     if others:
-        warnings.warn(
+        warn(
             f"{', '.join(others)} {'is' if len(others) == 1 else 'are'} not of the shells that "
             f"{place} was written with, so rays meet other air than it tells of; write the scene "
-            "again.",
-            IriftraceWarning,
-            stacklevel=3,
+            "again."
         )
     return others
 
@@ -70,22 +67,18 @@ def warn_of_another_part(file: SceneFile, part: Part, written: PartOrigin | None
         return
     places = [(shell.parent / written.file).resolve() for shell in file.shell_paths]
     if file.part_path.resolve() in places and written.sha256 != part.sha256:
-        warnings.warn(
+        warn(
             f"{part.path} is not the part that the scene was written with, so the air may be that "
-            "of another part; write the scene again with this one.",
-            IriftraceWarning,
-            stacklevel=3,
+            "of another part; write the scene again with this one."
         )
 
 
 def statement_of_field(cells: FieldCells, shells: AirStatement, name: str) -> AirStatement:
     """Air and source as the field's file states them; the rest as beside the shells."""
     if shells.source is not None and shells.source.sha256 != cells.source.sha256:
-        warnings.warn(
+        warn(
             f"The shells of {name} were made from another field than its field file, so the two "
-            "engines trace different air; write the scene again.",
-            IriftraceWarning,
-            stacklevel=3,
+            "engines trace different air; write the scene again."
         )
     return evolve(shells, air=cells.air, source=cells.source)
 
@@ -112,10 +105,8 @@ def stated_index_rule(
     kept = sum(any(np.allclose(pair, own, rtol=0, atol=1e-12) for own in pairs) for pair in listed)
     if kept == len(listed) == len(pairs):
         return f"edited: {len(others)} of {len(pairs)} {rule} shells changed" if others else rule
-    warnings.warn(
+    warn(
         f"{name} has {len(pairs)} shells, {kept} of the {len(listed)} that were made for it, so "
-        "the air is cut into other layers than the field asks for; results say that it was edited.",
-        IriftraceWarning,
-        stacklevel=3,
+        "the air is cut into other layers than the field asks for; results say that it was edited."
     )
     return f"edited: {kept} of {len(listed)} {rule} shells, {len(pairs) - kept} others"

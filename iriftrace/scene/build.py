@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 from attrs import evolve, field, frozen
 
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.field.part_fit import Fit, body_in_air, fit_part_to_field
 from iriftrace.scene.ensemble import FOLDER
 from iriftrace.scene.viewpoint import refuse_camera_inside, refuse_one_place
@@ -335,4 +334,4 @@ def _note_of(fit: Fit) -> dict[str, str]:
 
 def _warn(messages: Iterable[str]) -> None:
     for message in messages:
-        warnings.warn(message, IriftraceWarning, stacklevel=3)
+        warn(message)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import check_readable
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.geometry.ply import read_ply
@@ -139,17 +138,15 @@ def _shell_meshes(shells: Sequence[mi.Properties], in_layers: bool, path: Path) 
 
 def _warn_of_lost_accuracy(nodes: Sequence[SceneNode], has_shells: bool, path: Path) -> None:
     if any(_plugin(node) == "dielectric" for node in nodes):
-        warnings.warn(
+        warn(
             f"{path} has shells with Mitsuba's dielectric, whose single-precision index ratio "
             "costs up to 0.6 % of the deflection; use iso_shell.",
-            IriftraceWarning,
             stacklevel=4,
         )
     if has_shells and not any(_flag(n.props, "embree_use_robust_intersections") for n in nodes):
-        warnings.warn(
+        warn(
             f"{path} does not set embree_use_robust_intersections, so single rays can slip between "
             'triangles; add <boolean name="embree_use_robust_intersections" value="true"/>.',
-            IriftraceWarning,
             stacklevel=4,
         )
 

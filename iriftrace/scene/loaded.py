@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 import weakref
 from collections.abc import Callable, Iterator
 from functools import cached_property
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO, Bending
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.field.path_data import FIELD_FILE, FieldCells, load_field_file
 from iriftrace.field.source import FieldSource
 from iriftrace.part.part import Part
@@ -154,8 +153,7 @@ class LoadedScene:
         """
         if self.wanted_engine != AUTO or self.bending is not Bending.LAYERS:
             return None
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", IriftraceWarning)
+        with without_warnings():
             try:
                 found = self.with_cells()
             except InputError:

@@ -7,7 +7,6 @@ from.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import Float32Array, FloatArray
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import without_warnings
 from iriftrace.part.part import Part, part_of_mesh
 from iriftrace.part.regions import Regions
 from iriftrace.shells.files import vertex_columns
@@ -29,9 +28,8 @@ if TYPE_CHECKING:
 
 def kept_part(part: Part) -> Part:
     """A part as its file in a scene's folder keeps it: vertices in single precision."""
-    with warnings.catch_warnings():
+    with without_warnings():
         # What its own file gives reason to warn of was said when that was read.
-        warnings.simplefilter("ignore", IriftraceWarning)
         return part_of_mesh(
             part.vertices.astype(np.float32),
             part.faces,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -15,7 +14,7 @@ from attrs import Attribute, evolve, field, frozen
 from iriftrace.air.refractivity import dispersion
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.ensemble import FieldMember
@@ -95,7 +94,7 @@ class Scene:
             refuse_one_place(self.camera, self.second)
         for fit in filter(None, self._fits):
             for message in fit.warnings:
-                warnings.warn(message, IriftraceWarning, stacklevel=2)
+                warn(message, stacklevel=2)
         for device, name in ((self.camera, "camera"), (self.second, "second device")):
             if device is not None:
                 bodies = (self.part, *self.blockers)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 from attrs import evolve, field, frozen
 
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.field.index_field import IndexField
 from iriftrace.scene.hot_air import HotAir
 from iriftrace.scene.scene import Scene
@@ -106,9 +105,8 @@ def shells_of(
     """
     if layers > 0 and not mode.leaves(layers, number):
         return None
-    with warnings.catch_warnings():
+    with without_warnings():
         # The empty last level of the outer rule is part of the mode.
-        warnings.simplefilter("ignore", IriftraceWarning)
         stack = contour_shells(field, layers, rule=mode.index_rule, index_range=index_range)
     remaining = [shell for shell in stack.shells if shell.layer <= mode.left(layers, number)]
     return evolve(stack, shells=remaining) if remaining else None

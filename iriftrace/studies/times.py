@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import tempfile
-import warnings
 from pathlib import Path
 from statistics import median
 
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import without_warnings
 from iriftrace.scene.scene import Scene
 from iriftrace.trace.query_replay import Recording
 from iriftrace.trace.render import Rendering, render_scene
@@ -40,9 +39,8 @@ The fastest counts: other programs on the machine can only make it slower.
 
 def rendered(scene: Scene) -> Rendering:
     """Render a scene without warnings."""
-    with warnings.catch_warnings():
+    with without_warnings():
         # A study has odd cases on purpose, and its table says what became of the rays.
-        warnings.simplefilter("ignore", IriftraceWarning)
         return render_scene(scene, empty=True)
 
 

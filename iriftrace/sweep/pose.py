@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from hashlib import sha256
 from importlib.metadata import version
 from itertools import chain
@@ -13,7 +12,7 @@ from attrs import frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.engines import AUTO, may_use_cells
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.files import sha256_of
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.image.sightings import sight_faces
@@ -69,9 +68,8 @@ def source_of(
     path: Path, variables: dict[str, str], variant: str, engine: str = AUTO
 ) -> SceneSource:
     """The scene as it lies on the disk now; InputError if it cannot be read."""
-    with runtime.using(variant), warnings.catch_warnings():
+    with runtime.using(variant), without_warnings():
         # Said when the scene is loaded.
-        warnings.simplefilter("ignore", IriftraceWarning)
         files = _files(path, variables)
         if may_use_cells(engine):
             files = (*files, *_field_files(path, variables))
@@ -122,9 +120,8 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
     its rows are those of `FaceSightings`. InputError if the image cannot be written; a pose without
     a picture is a result that says why.
     """
-    with warnings.catch_warnings():
+    with without_warnings():
         # Said once for the sweep, and not for every pose.
-        warnings.simplefilter("ignore", IriftraceWarning)
         try:
             rendering = render_scene(
                 scene,

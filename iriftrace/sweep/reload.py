@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
 from iriftrace.core.engines import AUTO
-from iriftrace.core.errors import InputError, IriftraceWarning, SetupError
+from iriftrace.core.errors import InputError, SetupError, warn, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, read_part
 from iriftrace.scene.outline import blocker_surfaces, outermost_surface, read_surface
@@ -56,9 +55,8 @@ class SweptScene:
         """
         from iriftrace.trace.render import render_scene
 
-        with warnings.catch_warnings():
+        with without_warnings():
             # What limits a scene was said when it was swept.
-            warnings.simplefilter("ignore", IriftraceWarning)
             return render_scene(
                 self.scene,
                 camera=self.camera.at(matrix),
@@ -105,9 +103,8 @@ def load_swept_scene(dataset: xr.Dataset, pose: int) -> SweptScene:
     from iriftrace.scene.load import load_scene
 
     variant = _variant(named.get("variant"))
-    with warnings.catch_warnings():
+    with without_warnings():
         # What limits the scene was said when it was swept.
-        warnings.simplefilter("ignore", IriftraceWarning)
         scene = load_scene(
             named["path"],
             named.get("variables"),
@@ -137,11 +134,9 @@ def _variant(swept: str | None) -> str:
         if swept is None:
             raise
         usual = runtime.ensure()
-        warnings.warn(
+        warn(
             f"The sweep was rendered with {swept}, which does not run here ({error}); {usual} is "
-            "taken, which may differ in a few rays.",
-            IriftraceWarning,
-            stacklevel=3,
+            "taken, which may differ in a few rays."
         )
         return usual
 

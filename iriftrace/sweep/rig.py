@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from attrs import frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import BoolArray, FloatArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, without_warnings
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.statistics import spread
 from iriftrace.features.table import found_features
@@ -80,9 +79,8 @@ def _measured_by(scene: LoadedScene, camera: Camera, second: Camera) -> JsonObje
     if is_inside(scene, second.matrix[None, :3, 3]).any():
         return _nothing(part)
     try:
-        with warnings.catch_warnings():
+        with without_warnings():
             # The sweep's flags say it of all poses.
-            warnings.simplefilter("ignore", IriftraceWarning)
             scan = measure(scene, camera, second)
             sizes = _size_errors(scan, part)
     except InputError:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from attrs import evolve, frozen
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.pose_set import PoseSet, push_out
 from iriftrace.core.arrays import Variables
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import sha256_of
 from iriftrace.core.plain import JsonObject, plain
 from iriftrace.scene.loaded import LoadedScene
@@ -101,10 +100,9 @@ def _placed(scene: LoadedScene, poses: PoseSet, move_out: bool) -> PoseSet:
         return poses
     free, moved = push_out(poses, lambda points: is_inside(scene, points))
     if moved.any():
-        warnings.warn(
+        warn(
             f"{moved.sum()} of {len(poses)} poses stood in the hot air and were moved back along "
             "their line of sight.",
-            IriftraceWarning,
             stacklevel=4,
         )
     return free

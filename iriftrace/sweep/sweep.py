@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sqlite3
-import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from iriftrace.camera.pose_set import PoseSet, joined
 from iriftrace.core.arrays import BoolArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.image.ray_statistics import FEWEST_RAYS
 from iriftrace.image.sightings import COLUMNS, NOTHING_SEEN, ROW, FaceSightings, face_maps
 from iriftrace.scene.scene import AnyScene, loaded_scene
@@ -311,10 +310,9 @@ def _warn_of_empty_poses(dataset: xr.Dataset) -> None:
         ).sum(),
     }
     reason = max(reasons, key=lambda text: reasons[text])
-    warnings.warn(
+    warn(
         f"{empty.sum()} of {len(empty)} poses see fewer than {FEWEST_RAYS} good rays, mostly "
         f"because {reason}; change the orbit, the focus interval, the focal length or the number "
         "of pixels.",
-        IriftraceWarning,
         stacklevel=4,
     )

@@ -6,7 +6,6 @@ import logging
 import re
 import socket
 import threading
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -16,7 +15,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from iriftrace.core.errors import InputError, IriftraceError, IriftraceWarning, SetupError
+from iriftrace.core.errors import (
+    InputError,
+    IriftraceError,
+    SetupError,
+    without_warnings,
+)
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
@@ -286,9 +290,8 @@ def _scene(source: SceneSource) -> LoadedScene:
     if source.fingerprint not in _loaded:
         _check(source)
         _loaded.clear()
-        with warnings.catch_warnings():
+        with without_warnings():
             # The program that asks for the sweep has said them.
-            warnings.simplefilter("ignore", IriftraceWarning)
             _loaded[source.fingerprint] = load_scene(
                 source.path, source.variables, variant=source.variant, engine=source.engine
             )

@@ -9,7 +9,6 @@ picture, a measurement, a correction and a sweep.
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,7 +17,7 @@ from attrs import asdict, evolve, frozen
 
 from iriftrace.camera.camera import Camera
 from iriftrace.core.arrays import FloatArray
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import warn
 from iriftrace.image.aov_image import Status
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.loaded import LoadedScene
@@ -157,11 +156,10 @@ def _by_samples(scene: LoadedScene, samples: list[_Sample]) -> Choice:
     cells = scene.through_cells
     lost = 0.0 if cells is None else _lost_fraction(cells, samples)
     if lost > LOST_LIMIT:
-        warnings.warn(
+        warn(
             f"The shells are too coarse for this view, but the field loses {lost:.1%} of its "
             "rays in cells that are badly shaped, so the shells are used; check the field's "
             "mesh (iriftrace field check), or write the scene with --layers 40.",
-            IriftraceWarning,
             stacklevel=4,
         )
         return Choice(scene, worst)
@@ -267,12 +265,11 @@ def _warn_of_coarse_shells(found: EngineTest, through_cells: bool) -> None:
             f"{found.unmet:,} rays of a sample run through hot air between two shells and meet "
             "none, so that no shell bends them"
         )
-    warnings.warn(
+    warn(
         f"{change}; the field itself was traced instead, which --engine shells prevents."
         if through_cells
         else f"{change}; trace the field itself (--engine cells), or use more shells "
         "(--layers 20).",
-        IriftraceWarning,
         stacklevel=4,
     )
 
@@ -296,10 +293,9 @@ def warn_of_coarse_poses(
         ),
     ):
         if these.any():
-            warnings.warn(
+            warn(
                 f"Hits of {these.sum()} of {len(these)} poses change by over {LIMIT:.0%} of the "
                 f"displacement (95th percentiles, variable engine_test_p95), by up to "
                 f"{1e3 * np.nanmax(p95_mm[these]):.3g} um, {_WHEN}; {what}.",
-                IriftraceWarning,
                 stacklevel=4,
             )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
-
-from iriftrace.core.errors import IriftraceWarning
+from iriftrace.core.errors import warn
 from iriftrace.image.ray_statistics import RayCounts
 
 LIMIT = 0.005
@@ -19,22 +17,18 @@ REMEDY = (
 def warn_of_lost_rays(rays: RayCounts) -> None:
     """Warn of a picture with many pixels of status 5 or 6."""
     if rays.lost_fraction > LIMIT:
-        warnings.warn(
+        warn(
             f"{rays.lost:,} of {rays.hit:,} hits ({rays.lost_fraction:.1%}) have no reliable "
             f"refracted ray ({rays.index_mismatch:,} with inconsistent deflection, "
             f"status 5; {rays.gave_up:,} lost on the way, status 6), so these pixels have no "
-            f"displacement; {REMEDY}.",
-            IriftraceWarning,
-            stacklevel=3,
+            f"displacement; {REMEDY}."
         )
 
 
 def warn_of_lost_points(lost: int, points: int, where: str) -> None:
     """Warn of a cloud in which `lost` of so many points have no reliable line of sight."""
     if lost > LIMIT * points:
-        warnings.warn(
+        warn(
             f"{lost:,} of {points:,} points ({lost / points:.1%}) {where}, because a refracted ray "
-            f"to them was lost or has an impossible deflection; {REMEDY}.",
-            IriftraceWarning,
-            stacklevel=3,
+            f"to them was lost or has an impossible deflection; {REMEDY}."
         )

@@ -9,7 +9,6 @@ point. A round shrinks what is left as one of `lines_of_sight` does.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import places_in_tiles
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.geometry.triangles import unit_vectors
 from iriftrace.part.part import Part
 from iriftrace.scene.loaded import LoadedScene
@@ -246,14 +245,14 @@ def _larger(points: FloatArray, part: Part) -> Larger | None:
 def _warn_of_doubtful(status: IntArray, larger: Larger | None, part: Part) -> None:
     """Warn of a cloud of another size, and of many points that cannot be of this one."""
     if larger is not None:
-        warnings.warn(larger.sentence(part.growth), IriftraceWarning, stacklevel=3)
+        warn(larger.sentence(part.growth))
     for code, sentence in _DOUBTFUL.items():
         fraction = np.mean(status == code)
         # Points far from a part of another size are no matter of the alignment.
         explained = larger is not None and code == CorrectionStatus.FAR_FROM_PART
         if fraction > MANY and not explained:
             text = f"{fraction:.0%} of the points {sentence}"
-            warnings.warn(text, IriftraceWarning, stacklevel=3)
+            warn(text)
     lost = int((status == CorrectionStatus.LOST).sum())
     warn_of_lost_points(lost, len(status), "stay as they were measured")
 

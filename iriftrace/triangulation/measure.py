@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from iriftrace.camera.camera import Camera
 from iriftrace.camera.tiles import pixels_in_tiles
 from iriftrace.core.arrays import FloatArray, IntArray
-from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.errors import InputError, warn
 from iriftrace.geometry.triangles import row_lengths
 from iriftrace.image.aov_image import Status
 from iriftrace.part.part import Part
@@ -256,10 +255,9 @@ def _seen_by(
 
 def _warn_of_angle(median: float) -> None:
     if median < LEAST_ANGLE:
-        warnings.warn(
+        warn(
             f"The lines of the two devices meet at {np.degrees(median):.2g} degrees (median), so "
             "that small errors of either become large in depth; set them farther apart.",
-            IriftraceWarning,
             stacklevel=5,
         )
 
