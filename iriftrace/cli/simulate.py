@@ -13,13 +13,7 @@ from iriftrace.cli.draught_options import DraughtOptions
 from iriftrace.cli.field import scene_command
 from iriftrace.cli.field_options import AirOptions, PartOptions
 from iriftrace.cli.hot_temperature import FIELD
-from iriftrace.cli.options import (
-    Whole,
-    celsius,
-    check_folder,
-    check_input,
-    check_output,
-)
+from iriftrace.cli.options import Whole, celsius, check_folder, check_input, check_output
 from iriftrace.cli.simulate_family import family_cases, family_scene, simulate_family
 from iriftrace.cli.simulation_options import SimulationOptions
 from iriftrace.cli.simulation_progress import simulation_progress

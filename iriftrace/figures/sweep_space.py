@@ -29,14 +29,7 @@ from iriftrace.figures.space import (
     thinned,
     titled_figure,
 )
-from iriftrace.figures.style import (
-    BEST_RING,
-    TEXT_COLOUR,
-    WARNED,
-    ColourScale,
-    marks,
-    scale_of,
-)
+from iriftrace.figures.style import BEST_RING, TEXT_COLOUR, WARNED, ColourScale, marks, scale_of
 from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 from iriftrace.planning.quantities import Quantity

@@ -15,10 +15,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, warn
 from iriftrace.core.files import whole_file
 from iriftrace.core.plain import JsonObject
-from iriftrace.image.aov_image import (
-    AovImage,
-    Status,
-)
+from iriftrace.image.aov_image import AovImage, Status
 from iriftrace.image.coverage import Coverage, pose_coverage
 from iriftrace.image.ray_statistics import (
     FEWEST_RAYS,

@@ -10,11 +10,7 @@ from iriftrace.core.engines import AUTO, ENGINES, Bending
 from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
-from iriftrace.scene.air import (
-    stated_index_rule,
-    stated_normals,
-    statement_of_field,
-)
+from iriftrace.scene.air import stated_index_rule, stated_normals, statement_of_field
 from iriftrace.scene.ensemble import MEMBER, is_ensemble, member_folder
 from iriftrace.scene.wavelength import WAVELENGTH
 from iriftrace.shells.table import AirStatement

@@ -20,15 +20,8 @@ from iriftrace.core.units import parse_quantity
 from iriftrace.field.path_data import FIELD_FILE
 from iriftrace.part.part import Part, part_of_mesh, read_part
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.air import (
-    air_statement_of,
-    other_shells,
-    warn_of_another_part,
-)
-from iriftrace.scene.ensemble import (
-    MEMBER,
-    members_of,
-)
+from iriftrace.scene.air import air_statement_of, other_shells, warn_of_another_part
+from iriftrace.scene.ensemble import MEMBER, members_of
 from iriftrace.scene.file import check_meshes, read_scene_file, readable
 from iriftrace.scene.integrators import (
     field_file,

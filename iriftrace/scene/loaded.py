@@ -20,10 +20,7 @@ from iriftrace.field.path_data import FIELD_FILE, FieldCells, load_field_file
 from iriftrace.field.source import FieldSource
 from iriftrace.part.part import Part
 from iriftrace.runtime import variant as runtime
-from iriftrace.scene.ensemble import (
-    FieldMember,
-    weights_of,
-)
+from iriftrace.scene.ensemble import FieldMember, weights_of
 from iriftrace.scene.integrators import (
     Integrator,
     field_file,

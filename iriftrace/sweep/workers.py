@@ -15,12 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from iriftrace.core.errors import (
-    InputError,
-    IriftraceError,
-    SetupError,
-    without_warnings,
-)
+from iriftrace.core.errors import InputError, IriftraceError, SetupError, without_warnings
 from iriftrace.runtime import variant as runtime
 from iriftrace.scene.load import load_scene
 from iriftrace.scene.loaded import LoadedScene
