@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 
@@ -11,6 +12,9 @@ from iriftrace.cli.options import celsius
 from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.features.relations import value_key
+
+if TYPE_CHECKING:
+    from iriftrace.triangulation.region_table import RegionRow
 
 MOST_LINES = 12
 """Distances and angles, and regions, that are printed; the JSON file has all."""
@@ -128,23 +132,22 @@ def say_relations(rows: list[JsonObject], true: str, synthetic: bool = False) ->
         say(f"{len(rows) - MOST_LINES} more distances and angles are in the JSON file.")
 
 
-def print_regions(rows: list[JsonObject], title: str) -> None:
+def print_regions(rows: list[RegionRow], title: str) -> None:
     """A row for each region with points, those with most of them first."""
-    seen = sorted((row for row in rows if row["points"]), key=lambda row: -int(row["points"]))
+    seen = sorted((row for row in rows if row["points"]), key=lambda row: -row["points"])
     table = Table(title=title, title_justify="left")
     table.add_column("region")
     for heading in ("points", "measured", "median (um)", "rms (um)", "95 % below (um)"):
         table.add_column(heading, justify="right")
     for row in seen[:MOST_LINES]:
-        values = row["along_normal_mm"]
+        values, largest = row["along_normal_mm"], row["size_p95_mm"]
+        assert values is not None
+        assert largest is not None
         table.add_row(
             row["region"],
             f"{row['points']:,}",
             f"{row['measured']:.0%}",
-            *(
-                f"{1e3 * value:.3g}"
-                for value in (values["median"], values["rms"], row["size_p95_mm"])
-            ),
+            *(f"{1e3 * value:.3g}" for value in (values["median"], values["rms"], largest)),
         )
     out.print(table)
     say(

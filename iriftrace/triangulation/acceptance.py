@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import TypedDict
 
 import numpy as np
 
@@ -18,7 +19,15 @@ from iriftrace.features.fit import fit_feature
 from iriftrace.part.part import Part
 
 
-def acceptance(features: Sequence[JsonObject], part: Part) -> list[JsonObject]:
+class AcceptanceRow(TypedDict):
+    """One error of the test, by cloud: ``cold``, ``measured``."""
+
+    error: str
+    region: str
+    error_mm: dict[str, float]
+
+
+def acceptance(features: Sequence[JsonObject], part: Part) -> list[AcceptanceRow]:
     """Errors that VDI/VDE 2634 part 2 tests, of fitted spheres and planes.
 
     - probing error of form: range of the distances from the fitted sphere;
@@ -27,7 +36,6 @@ def acceptance(features: Sequence[JsonObject], part: Part) -> list[JsonObject]:
     - flatness error: range of the distances from the fitted plane.
 
     Features are rows of `feature_table`; regions that are neither sphere nor plane are left out.
-    Gives ``error``, ``region``, and ``error_mm`` by cloud: ``cold``, ``measured``.
     """
     spheres = [row for row in features if row["kind"] == "sphere" and row["region"]]
     rows = []

@@ -27,7 +27,7 @@ from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
 from iriftrace.triangulation.field_state import FieldState
 from iriftrace.triangulation.larger import Larger
-from iriftrace.triangulation.region_table import region_table
+from iriftrace.triangulation.region_table import RegionRow, region_table
 from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
 
 SCHEMA = "iriftrace.correction/1"
@@ -250,7 +250,7 @@ class Correction:
             "unsteadiness": self.state.unsteadiness,
         }
 
-    def regions(self, part: Part) -> list[JsonObject]:
+    def regions(self, part: Part) -> list[RegionRow]:
         """What was taken out along the normal by region of the part; see `region_table`."""
         good = self.status == CorrectionStatus.CORRECTED
         along = np.einsum("ij,ij->i", self.error, self.normal)
@@ -260,7 +260,7 @@ class Correction:
         self,
         path: str | Path,
         features: Sequence[JsonObject] = (),
-        regions: Sequence[JsonObject] = (),
+        regions: Sequence[RegionRow] = (),
         related: Sequence[JsonObject] = (),
         *,
         cloud: Cloud | None = None,

@@ -20,7 +20,8 @@ from iriftrace.features.relations import relations, value_key, value_unit
 from iriftrace.features.table import feature_table
 from iriftrace.part.part import Part
 from iriftrace.scene.member_weights import MemberWeights
-from iriftrace.triangulation.region_table import region_table
+from iriftrace.triangulation.acceptance import AcceptanceRow
+from iriftrace.triangulation.region_table import RegionRow, region_table
 from iriftrace.triangulation.statistics import PointStatus, each_along, worst_member
 
 SCHEMA = "iriftrace.scan/1"
@@ -224,7 +225,7 @@ class Scan:
         worst = worst_member(sizes, row[key]["cold"], key, self.provenance)
         return row | {scatter_key: float(self.weights.scatter(sizes)), **worst}
 
-    def regions(self, part: Part) -> list[JsonObject]:
+    def regions(self, part: Part) -> list[RegionRow]:
         """Errors along the normal by region of the part; see `region_table`."""
         return region_table(part, self.face, self.error_normal)
 
@@ -232,8 +233,8 @@ class Scan:
         self,
         path: str | Path,
         features: Sequence[JsonObject] = (),
-        acceptance: Sequence[JsonObject] = (),
-        regions: Sequence[JsonObject] = (),
+        acceptance: Sequence[AcceptanceRow] = (),
+        regions: Sequence[RegionRow] = (),
         related: Sequence[JsonObject] = (),
     ) -> tuple[Path, Path]:
         """Write the cloud and, next to it, its numbers (.json).
