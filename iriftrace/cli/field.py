@@ -32,9 +32,7 @@ if TYPE_CHECKING:
 _COLOURS = {"good": "green", "doubtful": "yellow", "bad": "red", "-": "dim"}
 
 field = App(
-    name="field",
-    help="Make a temperature field for a part, or check one.",
-    help_format="rst",
+    name="field", help="Make a temperature field for a part, or check one.", help_format="rst"
 )
 
 # By name, as the commands of the program itself.

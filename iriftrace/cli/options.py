@@ -176,8 +176,7 @@ Vector = Annotated[tuple[float, float, float], _finite("X,Y,Z", 3)]
 Statuses = Annotated[
     list[Whole] | None,
     Parameter(
-        negative=(),
-        help="Further status codes whose rays the metrics use, such as 5; repeatable.",
+        negative=(), help="Further status codes whose rays the metrics use, such as 5; repeatable."
     ),
 ]
 

@@ -197,8 +197,7 @@ def _add_ensemble(table: Table, values: EnsembleMetrics) -> None:
             f"{values.worst_member}",
         )
     table.add_row(
-        "",
-        f"{values.rays_in_all:,} rays count in all fields, {values.rays_in_some:,} only in some",
+        "", f"{values.rays_in_all:,} rays count in all fields, {values.rays_in_some:,} only in some"
     )
 
 

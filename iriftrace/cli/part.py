@@ -81,11 +81,7 @@ part.command("iriftrace.cli.board:board", name="board")
 
 
 def decimate(
-    mesh: Path,
-    *,
-    output: Output,
-    faces: Whole,
-    part_options: PartOptions = PartOptions(),
+    mesh: Path, *, output: Output, faces: Whole, part_options: PartOptions = PartOptions()
 ) -> None:
     """Write a part with fewer triangles, and say how far its surface has moved.
 
@@ -118,11 +114,7 @@ def decimate(
 
 
 def subdivide(
-    mesh: Path,
-    *,
-    output: Output,
-    edge: Length,
-    part_options: PartOptions = PartOptions(),
+    mesh: Path, *, output: Output, edge: Length, part_options: PartOptions = PartOptions()
 ) -> None:
     """Write a part with more triangles, on the same surface.
 

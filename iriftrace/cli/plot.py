@@ -138,13 +138,7 @@ def report(
     summary = summarise(dataset, ranking)
     with working("Writing the report"):
         missing = write_report(
-            output,
-            file,
-            dataset,
-            summary,
-            top=top,
-            views=several.views,
-            limits=limits,
+            output, file, dataset, summary, top=top, views=several.views, limits=limits
         )
     _print_missing(missing)
     say(f"Report in {output}")

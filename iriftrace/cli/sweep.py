@@ -127,7 +127,7 @@ def _print_sweep(dataset: xr.Dataset) -> None:
     say(
         f"{len(good)} poses: {(good >= 100).sum()} with at least 100 good rays, {blurred.sum()} "
         f"({blurred.mean():.0%}) with nothing in focus, {len(failed)} failed"
-        f"{': ' + failed[0] if failed else ''}",
+        f"{': ' + failed[0] if failed else ''}"
     )
     for name, unit, factor in (
         ("displacement_median", "um", 1e3),

@@ -46,7 +46,7 @@ Gate = Annotated[
     word_parameter("NUMBER|none", _read_gate),
     Parameter(
         help="Points farther from a fitted feature than this many robust standard deviations are "
-        "left out as outliers; none fits all points.",
+        "left out as outliers; none fits all points."
     ),
 ]
 

@@ -219,7 +219,7 @@ def _limits(dataset: xr.Dataset, summary: SweepSummary) -> tuple[str, ...]:
     empty = int(np.count_nonzero((good >= 0) & (good < plan.criteria.min_hits)))
     sentences = [
         f"{len(plan.unranked)} of {total} poses are not ranked; {failed} failed and {empty} see "
-        f"fewer than {plan.criteria.min_hits} good rays of the part.",
+        f"fewer than {plan.criteria.min_hits} good rays of the part."
     ]
     if "rays_open_boundary" in dataset:
         passed = int(np.maximum(dataset["rays_open_boundary"].values, 0).sum())

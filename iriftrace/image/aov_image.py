@@ -305,10 +305,7 @@ def write_exr(path: str | Path, image: AovImage, *, rgb: str | None = None) -> N
         file cannot be written.
     """
     _refuse_not_finite(image, "cannot be written")
-    header = {
-        "compression": OpenEXR.RLE_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-    }
+    header = {"compression": OpenEXR.RLE_COMPRESSION, "type": OpenEXR.scanlineimage}
     header.update({PREFIX + key: encoded(key, value) for key, value in image.header.items()})
     # OpenEXR replaces the arrays of the dictionary that it is given, so it gets one of its own.
     channels = {

@@ -62,10 +62,9 @@ def in_force(criteria: Criteria, dataset: xr.Dataset) -> Criteria:
 def metric_variables(criteria: Criteria) -> dict[str, str]:
     """Names of the variables of a sweep that hold each of `METRICS`, by criteria in force."""
     reading = "" if criteria.resolution == "step" else f"_{criteria.resolution}"
-    error = {
-        "normal": f"error_normal_{criteria.statistic}",
-        "features": "size_error",
-    }.get(criteria.criterion or "", f"displacement_{criteria.statistic}")
+    error = {"normal": f"error_normal_{criteria.statistic}", "features": "size_error"}.get(
+        criteria.criterion or "", f"displacement_{criteria.statistic}"
+    )
     return {
         "displacement": error,
         "coverage": "coverage" if criteria.criterion == "displacement" else "coverage_measured",

@@ -223,10 +223,7 @@ def _integer_program(groups: BoolArray, shares: FloatArray, k: int) -> tuple[Int
         integrality=np.repeat((1, 0), (n, g)),
         bounds=Bounds(0, 1),
         constraints=LinearConstraint(matrix, ub=limits),
-        options={
-            "node_limit": max(1, _MOST_WORK // np.count_nonzero(groups)),
-            "mip_rel_gap": 0.0,
-        },
+        options={"node_limit": max(1, _MOST_WORK // np.count_nonzero(groups)), "mip_rel_gap": 0.0},
     )
     poses = np.empty(0, int) if found.x is None else np.flatnonzero(found.x[:n] > 0.5)
     best = found.mip_dual_bound
@@ -264,10 +261,7 @@ NO_LIMITS = ViewLimits()
 
 
 def plan_views(
-    dataset: xr.Dataset,
-    views: int,
-    limits: ViewLimits = NO_LIMITS,
-    criteria: Criteria = STANDARD,
+    dataset: xr.Dataset, views: int, limits: ViewLimits = NO_LIMITS, criteria: Criteria = STANDARD
 ) -> ViewSet:
     """Choose the poses of a sweep that together see the most of the criteria's region.
 
@@ -276,9 +270,7 @@ def plan_views(
     """
     number = ranked_region(dataset, ["rays_good"], criteria.region)
     seen = seen_by_pose(
-        dataset,
-        max_displacement_mm=limits.displacement_mm,
-        max_incidence_deg=limits.incidence_deg,
+        dataset, max_displacement_mm=limits.displacement_mm, max_incidence_deg=limits.incidence_deg
     )
     areas = np.asarray(dataset["face_area"].values, dtype=np.float64)
     if number > 0:

@@ -260,9 +260,7 @@ def around_pose(dataset: xr.Dataset, pose: int) -> Around:
     others = angles[angles > _REACH_DEG[0]]
     reach = float(others.min()) if len(others) else _REACH_DEG[1]
     return Around(
-        matrices[pose],
-        float(dataset["distance"].values[pose]),
-        float(np.clip(reach, *_REACH_DEG)),
+        matrices[pose], float(dataset["distance"].values[pose]), float(np.clip(reach, *_REACH_DEG))
     )
 
 

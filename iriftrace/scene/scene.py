@@ -172,12 +172,7 @@ def _loaded(scene: Scene) -> LoadedScene:
         return _one_state(scene, 0)
     members = tuple(
         FieldMember(
-            number,
-            state.label,
-            state.time,
-            state.shells.source,
-            state.weight,
-            state.covariance,
+            number, state.label, state.time, state.shells.source, state.weight, state.covariance
         )
         for number, state in enumerate(states, start=1)
         if state.shells.source is not None

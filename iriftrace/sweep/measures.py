@@ -182,10 +182,7 @@ OF_POSES: dict[str, Measure] = {
         )
     },
     "engine_test_p95": Measure(
-        ("engine_test", "p95_share"),
-        "1",
-        f"{CHANGE}, over the displacement's",
-        regional=False,
+        ("engine_test", "p95_share"), "1", f"{CHANGE}, over the displacement's", regional=False
     ),
     "engine_test_p95_mm": Measure(("engine_test", "p95_mm"), "mm", CHANGE, regional=False),
     "through_cells": Measure(

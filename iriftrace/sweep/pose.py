@@ -124,11 +124,7 @@ def render_pose(task: PoseTask, scene: LoadedScene) -> Piece:
         # Said once for the sweep, and not for every pose.
         try:
             rendering = render_scene(
-                scene,
-                camera=task.camera,
-                include=task.include,
-                nearest=task.nearest,
-                empty=True,
+                scene, camera=task.camera, include=task.include, nearest=task.nearest, empty=True
             )
         except InputError as error:
             return Piece(task.number, {"metrics": None, "failure": str(error)})

@@ -141,10 +141,7 @@ def traced_as_chosen(
         places, headings = _on_device(origins), _on_device(directions)
         trace = scene.integrator.trace(
             scene.mitsuba_scene,
-            lambda ray: (
-                dr.gather(mi.Point3d, places, ray),
-                dr.gather(mi.Vector3d, headings, ray),
-            ),
+            lambda ray: (dr.gather(mi.Point3d, places, ray), dr.gather(mi.Vector3d, headings, ray)),
             len(origins),
             focus=focus_mm,
             coherent=coherent,

@@ -121,10 +121,7 @@ def render_scene(
         "total": loaded.load_s + loaded.build_s + done - began,
     }
     checked = evolve(
-        metrics,
-        time_s=times,
-        shells_against_field=against_field,
-        engine_test=choice.as_dict(),
+        metrics, time_s=times, shells_against_field=against_field, engine_test=choice.as_dict()
     )
     return Rendering(image, checked)
 

@@ -100,8 +100,7 @@ def measure(
         members = chosen.ensemble.scenes()
         scans = [_scan(member, camera, second, system, phase) for member in members]
         found = evolve(
-            _together(scans, chosen.ensemble.weights),
-            provenance=provenance_of_two(chosen, camera),
+            _together(scans, chosen.ensemble.weights), provenance=provenance_of_two(chosen, camera)
         )
     measure_s = time.perf_counter() - started
     time_s = {"load": loaded.load_s, "build": loaded.build_s, "measure": measure_s}
