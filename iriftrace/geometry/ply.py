@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -36,14 +38,17 @@ def read_ply(path: Path) -> PlyMesh:
 
     What is wrong with a damaged file is raised as the reader of trimesh finds it, or as ValueError.
     """
-    header = _checked_header(path).decode("utf-8", "replace").splitlines()
+    head = _checked_header(path)
+    header = head.decode("utf-8", "replace").splitlines()
     remarks = [line for line in header if line.startswith(("comment ", "obj_info "))]
     # Imported late, as whoever writes a mesh needs no reader.
     import trimesh
 
     # Without processing, the order of the faces is that of the file and of Mitsuba.
+    small = _CAPITAL_AXIS.sub(lambda axis: axis[0].lower(), head)
     with path.open("rb") as file:
-        mesh: Any = trimesh.load(file, file_type="ply", process=False)
+        data = file if small == head else io.BytesIO(small + file.read()[len(head) :])
+        mesh: Any = trimesh.load(data, file_type="ply", process=False)
     raw = mesh.metadata.get("_ply_raw", {})
     # A file of no vertices is an empty scene to trimesh.
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
@@ -95,6 +100,9 @@ def _checked_header(path: Path) -> bytes:
 
 HEADER_LIMIT = 1_000_000
 """Bytes in which a header ends, comments included."""
+
+_CAPITAL_AXIS = re.compile(rb"(?m)^property[ \t]+\w+[ \t]+[XYZ][ \t\r]*$")
+"""Coordinates by names that some programs write and few readers know."""
 
 _BYTES = {
     **dict.fromkeys((b"short", b"ushort", b"int16", b"uint16"), 2),

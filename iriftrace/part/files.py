@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from attrs import frozen
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.units import stated_length_unit
 from iriftrace.geometry.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions
@@ -68,7 +70,7 @@ def load_mesh_file(path: Path) -> MeshFile:
         else:
             # Without processing, the order of the faces is that of the file.
             mesh = trimesh.load(path, process=False)
-            unit = getattr(mesh, "units", None)
+            unit = _remarked_unit(path) if suffix == "obj" else getattr(mesh, "units", None)
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
     except Exception as error:  # its readers let any error through that a damaged file causes
         if _DECIMAL_COMMA.search(path.read_bytes()[:4096]):
@@ -90,6 +92,14 @@ def load_mesh_file(path: Path) -> MeshFile:
         raise InputError(f"{path} is damaged: {error}; export it again.") from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
     return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
+
+
+def _remarked_unit(path: Path) -> str | None:
+    """Length unit that a comment at the beginning of an OBJ file states."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        lines = list(itertools.islice(file, 50))
+    remarks = (line for line in lines if line.startswith("#"))
+    return next(filter(None, map(stated_length_unit, remarks)), None)
 
 
 def _drawing(mesh: PlyMesh) -> FloatArray | None:
