@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+JsonObject = dict[str, Any]
+"""An object of a JSON file or header: plain values by name, which its readers check."""
+
 _KINDS: dict[type, tuple[str, tuple[type, ...]]] = {
     bool: ("truth value", (bool,)),
     int: ("whole number", (int,)),

@@ -30,7 +30,9 @@ State = tuple[str, float | None]
 class Contents:
     """One state of a field file, as it was written."""
 
-    data: Any  # pyvista.DataSet or pyvista.MultiBlock, in the file's own units
+    # A pyvista.DataSet or, before the volume cells are joined, a pyvista.MultiBlock; in the file's
+    # own units.
+    data: Any
     # Of the file; of an OpenFOAM case that of the list of the checksums of the files read, as
     # ``sha256sum`` prints it.
     sha256: str
