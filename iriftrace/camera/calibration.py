@@ -7,13 +7,14 @@ pixel turns them into the focal length and the sensor's size that results state.
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
-from typing import Any
 from warnings import warn
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import ArrayLike
 
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
 from iriftrace.camera.calibration_matlab import matlab_camera
@@ -96,7 +97,13 @@ class Calibration:
     matrix: FloatArray | None
     views: int
 
-    def camera(self, *, pixel_size_mm: float, **more: Any) -> Camera:
+    def camera(
+        self,
+        *,
+        pixel_size_mm: float,
+        focus_mm: tuple[float, float] = (0.0, math.inf),
+        matrix: ArrayLike | None = None,
+    ) -> Camera:
         """The calibrated camera.
 
         Parameters
@@ -104,8 +111,8 @@ class Calibration:
         pixel_size_mm : float, mm
             Width of a pixel. Its height follows from the two focal lengths, which belong to one
             lens.
-        **more
-            Focus interval and pose, as of :class:`iriftrace.camera.camera.Camera`.
+        focus_mm, matrix
+            As of :class:`iriftrace.camera.camera.Camera`.
         """
         if not 0 < pixel_size_mm < LARGEST_PIXEL_MM:
             raise InputError(
@@ -120,7 +127,8 @@ class Calibration:
             resolution=self.resolution,
             principal_point_px=self.centre_px,
             distortion=self.distortion,
-            **more,
+            focus_mm=focus_mm,
+            matrix=np.eye(4) if matrix is None else matrix,
         )
 
 

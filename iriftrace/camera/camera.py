@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -31,6 +30,7 @@ from iriftrace.camera.distortion import (
 from iriftrace.camera.pose_set import fixed
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.triangles import unit_vectors
 
 
@@ -330,7 +330,7 @@ class Camera:
         angle = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
         return angle
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain values for JSON; an unlimited far focus is None."""
         near, far = self.focus_mm
         pinhole = self.projection == "pinhole"
@@ -346,7 +346,7 @@ class Camera:
         }
 
     @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Camera:
+    def from_dict(cls, values: JsonObject) -> Camera:
         """Inverse of :meth:`as_dict`; an InputError for values of a damaged file."""
         try:
             near, far = values["focus_mm"]
