@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import AnyIntArray, BoolArray, Float32Array, FloatArray, IntArray
+from iriftrace.core.arrays import (
+    AnyArray,
+    AnyIntArray,
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+)
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -85,7 +92,7 @@ def polydata(vertices: ArrayLike, faces: ArrayLike) -> pv.PolyData:
     """Triangles as VTK's mesh."""
     import pyvista as pv
 
-    corners: Any = np.asarray(faces)
-    points: Any = np.asarray(vertices)
+    corners: AnyArray = np.asarray(faces)
+    points: AnyArray = np.asarray(vertices)
     mesh: pv.PolyData = pv.PolyData.from_regular_faces(points, corners)
     return mesh

@@ -20,7 +20,8 @@ from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATUR
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_piece
 from iriftrace.field.readers.openfoam_walls import set_values_of_gradients
 from iriftrace.field.readers.states import Contents, State, state_number
-from iriftrace.field.readers.vtk_process import Data, read_case
+from iriftrace.field.readers.vtk_files import blocks_by_name
+from iriftrace.field.readers.vtk_process import read_case
 
 _PROCESSOR = re.compile(r"processor(\d+)")
 # Their faces state no value of their own: neighbours, mirrors, or nothing.
@@ -188,7 +189,7 @@ def _names(piece: Piece, flow: bool) -> list[str]:
 def _piece(folder: Path, time: str, flow: bool) -> Piece:
     """Cells and patches of one folder with a polyMesh."""
     data, named = read_case(folder, time)
-    blocks = _by_name(data)
+    blocks = blocks_by_name(data)
     grid = blocks.get("internalMesh")
     if not isinstance(grid, pv.UnstructuredGrid) or not grid.n_cells:
         raise InputError(
@@ -207,7 +208,7 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
     kinds = _patch_kinds(folder)
     patches = {
         name: mesh
-        for name, mesh in _by_name(blocks.get("boundary")).items()
+        for name, mesh in blocks_by_name(blocks.get("boundary")).items()
         if isinstance(mesh, pv.PolyData) and not _NO_VALUES.fullmatch(kinds.get(name, "patch"))
     }
     walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
@@ -220,10 +221,6 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
             kelvin = np.asarray(arrays[TEMPERATURE], dtype=np.float64)[:, None]
             arrays[VELOCITY_OVER_TEMPERATURE] = np.asarray(arrays[VELOCITY], np.float64) / kelvin
     return piece
-
-
-def _by_name(data: Data | None) -> dict[str, Data | None]:
-    return dict(zip(data.keys(), data, strict=True)) if isinstance(data, pv.MultiBlock) else {}
 
 
 def _patch_kinds(folder: Path) -> dict[str, str]:

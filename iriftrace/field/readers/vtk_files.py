@@ -80,6 +80,11 @@ def blocks_of(data: Data | None) -> Iterator[pv.DataSet]:
         yield data
 
 
+def blocks_by_name(data: Data | None) -> dict[str, Data | None]:
+    """The blocks of a tree; none of anything else."""
+    return dict(zip(data.keys(), data, strict=True)) if isinstance(data, pv.MultiBlock) else {}
+
+
 def _states_in(data: Data) -> list[State]:
     return states_of(
         column_of(name)
