@@ -5,13 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
-from typing import Any, get_args
+from typing import get_args
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.plain import JsonObject
 from iriftrace.features.fit import (
     FEWEST,
     SAMPLE,
@@ -50,7 +51,7 @@ def feature_table(
     choices: Sequence[str],
     by_member: Iterable[FloatArray] = (),
     gate: float | None = GATE,
-) -> list[dict[str, Any]]:
+) -> list[JsonObject]:
     """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
@@ -124,13 +125,13 @@ def _beside(part: Part, region: str) -> Surface | None:
     return Surface(part.vertices, part.faces[touched]) if touched.any() else None
 
 
-def _listed(values: FloatArray | None) -> list[Any] | None:
+def _listed(values: FloatArray | None) -> list[float] | list[list[float]] | None:
     return None if values is None else values.tolist()
 
 
 def feature_row(
     kind: str, region: str | None, count: int, fits: Mapping[str, Feature]
-) -> dict[str, Any]:
+) -> JsonObject:
     """Row of `feature_table` for fits by cloud to the inliers of `count` points."""
     first = next(iter(fits.values()))
     plane = {
