@@ -74,22 +74,12 @@ def feature_table(
     members = list(by_member)
     found = found_features(part, face)
     rows = []
-    several = len(part.region_names) > 1
     for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
         kind, region, mask = chosen_points(choice, face, part)
         chosen = np.flatnonzero(mask)
         count = len(chosen)
         try:
-            if count < FEWEST[kind]:
-                raise InputError(
-                    f"{count} {'point was' if count == 1 else 'points were'} measured on it, and a "
-                    f"{kind} takes at least {FEWEST[kind]}; choose a region that both devices see."
-                )
-            if several and ":" not in choice:
-                raise InputError(
-                    f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
-                    f"are {', '.join(found) or 'none'}."
-                )
+            _refuse_unmeasured(choice, count, part, found)
             chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
         except InputError as error:
@@ -112,6 +102,21 @@ def feature_table(
             }
         rows.append(row)
     return rows
+
+
+def _refuse_unmeasured(choice: str, count: int, part: Part, found: Sequence[str]) -> None:
+    """Refuse a feature with too few of `count` points, or a kind that no measured region is."""
+    kind, named, _ = choice.partition(":")
+    if count < FEWEST[kind]:
+        raise InputError(
+            f"{count} {'point was' if count == 1 else 'points were'} measured on it, and a "
+            f"{kind} takes at least {FEWEST[kind]}; choose a region that both devices see."
+        )
+    if len(part.region_names) > 1 and not named:
+        raise InputError(
+            f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
+            f"are {', '.join(found) or 'none'}."
+        )
 
 
 def _beside(part: Part, region: str) -> Surface | None:
