@@ -142,12 +142,17 @@ def _around(piece: Piece, number: IntArray) -> Iterator[_Around]:
     for name, patch in piece.patches.items():
         if not patch.n_cells or tree is None:
             continue
-        polygons = patch.GetPolys()
-        starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
-        corner = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
-        face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        face, corner = polygon_corners(patch)
         points = np.asarray(patch.points, dtype=np.float64)
-        centres = added(face, points[corner], len(starts) - 1) / np.diff(starts)[:, None]
+        centres = added(face, points[corner], patch.n_cells) / np.bincount(face)[:, None]
         kind = _WALLS if name in piece.walls else _PATCHES
         arm = centres[face] - points[corner]
         yield _Around(kind, number[tree.query(points)[1]][corner], face, arm, patch.cell_data)
+
+
+def polygon_corners(patch: pv.PolyData) -> tuple[IntArray, IntArray]:
+    """Face and point number of every corner of a patch."""
+    polygons = patch.GetPolys()
+    starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
+    corners = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
+    return np.repeat(np.arange(len(starts) - 1), np.diff(starts)), corners

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.readers.openfoam_mesh import Piece
+from iriftrace.field.readers.openfoam_mesh import Piece, polygon_corners
 
 Entries = dict[str, "str | FloatArray | Entries"]
 """Entries of a dictionary: texts, arrays of scalars, or entries of their own."""
@@ -201,7 +201,7 @@ def _numbers(
 
 def _owners(grid: pv.UnstructuredGrid, patch: pv.PolyData) -> IntArray:
     """Number of the cell behind each face of a patch, (f,): the one that has all its corners."""
-    face, corner = _corners(patch)
+    face, corner = polygon_corners(patch)
     near = cKDTree(np.asarray(grid.points)).query(np.asarray(patch.points))[1][corner]
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)
     cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))
@@ -218,7 +218,7 @@ def _owners(grid: pv.UnstructuredGrid, patch: pv.PolyData) -> IntArray:
 
 def _distances(patch: pv.PolyData, centres: FloatArray) -> FloatArray:
     """Distance (f,) of the faces' planes from the (f, 3) centres of their cells."""
-    face, corner = _corners(patch)
+    face, corner = polygon_corners(patch)
     points = np.asarray(patch.points, dtype=np.float64)[corner]
     first = np.flatnonzero(np.diff(face, prepend=-1))
     count = np.diff(np.append(first, len(face)))
@@ -230,11 +230,3 @@ def _distances(patch: pv.PolyData, centres: FloatArray) -> FloatArray:
     normal = area / np.linalg.norm(area, axis=1, keepdims=True)
     distance: FloatArray = np.abs(np.einsum("ij,ij->i", normal, middle - centres))
     return distance
-
-
-def _corners(patch: pv.PolyData) -> tuple[IntArray, IntArray]:
-    """Face and point number of every corner."""
-    polygons = patch.GetPolys()
-    starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
-    corners = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
-    return np.repeat(np.arange(len(starts) - 1), np.diff(starts)), corners
