@@ -257,8 +257,7 @@ class Camera:
     def _without_distortion(self, position: FloatArray) -> FloatArray:
         """(n, 2) places on the sensor, mm from the axis, where a pinhole camera would see them."""
         if self.distortion is None:
-            on_sensor: FloatArray = (position - self.principal_point_px) * self.pixel_pitch_mm
-            return on_sensor
+            return (position - self.principal_point_px) * self.pixel_pitch_mm
         found = undistorted(self._normalised(position), self.distortion)
         lost = np.flatnonzero(np.isnan(found[:, 0]))
         if len(lost):
@@ -301,8 +300,7 @@ class Camera:
             places = np.stack(distorted(x, y, self.distortion.coefficients), axis=1)
             places[~(np.hypot(x, y) < fold_radius(self.distortion))] = np.nan
             on_sensor = places * self.focal_length_mm
-        position: FloatArray = on_sensor / self.pixel_pitch_mm + self.principal_point_px
-        return position
+        return on_sensor / self.pixel_pitch_mm + self.principal_point_px
 
     def pixel_solid_angle(self) -> FloatArray:
         """Solid angle of every pixel of a pinhole camera, (h, w) array, sr.

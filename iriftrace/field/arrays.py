@@ -230,8 +230,7 @@ def to_kelvin(
 ) -> FloatArray:
     """Temperatures, (n,), K, of the values of an array; units and errors as `to_refractivity`."""
     zero, slope = _scale(_unit_of(choice, units, temperature_unit, path), choice.quantity)
-    kelvins: FloatArray = zero + values * slope
-    return kelvins
+    return zero + values * slope
 
 
 def to_refractivity(

@@ -110,5 +110,4 @@ def _ghosts(values: AnyArray, kind: str) -> BoolArray:
 
 
 def _not_valid(values: AnyArray) -> BoolArray:
-    mask: BoolArray = ~(as_float64(values) >= 1.0)
-    return mask
+    return ~(as_float64(values) >= 1.0)

@@ -146,8 +146,7 @@ def corner_means(grid: pv.UnstructuredGrid, values: AnyArray, cells: IntArray) -
     count = np.diff(starts)[cells]
     cell, place = runs(count)
     sums = added(cell, values[corners[starts[cells][cell] + place]], len(cells))
-    means: FloatArray = (sums.T / count).T
-    return means
+    return (sums.T / count).T
 
 
 def _with_corners(faces: _Faces, size: int) -> tuple[IntArray, IntArray]:

@@ -51,8 +51,7 @@ def row_lengths(vectors: FloatArray) -> FloatArray:
 def unit_vectors(vectors: FloatArray) -> FloatArray:
     """(n, 3) vectors scaled to length 1; zero stays zero."""
     length = row_lengths(vectors)[:, None]
-    units: FloatArray = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
-    return units
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
 def smooth_normals(vertices: Float32Array | FloatArray, faces: IntArray) -> FloatArray:

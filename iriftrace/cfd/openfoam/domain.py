@@ -295,8 +295,7 @@ def _plume_ends(part: Part, scale: float) -> tuple[float, float]:
 
 def _whole(lengths: FloatArray, cell: float) -> FloatArray:
     """Lengths as whole cells, up."""
-    whole: FloatArray = np.ceil(lengths / cell - 1e-9) * cell
-    return whole
+    return np.ceil(lengths / cell - 1e-9) * cell
 
 
 def _triple(values: Iterable[float]) -> tuple[float, float, float]:

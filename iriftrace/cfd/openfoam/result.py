@@ -190,8 +190,7 @@ def _shortened(values: Float32Array) -> Float32Array:
     A heat balance needs no more, and compressed they take up half the room.
     """
     bits = np.ascontiguousarray(values).view(np.uint32)
-    rounded: Float32Array = ((bits + 0x800) & 0xFFFFF000).view(np.float32)
-    return rounded
+    return ((bits + 0x800) & 0xFFFFF000).view(np.float32)
 
 
 def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: FieldFacts) -> None:

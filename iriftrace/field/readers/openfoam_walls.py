@@ -212,8 +212,7 @@ def _owners(grid: pv.UnstructuredGrid, patch: pv.PolyData) -> IntArray:
         (np.ones(len(cell), dtype=np.int32), (of_cells, cell)), shape=(grid.n_points, grid.n_cells)
     )
     common = (faces @ cells).tocsr()
-    owner: IntArray = np.asarray(common.argmax(axis=1)).ravel().astype(np.int64)
-    return owner
+    return np.asarray(common.argmax(axis=1)).ravel().astype(np.int64)
 
 
 def _distances(patch: pv.PolyData, centres: FloatArray) -> FloatArray:
