@@ -13,7 +13,7 @@ from pathlib import Path
 from warnings import warn
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
@@ -189,7 +189,7 @@ def _without_scalars(values: CalibrationValues) -> CalibrationValues:
     content = {**values.content, PINHOLE[0]: pinhole}
     if isinstance(lens[0], int | float) and values.named(DISTORTION) is None:
         content[DISTORTION[0]] = [0.0 if value is None else value for value in lens]
-    return CalibrationValues(values.path, content, values.camera)
+    return evolve(values, content=content)
 
 
 def to_world(rotation: FloatArray, translation: FloatArray) -> FloatArray:
@@ -268,7 +268,7 @@ def _resolution(values: CalibrationValues) -> tuple[int, int]:
     """Pixels across and down."""
     if values.named(WIDTH) is None and values.named(SIZE) is not None:
         width, height = values.array(SIZE, (2,))
-        values = CalibrationValues(values.path, {WIDTH[0]: width, HEIGHT[0]: height}, values.camera)
+        values = evolve(values, content={WIDTH[0]: width, HEIGHT[0]: height})
     if values.named(WIDTH) is None and values.named(HEIGHT) is None:
         raise values.wrong(
             f"{WIDTH[0]} and {HEIGHT[0]} are missing, the pixels of the pictures; add both lines"
@@ -277,7 +277,8 @@ def _resolution(values: CalibrationValues) -> tuple[int, int]:
 
 
 def _distortion(values: CalibrationValues) -> Distortion:
-    if "none" in _models(values):
+    models = _models(values)
+    if "none" in models:
         return Distortion()
     if values.named(DISTORTION) is None:
         parts = [name for name in values.content if is_part_of_a_distortion(str(name))]
@@ -291,7 +292,6 @@ def _distortion(values: CalibrationValues) -> Distortion:
             )
         )
     numbers = values.array(DISTORTION)
-    models = _models(values)
     if models & set(_RADTAN) and len(numbers) != 4:
         raise values.wrong(
             f"the lens model {', '.join(models & set(_RADTAN))!r} has four coefficients, k1, k2, "

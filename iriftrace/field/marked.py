@@ -35,7 +35,7 @@ def unmarked(block: pv.DataSet) -> Unmarked:
     cells = np.zeros(grid.n_cells, dtype=bool)
     names: set[str] = set()
     for data, kind, mask in ((grid.point_data, "point", points), (grid.cell_data, "cell", cells)):
-        found = {name: _not_valid(data[name]) for name in data if name.lower() in _VALID}
+        found = {n: ~(as_float64(data[n]) >= 1.0) for n in data if n.lower() in _VALID}
         found |= {name: _ghosts(values, kind) for name, values in ghosts[kind].items()}
         for name, marked in found.items():
             mask |= marked
@@ -107,7 +107,3 @@ def _ghosts(values: AnyArray, kind: str) -> BoolArray:
     marks = values.astype(np.int64)
     mask: BoolArray = (marks & _HIDDEN_POINT) != 0 if kind == "point" else marks != 0
     return mask
-
-
-def _not_valid(values: AnyArray) -> BoolArray:
-    return ~(as_float64(values) >= 1.0)

@@ -22,6 +22,9 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.field.readers.openfoam_mesh import Piece, polygon_corners
 
+if TYPE_CHECKING:
+    import pyvista as pv
+
 Entries = dict[str, "str | FloatArray | Entries"]
 """Entries of a dictionary: texts, arrays of scalars, or entries of their own."""
 
@@ -40,9 +43,6 @@ _TOKEN = re.compile(
     |(?P<word>"[^"]*"|[{};]|[^\s{};"]+)""",
     re.DOTALL | re.VERBOSE,
 )
-
-if TYPE_CHECKING:
-    import pyvista as pv
 
 
 def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -> None:

@@ -85,6 +85,11 @@ def states_of(columns: Iterable[Column]) -> list[State]:
     return [(label, time_in(label)) for label in labels or ("",)]
 
 
+def states_at(times: Iterable[str]) -> list[State]:
+    """States at times as a file writes them, or one without a name."""
+    return [(f"t = {time}", float(time)) for time in times] or [("", None)]
+
+
 def time_in(state: str) -> float | None:
     """The time that a state names, or None."""
     found = _TIME.search(state)
