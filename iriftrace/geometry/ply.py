@@ -6,14 +6,14 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, AnyIntArray, FloatArray, IntArray
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import stated_length_unit
 
 
@@ -27,8 +27,8 @@ class PlyMesh:
 
     vertices: FloatArray
     faces: IntArray
-    vertex_columns: dict[str, NDArray[Any]]
-    face_columns: dict[str, NDArray[Any]]
+    vertex_columns: dict[str, AnyArray]
+    face_columns: dict[str, AnyArray]
     remarks: tuple[str, ...] = ()
     length_unit: str = ""  # that a comment states
 
@@ -48,7 +48,7 @@ def read_ply(path: Path) -> PlyMesh:
     small = _CAPITAL_AXIS.sub(lambda axis: axis[0].lower(), head)
     with path.open("rb") as file:
         data = file if small == head else io.BytesIO(small + file.read()[len(head) :])
-        mesh: Any = trimesh.load(data, file_type="ply", process=False)
+        mesh = trimesh.load(data, file_type="ply", process=False)
     raw = mesh.metadata.get("_ply_raw", {})
     # A file of no vertices is an empty scene to trimesh.
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
@@ -111,7 +111,7 @@ _BYTES = {
 }
 
 
-def _columns(raw: Any, element: str) -> dict[str, NDArray[Any]]:
+def _columns(raw: JsonObject, element: str) -> dict[str, AnyArray]:
     """Columns of numbers: an array with fields of a binary file, a dictionary of one of text."""
     data = raw.get(element, {}).get("data")
     if data is None:
@@ -168,7 +168,7 @@ def write_ply(
 def write_ply_points(
     path: str | Path,
     points: FloatArray,
-    columns: Mapping[str, NDArray[Any]],
+    columns: Mapping[str, AnyArray],
     *,
     comments: Sequence[str] = (),
     remarks: Sequence[str] = (),
@@ -195,7 +195,7 @@ def write_ply_points(
     _write(path, header, rows)
 
 
-def _write(path: str | Path, header: Sequence[str], *tables: NDArray[Any]) -> None:
+def _write(path: str | Path, header: Sequence[str], *tables: AnyArray) -> None:
     lines = ("ply", "format binary_little_endian 1.0", *header, "end_header\n")
     with whole_file(path) as temporary, temporary.open("wb") as file:
         file.write("\n".join(lines).encode())
@@ -207,7 +207,7 @@ _PROPERTY = {"<f8": "double", "<f4": "float", "<i4": "int", "u1": "uchar"}
 """Words of PLY for kinds of numbers."""
 
 
-def _kind(values: NDArray[Any]) -> str:
+def _kind(values: AnyArray) -> str:
     if values.dtype == np.uint8:
         return "u1"
     if values.dtype.kind in "iub":

@@ -5,13 +5,12 @@ from __future__ import annotations
 import itertools
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
 from attrs import frozen
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
 from iriftrace.core.units import stated_length_unit
@@ -57,7 +56,7 @@ def load_mesh_file(path: Path) -> MeshFile:
             "PLY, STL, OBJ or GLB."
         )
     unit, region_columns, growth, drawing = None, [], None, None
-    mesh: Any
+    mesh: PlyMesh | trimesh.parent.Geometry
     try:
         if suffix == "ply":
             mesh = read_ply(path)
@@ -85,7 +84,7 @@ def load_mesh_file(path: Path) -> MeshFile:
             f"{path} has no triangles or is damaged, so there is nothing to measure; export the "
             "part's surface as triangles."
         )
-    vertices = np.array(mesh.vertices, dtype=np.float64)
+    vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64)
     try:
         check_corners(vertices, faces)
     except ValueError as error:
@@ -118,7 +117,7 @@ def _header(path: Path) -> list[str]:
     return header.decode("utf-8", errors="replace").splitlines()
 
 
-def _regions(path: Path, column: Any, face_count: int) -> Regions:
+def _regions(path: Path, column: AnyArray, face_count: int) -> Regions:
     given = column.astype(np.float64)
     if not (np.abs(given) < LARGEST_REGION).all():
         raise InputError(
