@@ -10,13 +10,12 @@ The refractive index is in `iriftrace.air.refractivity`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import FloatArray
+from iriftrace.core.arrays import FloatArray, as_float64
 
 MOLAR_MASS = 28.85
 """g/mol."""
@@ -70,11 +69,11 @@ def heat_capacity(temperature_k: ArrayLike) -> FloatArray:
 
 def enthalpy(temperature_k: ArrayLike) -> FloatArray:
     """Enthalpy, J/kg, up to a constant: the integral of `heat_capacity`; 200 to 5000 K."""
-    return _of_polynomials(temperature_k, lambda c: np.polyint(c[4::-1], k=c[5]))
+    return _of_polynomials(temperature_k, lambda c: as_float64(np.polyint(c[4::-1], k=c[5])))
 
 
 def _of_polynomials(
-    temperature_k: ArrayLike, terms: Callable[[tuple[float, ...]], Any]
+    temperature_k: ArrayLike, terms: Callable[[tuple[float, ...]], Sequence[float] | FloatArray]
 ) -> FloatArray:
     """Polynomials with terms of the coefficients, highest power first, times the gas constant."""
     kelvin = np.asarray(temperature_k, dtype=np.float64)

@@ -7,13 +7,14 @@ pixel turns them into the focal length and the sensor's size that results state.
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
-from typing import Any
 from warnings import warn
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
+from numpy.typing import ArrayLike
 
 from iriftrace.camera.calibration_file import CalibrationValues, calibration_content, folded
 from iriftrace.camera.calibration_matlab import matlab_camera
@@ -96,7 +97,13 @@ class Calibration:
     matrix: FloatArray | None
     views: int
 
-    def camera(self, *, pixel_size_mm: float, **more: Any) -> Camera:
+    def camera(
+        self,
+        *,
+        pixel_size_mm: float,
+        focus_mm: tuple[float, float] = (0.0, math.inf),
+        matrix: ArrayLike | None = None,
+    ) -> Camera:
         """The calibrated camera.
 
         Parameters
@@ -104,8 +111,8 @@ class Calibration:
         pixel_size_mm : float, mm
             Width of a pixel. Its height follows from the two focal lengths, which belong to one
             lens.
-        **more
-            Focus interval and pose, as of :class:`iriftrace.camera.camera.Camera`.
+        focus_mm, matrix
+            As of :class:`iriftrace.camera.camera.Camera`.
         """
         if not 0 < pixel_size_mm < LARGEST_PIXEL_MM:
             raise InputError(
@@ -120,7 +127,8 @@ class Calibration:
             resolution=self.resolution,
             principal_point_px=self.centre_px,
             distortion=self.distortion,
-            **more,
+            focus_mm=focus_mm,
+            matrix=np.eye(4) if matrix is None else matrix,
         )
 
 
@@ -181,7 +189,7 @@ def _without_scalars(values: CalibrationValues) -> CalibrationValues:
     content = {**values.content, PINHOLE[0]: pinhole}
     if isinstance(lens[0], int | float) and values.named(DISTORTION) is None:
         content[DISTORTION[0]] = [0.0 if value is None else value for value in lens]
-    return CalibrationValues(values.path, content, values.camera)
+    return evolve(values, content=content)
 
 
 def to_world(rotation: FloatArray, translation: FloatArray) -> FloatArray:
@@ -260,7 +268,7 @@ def _resolution(values: CalibrationValues) -> tuple[int, int]:
     """Pixels across and down."""
     if values.named(WIDTH) is None and values.named(SIZE) is not None:
         width, height = values.array(SIZE, (2,))
-        values = CalibrationValues(values.path, {WIDTH[0]: width, HEIGHT[0]: height}, values.camera)
+        values = evolve(values, content={WIDTH[0]: width, HEIGHT[0]: height})
     if values.named(WIDTH) is None and values.named(HEIGHT) is None:
         raise values.wrong(
             f"{WIDTH[0]} and {HEIGHT[0]} are missing, the pixels of the pictures; add both lines"
@@ -269,7 +277,8 @@ def _resolution(values: CalibrationValues) -> tuple[int, int]:
 
 
 def _distortion(values: CalibrationValues) -> Distortion:
-    if "none" in _models(values):
+    models = _models(values)
+    if "none" in models:
         return Distortion()
     if values.named(DISTORTION) is None:
         parts = [name for name in values.content if is_part_of_a_distortion(str(name))]
@@ -283,7 +292,6 @@ def _distortion(values: CalibrationValues) -> Distortion:
             )
         )
     numbers = values.array(DISTORTION)
-    models = _models(values)
     if models & set(_RADTAN) and len(numbers) != 4:
         raise values.wrong(
             f"the lens model {', '.join(models & set(_RADTAN))!r} has four coefficients, k1, k2, "

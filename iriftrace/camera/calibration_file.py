@@ -9,7 +9,6 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -41,7 +40,7 @@ class _MatrixLoader(yaml.SafeLoader):  # type: ignore[misc, unused-ignore]
         super().__init__(stream)
         self._values: dict[yaml.Node, int] = {}
 
-    def compose_node(self, parent: Any, index: Any) -> Any:
+    def compose_node(self, parent: yaml.Node | None, index: object) -> yaml.Node:
         """The next value of the file."""
         alias = self.check_event(yaml.AliasEvent)
         node = super().compose_node(parent, index)
@@ -69,7 +68,7 @@ _MatrixLoader.add_multi_constructor(
 )
 
 
-def calibration_content(path: Path) -> Mapping[str, Any]:
+def calibration_content(path: Path) -> Mapping[str, object]:
     """Named values of a calibration file.
 
     Matrices are flat or nested lists, or mappings with these under ``data``. An InputError if the
@@ -100,7 +99,7 @@ def calibration_content(path: Path) -> Mapping[str, Any]:
         return colmap
     try:
         if text.lstrip().startswith("<"):
-            content: Any = _xml_values(text)
+            content: object = _xml_values(text)
         elif text.lstrip().startswith("{"):
             content = json.loads(text)
         else:
@@ -121,7 +120,7 @@ def calibration_content(path: Path) -> Mapping[str, Any]:
 _NO_BLANK = re.compile(r"^(\s*[A-Za-z_]\w*):(?=\S)", re.MULTILINE)
 
 
-def _yaml_values(text: str) -> Any:
+def _yaml_values(text: str) -> object:
     """The one document of a YAML file; `rostopic echo` ends it with a line of its own."""
     # OpenCV's first line, "%YAML:1.0", is not YAML, and neither is key:value.
     first, _, rest = text.partition("\n")
@@ -132,7 +131,7 @@ def _yaml_values(text: str) -> Any:
     return documents[0] if documents else None
 
 
-def _xml_values(text: str) -> Any:
+def _xml_values(text: str) -> dict[str, object]:
     """Named values of OpenCV's XML."""
     if "<!ENTITY" in text:
         raise ValueError("it has entities, which no calibration needs")
@@ -142,7 +141,7 @@ def _xml_values(text: str) -> Any:
     return {entry.tag: _xml_value(entry) for entry in root}
 
 
-def _xml_value(entry: ElementTree.Element) -> Any:
+def _xml_value(entry: ElementTree.Element) -> object:
     """A mapping, a sequence (its entries have the tag ``_``), or words; one word for a scalar."""
     if len(entry) and all(child.tag == "_" for child in entry):
         return [_xml_value(child) for child in entry]
@@ -172,7 +171,7 @@ class CalibrationValues:
     """
 
     path: Path
-    content: Mapping[str, Any]
+    content: Mapping[str, object]
     camera: str = ""
 
     @property
@@ -184,7 +183,7 @@ class CalibrationValues:
         """The error for a fault of this file."""
         return InputError(f"The calibration {self.called}: {fault}.")
 
-    def named(self, names: Iterable[str]) -> Any:
+    def named(self, names: Iterable[str]) -> object:
         """Value under the first of the names that the file has, in any case; None without one."""
         name = self._spelling(names)
         return None if name is None else self.content[name]

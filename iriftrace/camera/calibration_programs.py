@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from iriftrace.core.errors import InputError
 
@@ -49,7 +48,7 @@ def refuse_other_programs(path: Path, text: str) -> None:
             raise InputError(f"{path} is of {program}, and is not read; {advice}.")
 
 
-def colmap_values(path: Path, text: str) -> dict[str, Any] | None:
+def colmap_values(path: Path, text: str) -> dict[str, object] | None:
     """Named values of COLMAP's cameras.txt; None for another file, InputError for two cameras."""
     found = list(_COLMAPS_LINE.finditer(text))
     if not found:
@@ -66,17 +65,17 @@ def colmap_values(path: Path, text: str) -> dict[str, Any] | None:
             f"{path} has {len(rest)} numbers for the camera model {model} instead of "
             f"{len(names)} ({', '.join(names)}); export it again."
         )
-    values: dict[str, Any] = dict(zip(names, map(float, rest), strict=False))
+    values = dict(zip(names, map(float, rest), strict=False))
     # Another model is refused by its name.
     lens = "opencv" if "k1" in values else "none" if model in _COLMAP else model
     focal = values.pop("f", None)
     if focal is not None:
         values |= {"fx": focal, "fy": focal}
-    centre: dict[str, Any] = {name: values[name] - 0.5 for name in ("cx", "cy") if name in values}
+    centre: dict[str, float] = {name: values[name] - 0.5 for name in ("cx", "cy") if name in values}
     return {**values, **centre, "distortion_model": lens}
 
 
-def realsense_values(content: Mapping[str, Any]) -> Mapping[str, Any]:
+def realsense_values(content: Mapping[str, object]) -> Mapping[str, object]:
     """Values of librealsense's intrinsics under OpenCV's names; other ones as they are."""
     if not {"ppx", "ppy", "coeffs"} <= content.keys():
         return content

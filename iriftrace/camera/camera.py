@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -31,6 +30,7 @@ from iriftrace.camera.distortion import (
 from iriftrace.camera.pose_set import fixed
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
+from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.triangles import unit_vectors
 
 
@@ -257,8 +257,7 @@ class Camera:
     def _without_distortion(self, position: FloatArray) -> FloatArray:
         """(n, 2) places on the sensor, mm from the axis, where a pinhole camera would see them."""
         if self.distortion is None:
-            on_sensor: FloatArray = (position - self.principal_point_px) * self.pixel_pitch_mm
-            return on_sensor
+            return (position - self.principal_point_px) * self.pixel_pitch_mm
         found = undistorted(self._normalised(position), self.distortion)
         lost = np.flatnonzero(np.isnan(found[:, 0]))
         if len(lost):
@@ -301,8 +300,7 @@ class Camera:
             places = np.stack(distorted(x, y, self.distortion.coefficients), axis=1)
             places[~(np.hypot(x, y) < fold_radius(self.distortion))] = np.nan
             on_sensor = places * self.focal_length_mm
-        position: FloatArray = on_sensor / self.pixel_pitch_mm + self.principal_point_px
-        return position
+        return on_sensor / self.pixel_pitch_mm + self.principal_point_px
 
     def pixel_solid_angle(self) -> FloatArray:
         """Solid angle of every pixel of a pinhole camera, (h, w) array, sr.
@@ -330,7 +328,7 @@ class Camera:
         angle = corner[1:, 1:] - corner[1:, :-1] - corner[:-1, 1:] + corner[:-1, :-1]
         return angle
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain values for JSON; an unlimited far focus is None."""
         near, far = self.focus_mm
         pinhole = self.projection == "pinhole"
@@ -346,7 +344,7 @@ class Camera:
         }
 
     @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> Camera:
+    def from_dict(cls, values: JsonObject) -> Camera:
         """Inverse of :meth:`as_dict`; an InputError for values of a damaged file."""
         try:
             near, far = values["focus_mm"]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from attrs import astuple, field, frozen
@@ -28,11 +28,14 @@ ORDER = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 MOST_ROUNDS = 30
 """Newton steps after which the inverse is taken not to exist."""
 
+Numbers: TypeAlias = Any
+"""Numbers, or arrays of them of NumPy or Dr.Jit, which share no type."""
+
 _CLOSE = 1e-9  # One more Newton step from here is exact in double precision.
 _BLOCK = 1 << 14  # Positions worked on at a time, so that they stay in the processor's cache.
 
 
-def _coefficient() -> Any:
+def _coefficient() -> float:
     return field(default=0.0, converter=float)
 
 
@@ -97,7 +100,7 @@ class Distortion:
         return ", ".join(f"{name} {value:g}" for name, value in self.as_dict().items() if value)
 
 
-def distorted(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any]:
+def distorted(x: Numbers, y: Numbers, coefficients: Numbers) -> tuple[Numbers, Numbers]:
     """Where points at (x, y) appear; all normalised, numbers or arrays of NumPy or Dr.Jit."""
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
     xx, yy, xy = x * x, y * y, x * y
@@ -109,7 +112,7 @@ def distorted(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any]:
     )
 
 
-def jacobian(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+def jacobian(x: Numbers, y: Numbers, coefficients: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Derivatives of :func:`distorted`, a symmetric matrix: its entries xx, xy and yy."""
     k1, k2, p1, p2, k3, k4, k5, k6 = coefficients
     r2 = x * x + y * y
@@ -125,7 +128,9 @@ def jacobian(x: Any, y: Any, coefficients: Any) -> tuple[Any, Any, Any]:
     )
 
 
-def newton_step(x: Any, y: Any, seen_x: Any, seen_y: Any, coefficients: Any) -> tuple[Any, Any]:
+def newton_step(
+    x: Numbers, y: Numbers, seen_x: Numbers, seen_y: Numbers, coefficients: Numbers
+) -> tuple[Numbers, Numbers]:
     """A better guess of the point that appears at (seen_x, seen_y), from the guess (x, y).
 
     From the start (seen_x, seen_y) the guesses approach from one side, without overshooting, where

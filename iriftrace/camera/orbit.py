@@ -150,6 +150,18 @@ def orbit_poses(
     """
     azimuths = np.atleast_1d(np.asarray(azimuth_deg, dtype=np.float64)).ravel()
     elevations = np.atleast_1d(np.asarray(elevation_deg, dtype=np.float64)).ravel()
+    _check_angles(azimuths, elevations)
+    pairs = [
+        (azimuth, elevation)
+        for elevation in elevations.tolist()
+        for azimuth in ([0.0] if abs(elevation) == 90.0 else azimuths.tolist())
+    ]
+    azimuth, elevation = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
+    return _posed(orbit, azimuth, elevation, target)
+
+
+def _check_angles(azimuths: FloatArray, elevations: FloatArray) -> None:
+    """Refuse angles without a pose, and warn of poses that occur twice."""
     if not (np.isfinite(azimuths).all() and np.isfinite(elevations).all()):
         raise InputError("An azimuth or elevation is not finite; give degrees.")
     if len(elevations) and np.abs(elevations).max() > 90.0:
@@ -168,15 +180,8 @@ def orbit_poses(
             "Some azimuths are equal but for full turns, so their poses are traced and ranked "
             "more than once; end the range before it closes, such as 0:350:36.",
             IriftraceWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
-    pairs = [
-        (azimuth, elevation)
-        for elevation in elevations.tolist()
-        for azimuth in ([0.0] if abs(elevation) == 90.0 else azimuths.tolist())
-    ]
-    azimuth, elevation = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
-    return _posed(orbit, azimuth, elevation, target)
 
 
 def fibonacci_poses(orbit: Orbit, count: int, target: ArrayLike | None = None) -> PoseSet:

@@ -20,7 +20,6 @@ import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
@@ -171,7 +170,7 @@ def _with_axes(matrices: ArrayLike, axes: FloatArray) -> FloatArray:
     return turned
 
 
-def _columns(path: Path) -> dict[str, Any]:
+def _columns(path: Path) -> dict[str, object]:
     """What a file states of its poses, by name; ``aimed`` where they come from targets."""
     try:
         content = path.read_bytes()
@@ -194,7 +193,7 @@ def _columns(path: Path) -> dict[str, Any]:
     return _object(text, path) if kind == ".json" else _table(text, path)
 
 
-def _object(text: str, path: Path) -> dict[str, Any]:
+def _object(text: str, path: Path) -> dict[str, object]:
     try:
         data = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
@@ -209,7 +208,7 @@ def _object(text: str, path: Path) -> dict[str, Any]:
     return {key: columns[key] for key in known if key in columns}
 
 
-def _stack(values: Any, path: Path) -> FloatArray:
+def _stack(values: object, path: Path) -> FloatArray:
     try:
         array = np.array(values, dtype=np.float64)
     except (ValueError, TypeError, OverflowError):
@@ -223,7 +222,7 @@ def _stack(values: Any, path: Path) -> FloatArray:
     )
 
 
-def _angles(columns: dict[str, Any], name: str, count: int, path: Path) -> FloatArray:
+def _angles(columns: dict[str, object], name: str, count: int, path: Path) -> FloatArray:
     try:
         angles = np.array(columns.get(name, [np.nan] * count), dtype=np.float64)
     except (ValueError, TypeError):
@@ -252,7 +251,7 @@ class _Table:
         return self.cells[:, columns].astype(np.float64)
 
 
-def _table(text: str, path: Path) -> dict[str, Any]:
+def _table(text: str, path: Path) -> dict[str, object]:
     """Columns of a text table of poses, as `read_poses` describes it, by name.
 
     ``matrices`` are (n, 4, 4); ``aimed`` is true for poses that came from targets, which are in
@@ -310,7 +309,7 @@ def _unnamed(table: _Table) -> FloatArray:
     )
 
 
-def _named(table: _Table, names: list[str]) -> dict[str, Any]:
+def _named(table: _Table, names: list[str]) -> dict[str, object]:
     twice = [name for name in (*MATRIX, *_ORIGIN, *_QUATERNION, *_TARGET) if names.count(name) > 1]
     if twice:
         raise InputError(f"{table.path} has the column {twice[0]} twice; remove one.")
@@ -325,7 +324,7 @@ def _named(table: _Table, names: list[str]) -> dict[str, Any]:
         raise InputError(
             f"The header of {table.path} ({', '.join(names)}) {fault}; name the columns {_NAMES}."
         )
-    read: dict[str, Any] = {"aimed": complete[2]}
+    read: dict[str, object] = {"aimed": complete[2]}
     if complete[0]:
         read["matrices"] = columns(MATRIX).reshape(-1, 4, 4)
     elif complete[1]:
@@ -362,7 +361,7 @@ def _from_quaternions(origins: FloatArray, quaternions: FloatArray, table: _Tabl
     return matrices
 
 
-def _described(poses: PoseSet, matrices: FloatArray, convention: str) -> dict[str, Any]:
+def _described(poses: PoseSet, matrices: FloatArray, convention: str) -> dict[str, object]:
     angles = (poses.azimuth_deg, poses.elevation_deg)
     listed = [[None if np.isnan(x) else x for x in angle.tolist()] for angle in angles]
     return {

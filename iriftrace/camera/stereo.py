@@ -7,9 +7,8 @@ become the named values of two cameras and the rest, and then every value is fou
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from warnings import warn
 
 import numpy as np
@@ -136,28 +135,14 @@ def read_stereo_calibration(
         raise InputError(
             f"{len(paths)} files are given as the calibration of two cameras; give one or two."
         )
-    contents = [calibration_content(Path(path)) for path in paths]
-    values = CalibrationValues(Path(paths[0]), contents[0])
-    if len(contents) == 2 and all(_is_camera(content) for content in contents):
-        named = [str(content.get("camera_name", "")) for content in contents]
-        first, second = (
-            CalibrationValues(Path(path), content)
-            for path, content in zip(paths, contents, strict=True)
-        )
-        rest = evolve(values, content={})
-        sides = ("left", "right") if "left" in named[0] and "right" in named[1] else ("1", "2")
-    else:
-        if len(contents) == 2:
-            values = evolve(values, content={**contents[0], **contents[1]})
-        first, second, sides = _two_cameras(values)
-        rest = values
+    first, second, rest, sides = _cameras_in(paths)
     rotation, translation, usual = _motion(first, second, rest)
     unit = length_unit or usual
     shift = translation * length_factor(unit)
     _check_baseline(rest, float(np.linalg.norm(shift)), unit)
     if sides[0] in ("left", "l") and (-rotation.T @ shift)[0] < 0.0:
         warn(
-            f"In {values.path} the right camera stands to the left of the left one. If that is "
+            f"In {rest.path} the right camera stands to the left of the left one. If that is "
             "wrong, R and T lead from right to left: invert them.",
             IriftraceWarning,
             stacklevel=2,
@@ -173,7 +158,21 @@ def read_stereo_calibration(
     )
 
 
-def _is_camera(content: Mapping[str, Any]) -> bool:
+def _cameras_in(
+    paths: Sequence[str | Path],
+) -> tuple[CalibrationValues, CalibrationValues, CalibrationValues, tuple[str, str]]:
+    """Values of each camera, those of neither, and what the one or two files call the two."""
+    files = [CalibrationValues(Path(path), calibration_content(Path(path))) for path in paths]
+    if len(files) == 2 and all(_is_camera(file.content) for file in files):
+        named = [str(file.content.get("camera_name", "")) for file in files]
+        sides = ("left", "right") if "left" in named[0] and "right" in named[1] else ("1", "2")
+        return files[0], files[1], evolve(files[0], content={}), sides
+    values = evolve(files[0], content={**files[0].content, **files[-1].content})
+    first, second, sides = _two_cameras(values)
+    return first, second, values, sides
+
+
+def _is_camera(content: Mapping[str, object]) -> bool:
     """True if the values are those of a single camera."""
     values = CalibrationValues(Path(), content)
     return is_matlab(values) or isinstance(values.named((*MATRIX, *PINHOLE)), (list, Mapping))
@@ -222,7 +221,7 @@ def _listed(values: CalibrationValues) -> str:
 
 
 def _refuse_third(
-    values: CalibrationValues, by_name: Mapping[str, tuple[str, Any]], sides: tuple[str, str]
+    values: CalibrationValues, by_name: Mapping[str, tuple[str, object]], sides: tuple[str, str]
 ) -> None:
     """Refuse files of more cameras, of which any two could be meant."""
     others = {"1": ("0", "3"), "0": ("2",)}.get(sides[0], ())
@@ -233,24 +232,19 @@ def _refuse_third(
             )
 
 
-def _camera_of(by_name: Mapping[str, tuple[str, Any]], side: str) -> dict[str, Any]:
+def _camera_of(by_name: Mapping[str, tuple[str, object]], side: str) -> dict[str, object]:
     """Values of one side: its mapping, or the values whose names start or end with it."""
     for word in _OF_A_CAMERA:
         for name in (word + side, side + word):
-            if isinstance(by_name.get(name, ("", None))[1], Mapping) and not _is_matrix(
-                by_name[name][1]
-            ):
-                return dict(by_name[name][1])
+            _, value = by_name.get(name, ("", None))
+            if isinstance(value, Mapping) and "data" not in value:  # no matrix
+                return dict(value)
     found = {}
     for base in _NAMES:
         for name in (base + side, side + base, f"cam{side}{base}", f"camera{side}{base}"):
             if name in by_name:
                 found[base] = by_name[name][1]
     return found
-
-
-def _is_matrix(value: Mapping[str, Any]) -> bool:
-    return "data" in value
 
 
 def _motion(

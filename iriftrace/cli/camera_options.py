@@ -182,9 +182,10 @@ class CameraOptions:
                 'such as --pixel-size "2.74 um" (no ray depends on it, only the focal length and '
                 "the sensor's size that results state)."
             )
-        pose = {} if calibration.matrix is None else {"matrix": calibration.matrix}
         return calibration.camera(
-            pixel_size_mm=self.pixel_size, focus_mm=self.focus or FOCUS_MM, **pose
+            pixel_size_mm=self.pixel_size,
+            focus_mm=self.focus or FOCUS_MM,
+            matrix=calibration.matrix,
         )
 
     def placed(

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
@@ -35,7 +33,7 @@ def check_e57(path: Path) -> None:
         )
 
 
-def read_e57(path: Path) -> tuple[FloatArray, dict[str, NDArray[Any]]]:
+def read_e57(path: Path) -> tuple[FloatArray, dict[str, AnyArray]]:
     """Read the points (n, 3) of the one scan of an E57 file, at its pose, in the file's unit.
 
     And by name the columns (n,) of `_COLUMNS` that it has. The standard's unit is the metre; some
@@ -50,7 +48,7 @@ def read_e57(path: Path) -> tuple[FloatArray, dict[str, NDArray[Any]]]:
     return columns.pop("points"), columns
 
 
-def read_scan(path: str) -> dict[str, NDArray[Any]]:
+def read_scan(path: str) -> dict[str, AnyArray]:
     """Columns of `read_e57`, the points among them; in the child."""
     import pye57
 
@@ -80,7 +78,7 @@ def read_scan(path: str) -> dict[str, NDArray[Any]]:
 
 
 def write_e57(
-    path: Path, points: FloatArray, measured: BoolArray, columns: Mapping[str, NDArray[Any]]
+    path: Path, points: FloatArray, measured: BoolArray, columns: Mapping[str, AnyArray]
 ) -> None:
     """Write points (n, 3), m, as the one scan of an E57 file, in single precision.
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
 from iriftrace.clouds.columns import (
     axis_of,
@@ -19,7 +18,7 @@ from iriftrace.clouds.columns import (
     unit_of,
 )
 from iriftrace.clouds.text import read_table
-from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError, IriftraceWarning
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.ply import read_ply
@@ -33,7 +32,7 @@ COARSE_DECIMALS = 3
 
 AXES = ("x", "y", "z")
 
-Columns = dict[str, NDArray[Any]]
+Columns = dict[str, AnyArray]
 
 _SIMULATED = re.compile(r"(?:true|error)_[xyz]|error_normal|scatter_normal")
 """Columns of a simulated scan that hold for its points before the correction alone."""
@@ -208,7 +207,7 @@ def _rows(
     return table.astype(np.float64), unit, further, remarks
 
 
-def _single(columns: Mapping[str, NDArray[Any]]) -> Columns:
+def _single(columns: Mapping[str, AnyArray]) -> Columns:
     """Columns of one number a row; those of three bytes are a colour, others get their number."""
     single: Columns = {}
     for name, values in columns.items():
@@ -228,11 +227,10 @@ def _mesh_rows(file: Path, kind: str) -> tuple[FloatArray, Columns, tuple[str, .
 
     try:
         if kind == ".ply":
-            mesh: Any = read_ply(file)
-            columns, remarks, unit = mesh.vertex_columns, mesh.remarks, mesh.length_unit
-        else:
-            mesh, columns, remarks, unit = trimesh.load(file, process=False), {}, (), ""
-        return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3), columns, remarks, unit
+            ply = read_ply(file)
+            return ply.vertices, ply.vertex_columns, ply.remarks, ply.length_unit
+        mesh: Any = trimesh.load(file, process=False)
+        return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3), {}, (), ""
     # A damaged file meets trimesh in many ways, which it does not list.
     except Exception as error:
         raise InputError(f"{file} cannot be read ({error}); export the cloud again.") from error

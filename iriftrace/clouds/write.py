@@ -7,16 +7,15 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iriftrace.clouds.e57 import check_e57, write_e57
 from iriftrace.clouds.read import AXES
-from iriftrace.core.arrays import BoolArray, FloatArray
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import length_factor
 from iriftrace.geometry.ply import write_ply_points
 
@@ -44,8 +43,8 @@ def check_cloud_name(path: Path) -> None:
 def save_cloud(
     path: str | Path,
     points: FloatArray,
-    columns: Mapping[str, NDArray[Any]],
-    values: Mapping[str, Any],
+    columns: Mapping[str, AnyArray],
+    values: JsonObject,
     *,
     unit: str = "mm",
     measured: BoolArray | None = None,
@@ -99,7 +98,7 @@ def save_cloud(
     return cloud, numbers
 
 
-def _write_text(path: Path, points: FloatArray, columns: Mapping[str, NDArray[Any]]) -> None:
+def _write_text(path: Path, points: FloatArray, columns: Mapping[str, AnyArray]) -> None:
     """A line of names, a comment but for .csv, and a row for each point."""
     comma = path.suffix.lower() == ".csv"
     named = dict(zip(AXES, points.T, strict=True)) | dict(columns)

@@ -18,10 +18,13 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from threading import Lock
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from iriftrace.core.arrays import AnyArray
+    from iriftrace.core.plain import JsonObject
 
 _SECONDS, _BYTES_A_SECOND = 5, 1_000_000
 """Processor time of a child: small files take 0.1 s, and text, the slowest, 10 MB a second."""
@@ -40,7 +43,7 @@ class ChildError(Exception):
     """Reason why a child process did not come to its end, as half a sentence."""
 
 
-def read_in_child(function: str, size: int, *arguments: Any) -> Any:
+def read_in_child(function: str, size: int, *arguments: object) -> Any:
     """Call a function in a child process.
 
     Parameters
@@ -79,7 +82,7 @@ class _Server:
         self._channel: socket.socket | None = None
         self._owner = 0
 
-    def ask(self, request: Sequence[Any]) -> tuple[Any, int]:
+    def ask(self, request: Sequence[object]) -> tuple[JsonObject | None, int]:
         """Answer, None if it is cut short, and the status with which the reading process ended."""
         with self._lock:
             channel = self._started()
@@ -132,11 +135,11 @@ _server = _Server()
 atexit.register(_server.stop)
 
 
-def _received(answer: BinaryIO) -> Any:
+def _received(answer: BinaryIO) -> JsonObject | None:
     """What `_answer` wrote: a line of JSON, and the bytes of its arrays; None if cut short."""
-    arrays: list[NDArray[Any]] = []
+    arrays: list[AnyArray] = []
 
-    def made(values: dict[str, Any]) -> Any:
+    def made(values: JsonObject) -> JsonObject | AnyArray:
         if _ARRAY not in values:
             return values
         kind, shape = values[_ARRAY]
@@ -146,17 +149,17 @@ def _received(answer: BinaryIO) -> Any:
     line = answer.readline()
     if not line.endswith(b"\n"):
         return None
-    value = json.loads(line, object_hook=made)
+    value: JsonObject = json.loads(line, object_hook=made)
     for array in filter(np.size, arrays):
         if answer.readinto(array.data.cast("B")) != array.nbytes:  # type: ignore[attr-defined]
             return None
     return value
 
 
-def _answer(out: BinaryIO, work: Callable[..., Any], arguments: Sequence[Any]) -> None:
-    arrays: list[NDArray[Any]] = []
+def _answer(out: BinaryIO, work: Callable[..., object], arguments: Sequence[object]) -> None:
+    arrays: list[AnyArray] = []
 
-    def placeholder(array: NDArray[Any]) -> dict[str, Any]:
+    def placeholder(array: AnyArray) -> JsonObject:
         arrays.append(np.ascontiguousarray(array))
         return {_ARRAY: [array.dtype.str, array.shape]}
 

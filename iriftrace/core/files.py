@@ -12,12 +12,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
 
+from iriftrace.core.arrays import AnyArray
 from iriftrace.core.errors import InputError
 
 
@@ -74,7 +73,7 @@ MOST_PACKED = 100
 """Bytes that one byte of a compressed file may unpack to: fields and their masks stay below 20."""
 
 
-def array_in(content: bytes) -> NDArray[Any]:
+def array_in(content: bytes) -> AnyArray:
     """Array of numbers in the bytes of a ``.npy`` file; nothing is unpickled.
 
     ValueError if it is no such file, or its header states another size than it has.
@@ -98,7 +97,7 @@ def array_in(content: bytes) -> NDArray[Any]:
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
-def arrays_in(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+def arrays_in(path: Path, names: Sequence[str]) -> dict[str, AnyArray]:
     """Arrays of an ``.npz`` file by name, as in `array_in`.
 
     ValueError also if it lacks one, or would unpack to more than `MOST_PACKED` times itself.
@@ -119,6 +118,6 @@ def arrays_in(path: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
     return {name: array_in(content) for name, content in zip(names, contents, strict=True)}
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     """True for a finite number out of a JSON file, in which true and NaN can stand for one."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf

@@ -57,13 +57,13 @@ def _converter() -> Converter:
     return converter
 
 
-def _from_dictionary(kind: type[T], converter: Converter) -> Callable[[Any, Any], T]:
+def _from_dictionary(kind: type[T], converter: Converter) -> Callable[[object, object], T]:
     """cattrs would take a list for a class whose attributes all have defaults."""
     from cattrs.gen import make_dict_structure_fn
 
     made = make_dict_structure_fn(kind, converter, _cattrs_use_alias=True)
 
-    def convert(value: Any, _: Any) -> T:
+    def convert(value: object, _: object) -> T:
         if not isinstance(value, dict):
             raise ValueError(f"{value!r} is no object")
         return made(value, kind)
@@ -77,10 +77,10 @@ def _fault(error: BaseException, kind: type | None) -> str:
     return f"{error}" if isinstance(error, ValueError) else format_exception(error, kind)
 
 
-def _strict(kind: type, name: str, taken: tuple[type, ...]) -> Callable[[Any, Any], Any]:
+def _strict(kind: type, name: str, taken: tuple[type, ...]) -> Callable[[object, object], object]:
     """cattrs would make numbers of texts, texts of anything, and take NaN, which JSON has not."""
 
-    def convert(value: Any, _: Any) -> Any:
+    def convert(value: object, _: object) -> object:
         if type(value) not in taken or value != value:
             raise ValueError(f"{value!r} is no {name}")
         return kind(value)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    import pint
 
 ZERO_CELSIUS_K = 273.15
 """0 degC in kelvin."""
@@ -75,7 +78,7 @@ def length_factor(unit: str) -> float:
 
 
 @cache
-def _registry() -> Any:
+def _registry() -> pint.UnitRegistry[float]:
     # Imported late: pint takes a noticeable time, and most numbers come without a unit.
     import pint
 

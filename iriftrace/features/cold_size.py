@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from attrs import frozen
 
+from iriftrace.core.plain import JsonObject
 from iriftrace.features.fit import fit_feature
 from iriftrace.features.relations import relations, value_key
 from iriftrace.features.table import feature_row
 from iriftrace.part.growth import Growth
 from iriftrace.part.part import Part
 
-Rows = list[dict[str, Any]]
+Rows = list[JsonObject]
 
 K = 2
 """Of the expanded uncertainty."""
@@ -82,7 +81,7 @@ class ColdSizes:
                 found.append(row | {"at_reference": state})
         return found
 
-    def _model(self, growth: Growth, row: dict[str, Any]) -> dict[str, Any]:
+    def _model(self, growth: Growth, row: JsonObject) -> JsonObject:
         """Row of the same feature of the model, hot and cold."""
         part, kind, region = self.part, row["kind"], row["region"]
         cold = part.vertices / growth.factor if part.drawing is None else part.drawing
@@ -99,7 +98,7 @@ class ColdSizes:
 
     def _reference(
         self, growth: Growth, size: float | None, model: dict[str, float | None]
-    ) -> dict[str, Any]:
+    ) -> JsonObject:
         hot, cold = model["hot"], model["cold"]
         if size is None or hot is None or not cold:
             return {}

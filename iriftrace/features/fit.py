@@ -176,8 +176,7 @@ def _axes(points: FloatArray, root: FloatArray) -> FloatArray:
 
     Here and below `root` (n,) has the roots of the points' weights.
     """
-    axes: FloatArray = np.linalg.svd(root[:, None] * points, full_matrices=False)[2]
-    return axes
+    return np.linalg.svd(root[:, None] * points, full_matrices=False)[2]
 
 
 def _signed(direction: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from iriftrace.core.arrays import FloatArray
+from iriftrace.core.plain import JsonObject
 
 NEAR_DEG = 2.0
 """Two planes are parallel or square to this by their fits: forged faces are off by tenths."""
@@ -16,7 +17,7 @@ NEAR_DEG = 2.0
 Row = Mapping[str, Any]
 
 
-def relations(features: Sequence[Row]) -> list[dict[str, Any]]:
+def relations(features: Sequence[Row]) -> list[JsonObject]:
     """Distances and angles between the planes among features, rows of `feature_table`.
 
     Of parallel planes ``{"kind": "distance", "regions": [a, b], "size_mm": {cloud: mm},
@@ -42,7 +43,7 @@ def value_unit(row: Row) -> str:
     return "deg" if row["kind"] == "angle" else "mm"
 
 
-def _relation(one: Row, other: Row) -> dict[str, Any] | None:
+def _relation(one: Row, other: Row) -> JsonObject | None:
     """Row of two planes; None where they are neither parallel nor square."""
     clouds = list(one["direction"])
     angle = _angle(one, other, clouds[0])
@@ -52,7 +53,7 @@ def _relation(one: Row, other: Row) -> dict[str, Any] | None:
         kind, key, value, doubt = "angle", "angle_deg", _angle, _u_angle
     else:
         return None
-    row: dict[str, Any] = {
+    row: JsonObject = {
         "kind": kind,
         "regions": [one["region"], other["region"]],
         key: {name: value(one, other, name) for name in clouds},
@@ -65,22 +66,22 @@ def _relation(one: Row, other: Row) -> dict[str, Any] | None:
     return row
 
 
-def _normals(one: Row, other: Row, name: Any) -> tuple[FloatArray, FloatArray]:
+def _normals(one: Row, other: Row, name: str | int) -> tuple[FloatArray, FloatArray]:
     return np.array(one["direction"][name]), np.array(other["direction"][name])
 
 
-def _angle(one: Row, other: Row, name: Any) -> float:
+def _angle(one: Row, other: Row, name: str | int) -> float:
     """Angle between the normals, deg, exact for small ones."""
     first, second = _normals(one, other, name)
     across = np.linalg.norm(np.cross(first, second))
     return float(np.degrees(np.arctan2(across, first @ second)))
 
 
-def _arm(one: Row, other: Row, name: Any) -> FloatArray:
+def _arm(one: Row, other: Row, name: str | int) -> FloatArray:
     return np.asarray(np.subtract(other["position_mm"][name], one["position_mm"][name]))
 
 
-def _distance(one: Row, other: Row, name: Any) -> float:
+def _distance(one: Row, other: Row, name: str | int) -> float:
     """Length of the arm between the centres along the mean of two normals, of either sense."""
     first, second = _normals(one, other, name)
     mean = first + np.copysign(1.0, first @ second) * second

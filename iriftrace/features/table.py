@@ -5,13 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
-from typing import Any, get_args
+from typing import get_args
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from iriftrace.core.arrays import BoolArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
+from iriftrace.core.plain import JsonObject
 from iriftrace.features.fit import (
     FEWEST,
     SAMPLE,
@@ -50,7 +51,7 @@ def feature_table(
     choices: Sequence[str],
     by_member: Iterable[FloatArray] = (),
     gate: float | None = GATE,
-) -> list[dict[str, Any]]:
+) -> list[JsonObject]:
     """Fit features to the same (n, 3) points, mm, as they are in several clouds, by name.
 
     `face` (n,) is the part's face on which each point lies. A choice is a kind of feature and a
@@ -73,22 +74,12 @@ def feature_table(
     members = list(by_member)
     found = found_features(part, face)
     rows = []
-    several = len(part.region_names) > 1
     for choice in chain.from_iterable(_regions_of(choice, found) for choice in choices or found):
         kind, region, mask = chosen_points(choice, face, part)
         chosen = np.flatnonzero(mask)
         count = len(chosen)
         try:
-            if count < FEWEST[kind]:
-                raise InputError(
-                    f"{count} {'point was' if count == 1 else 'points were'} measured on it, and a "
-                    f"{kind} takes at least {FEWEST[kind]}; choose a region that both devices see."
-                )
-            if several and ":" not in choice:
-                raise InputError(
-                    f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
-                    f"are {', '.join(found) or 'none'}."
-                )
+            _refuse_unmeasured(choice, count, part, found)
             chosen = chosen[inliers(gated[chosen], kind, gate, _beside(part, region))]
             fits = {name: fit_feature(cloud[chosen], kind) for name, cloud in clouds.items()}
         except InputError as error:
@@ -113,6 +104,21 @@ def feature_table(
     return rows
 
 
+def _refuse_unmeasured(choice: str, count: int, part: Part, found: Sequence[str]) -> None:
+    """Refuse a feature with too few of `count` points, or a kind that no measured region is."""
+    kind, named, _ = choice.partition(":")
+    if count < FEWEST[kind]:
+        raise InputError(
+            f"{count} {'point was' if count == 1 else 'points were'} measured on it, and a "
+            f"{kind} takes at least {FEWEST[kind]}; choose a region that both devices see."
+        )
+    if len(part.region_names) > 1 and not named:
+        raise InputError(
+            f"No region that is one has {FEWEST_MEASURED} measured points; those that have "
+            f"are {', '.join(found) or 'none'}."
+        )
+
+
 def _beside(part: Part, region: str) -> Surface | None:
     """The faces of other regions that touch a region; None where there are none."""
     if not region:
@@ -124,13 +130,13 @@ def _beside(part: Part, region: str) -> Surface | None:
     return Surface(part.vertices, part.faces[touched]) if touched.any() else None
 
 
-def _listed(values: FloatArray | None) -> list[Any] | None:
+def _listed(values: FloatArray | None) -> list[float] | list[list[float]] | None:
     return None if values is None else values.tolist()
 
 
 def feature_row(
     kind: str, region: str | None, count: int, fits: Mapping[str, Feature]
-) -> dict[str, Any]:
+) -> JsonObject:
     """Row of `feature_table` for fits by cloud to the inliers of `count` points."""
     first = next(iter(fits.values()))
     plane = {

@@ -62,9 +62,7 @@ class Choice:
     quantity: str
 
 
-def choose_array(
-    grid: pv.UnstructuredGrid, array: str | None, quantity: str | None, path: str
-) -> Choice:
+def choose_array(grid: pv.DataSet, array: str | None, quantity: str | None, path: str) -> Choice:
     """Find the array to use.
 
     A given name is taken as it is. Else temperature is looked for first, then index, then density,
@@ -120,16 +118,9 @@ def quantity_of(name: str) -> str | None:
 
 def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
     """An array at the points, (n,); cell data are averaged (`point_means`)."""
-    at_points = name in grid.point_data
-    values = as_float64(grid.point_data[name] if at_points else grid.cell_data[name])
-    wrong = np.count_nonzero(~np.isfinite(values))
-    if wrong:
-        raise InputError(
-            f"The array {name!r} in {path} is not a finite number at {wrong} of {len(values)} "
-            "places, and light would stop there; export it without gaps."
-        )
-    if at_points:
-        return values
+    if name in grid.point_data:
+        return finite_values(grid.point_data, name, path)
+    values = finite_values(grid.cell_data, name, path)
     warn(
         f"{name!r} in {path} is given in the cells; its mean at the points misses the values at "
         "the wall, so export point data when the solver can.",
@@ -137,6 +128,18 @@ def point_values(grid: pv.UnstructuredGrid, name: str, path: str) -> FloatArray:
         stacklevel=3,
     )
     return point_means(grid, values)
+
+
+def finite_values(data: pv.DataSetAttributes, name: str, path: str) -> FloatArray:
+    """An array of finite numbers; an InputError for others."""
+    values = as_float64(data[name])
+    wrong = np.count_nonzero(~np.isfinite(values))
+    if wrong:
+        raise InputError(
+            f"The array {name!r} in {path} is not a finite number at {wrong} of {len(values)} "
+            "places, and light would stop there; export it without gaps."
+        )
+    return values
 
 
 def _is_usual(name: str, quantity: str) -> bool:
@@ -151,7 +154,7 @@ def _plain(name: str) -> str:
     return re.sub(r"[\s_]+", "_", bare).strip("_").lower()
 
 
-def _scalar_names(grid: pv.UnstructuredGrid) -> list[str]:
+def _scalar_names(grid: pv.DataSet) -> list[str]:
     """Names of the arrays with one number a point or cell, each once, point data first."""
     return list(
         dict.fromkeys(
@@ -227,8 +230,7 @@ def to_kelvin(
 ) -> FloatArray:
     """Temperatures, (n,), K, of the values of an array; units and errors as `to_refractivity`."""
     zero, slope = _scale(_unit_of(choice, units, temperature_unit, path), choice.quantity)
-    kelvins: FloatArray = zero + values * slope
-    return kelvins
+    return zero + values * slope
 
 
 def to_refractivity(

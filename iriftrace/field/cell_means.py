@@ -39,8 +39,7 @@ def point_means(grid: pv.UnstructuredGrid, values: FloatArray) -> FloatArray:
     arm = places[cell] - as_float64(grid.points)[point]
     (weight,) = linear_weights([(point, arm)], grid.n_points)
     total = np.bincount(point, weight, minlength=grid.n_points)
-    means: FloatArray = (added(point, (weight * values[cell].T).T, grid.n_points).T / total).T
-    return means
+    return (added(point, (weight * values[cell].T).T, grid.n_points).T / total).T
 
 
 def linear_weights(around: Sequence[tuple[IntArray, FloatArray]], count: int) -> list[FloatArray]:

@@ -22,6 +22,9 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.units import parse_quantity
 from iriftrace.field.cell_means import point_means
 
+if TYPE_CHECKING:
+    import pyvista as pv
+
 SI = "m/s"
 
 VELOCITY, TEMPERATURE = "U", "T"
@@ -55,8 +58,6 @@ _COMPONENT = re.compile(
     r"|velocity_(?P<letter>[uvw])|(?P<alone>[uvw]))"
 )
 
-if TYPE_CHECKING:
-    import pyvista as pv
 _BRACKETS = re.compile(r"[(\[{](?P<unit>[^()\[\]{}]*)[)\]}]")
 
 

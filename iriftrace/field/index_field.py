@@ -120,8 +120,7 @@ class IndexField:
         """
         numbered = self.grid.copy()
         numbered.point_data["number"] = np.arange(numbered.n_points)
-        wall: pv.PolyData = inner_wall(numbered)
-        return wall
+        return inner_wall(numbered)
 
     def wall_temperature_k(self, points: ArrayLike) -> FloatArray:
         """Temperature (m,), K, of the point of the wall that is nearest to each of (m, 3), mm.

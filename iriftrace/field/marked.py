@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
 from warnings import warn
 
 import numpy as np
 import pyvista as pv
 from attrs import frozen
 
-from iriftrace.core.arrays import BoolArray, as_float64
+from iriftrace.core.arrays import AnyArray, BoolArray, as_float64
 from iriftrace.core.errors import InputError, IriftraceWarning
 
 # Written by VTK's probe and resampling filters: 0 where the source has no value, and less than 1
@@ -29,14 +28,14 @@ class Unmarked:
     names: frozenset[str]  # of the arrays that mark them
 
 
-def unmarked(block: Any) -> Unmarked:
+def unmarked(block: pv.DataSet) -> Unmarked:
     """Leave out cells that are ghosts of any kind or not valid, or have a corner that is hidden."""
     grid, ghosts = _unblanked(block)
     points = np.zeros(grid.n_points, dtype=bool)
     cells = np.zeros(grid.n_cells, dtype=bool)
     names: set[str] = set()
     for data, kind, mask in ((grid.point_data, "point", points), (grid.cell_data, "cell", cells)):
-        found = {name: _not_valid(data[name]) for name in data if name.lower() in _VALID}
+        found = {n: ~(as_float64(data[n]) >= 1.0) for n in data if n.lower() in _VALID}
         found |= {name: _ghosts(values, kind) for name, values in ghosts[kind].items()}
         for name, marked in found.items():
             mask |= marked
@@ -44,7 +43,7 @@ def unmarked(block: Any) -> Unmarked:
     if points.any():
         cells |= _at_corners(grid, points)
     if cells.any():
-        grid = grid.extract_cells(np.flatnonzero(~cells))
+        grid = chosen_cells(grid, np.flatnonzero(~cells))
     return Unmarked(grid, int(np.count_nonzero(cells)), frozenset(names))
 
 
@@ -56,8 +55,7 @@ def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.Unstruct
     at_points = name in grid.point_data
     missing = np.isnan(as_float64(grid.point_data[name] if at_points else grid.cell_data[name]))
     if not missing.any():
-        unchanged: pv.UnstructuredGrid = grid
-        return unchanged
+        return grid
     cells = _at_corners(grid, missing) if at_points else missing
     what = f"{path} has no number (NaN) for {name!r} at "
     places = "points" if at_points else "cells"
@@ -73,9 +71,13 @@ def without_gaps(grid: pv.UnstructuredGrid, name: str, path: str) -> pv.Unstruct
         IriftraceWarning,
         stacklevel=3,
     )
-    numbers: Any = np.flatnonzero(~cells)
-    left: pv.UnstructuredGrid = grid.extract_cells(numbers)
-    return left
+    return chosen_cells(grid, np.flatnonzero(~cells))
+
+
+def chosen_cells(grid: pv.UnstructuredGrid, numbers: AnyArray) -> pv.UnstructuredGrid:
+    """The cells of some numbers, with the points that they use and all data."""
+    chosen: pv.UnstructuredGrid = grid.extract_cells(numbers)
+    return chosen
 
 
 def _at_corners(grid: pv.UnstructuredGrid, points: BoolArray) -> BoolArray:
@@ -87,13 +89,13 @@ def _at_corners(grid: pv.UnstructuredGrid, points: BoolArray) -> BoolArray:
     return mask
 
 
-def _unblanked(block: Any) -> tuple[Any, dict[str, dict[str, Any]]]:
+def _unblanked(block: pv.DataSet) -> tuple[pv.UnstructuredGrid, dict[str, dict[str, AnyArray]]]:
     """All cells as an unstructured grid, and the marks of ghosts of its points and cells.
 
     VTK takes away marked cells of images by itself, uncounted and only of some kinds.
     """
     shown = block.copy(deep=False)
-    ghosts: dict[str, dict[str, Any]] = {}
+    ghosts: dict[str, dict[str, AnyArray]] = {}
     for kind, data in (("point", shown.point_data), ("cell", shown.cell_data)):
         ghosts[kind] = {name: np.array(data.pop(name)) for name in _GHOSTS if name in data}
     if not isinstance(shown, pv.UnstructuredGrid):
@@ -101,12 +103,7 @@ def _unblanked(block: Any) -> tuple[Any, dict[str, dict[str, Any]]]:
     return shown, ghosts
 
 
-def _ghosts(values: Any, kind: str) -> BoolArray:
-    marks = np.asarray(values).astype(np.int64)
+def _ghosts(values: AnyArray, kind: str) -> BoolArray:
+    marks = values.astype(np.int64)
     mask: BoolArray = (marks & _HIDDEN_POINT) != 0 if kind == "point" else marks != 0
-    return mask
-
-
-def _not_valid(values: Any) -> BoolArray:
-    mask: BoolArray = ~(as_float64(values) >= 1.0)
     return mask

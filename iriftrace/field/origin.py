@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,13 +24,13 @@ WALL_HEAT = "wall_heat_flow_w"
 """Name of the number in a file's field data that the solver counted as heat from the part, W."""
 
 
-def origin_of(data: Any) -> str:
+def origin_of(data: pv.DataSet | pv.MultiBlock | None) -> str:
     """Origin that a data set or its blocks state, joined where there are several; "" for none."""
     texts = (str(value).strip() for value in _stated(data, FIELD_ORIGIN))
     return "; ".join(dict.fromkeys(filter(None, texts)))
 
 
-def facts_of(data: Any) -> FieldFacts | None:
+def facts_of(data: pv.DataSet | pv.MultiBlock | None) -> FieldFacts | None:
     """Facts that a data set or one of its blocks states; None for none, or damaged ones."""
     try:
         return next(
@@ -40,7 +40,7 @@ def facts_of(data: Any) -> FieldFacts | None:
         return None
 
 
-def wall_heat_of(data: Any) -> float | None:
+def wall_heat_of(data: pv.DataSet | pv.MultiBlock | None) -> float | None:
     """Heat from the whole part, W, as the solver counted it; None where a file does not state it.
 
     The gradient at the points of a file gives another one, since they carry averages of cells.
@@ -59,13 +59,15 @@ def one_line(text: str) -> str:
     return " ".join(text.split()).encode("ascii", "replace").decode("ascii")
 
 
-def _stated(data: Any, name: str) -> Iterator[Any]:
+def _stated(data: pv.DataSet | pv.MultiBlock | None, name: str) -> Iterator[str | float]:
     """Values in the field data of a data set, or of all blocks of several."""
     if data is None:
         return
     if name in data.field_data:
         yield from np.atleast_1d(data.field_data[name])
-    # Told by what it has: pictures need this module's words, and must not wait for VTK.
-    if hasattr(data, "n_blocks"):
+    # Pictures need this module's words, and must not wait for VTK.
+    from pyvista import MultiBlock
+
+    if isinstance(data, MultiBlock):
         for block in data:
             yield from _stated(block, name)

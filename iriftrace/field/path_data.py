@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import evolve, frozen
@@ -148,7 +148,7 @@ def load_field_file(path: str | Path) -> FieldCells:
         )
     check_readable(Path(path))
     try:
-        arrays: dict[str, Any] = arrays_in(Path(path), (*ARRAYS, "header"))
+        arrays = arrays_in(Path(path), (*ARRAYS, "header"))
         header = structured(json.loads(arrays.pop("header").tobytes()), _Header)
     except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise InputError(

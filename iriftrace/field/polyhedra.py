@@ -8,13 +8,13 @@ cut, and slivers with the cell's centre, in which the gradient is meaningless an
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from iriftrace.field.gradient import PYRAMID, TETRAHEDRON
 from iriftrace.geometry.query import runs
 
@@ -48,7 +48,7 @@ class SplitPolyhedra:
     pieces: dict[int, IntArray]  # VTK cell type to (k, corners) point numbers
     owners: dict[int, IntArray]  # VTK cell type to (k,) numbers from 0 to p - 1
 
-    def extended(self, grid: pv.UnstructuredGrid, values: NDArray[Any]) -> NDArray[Any]:
+    def extended(self, grid: pv.UnstructuredGrid, values: AnyArray) -> AnyArray:
         """Point values, (n,) or (n, k), with the means of the corners at the points added.
 
         Values that are linear in space stay so if the centres are at the corners' means.
@@ -139,15 +139,14 @@ def _prism_faces(sides: int) -> list[list[int]]:
     return [bottom[::-1], [k + sides for k in bottom], *walls]
 
 
-def corner_means(grid: pv.UnstructuredGrid, values: NDArray[Any], cells: IntArray) -> FloatArray:
+def corner_means(grid: pv.UnstructuredGrid, values: AnyArray, cells: IntArray) -> FloatArray:
     """Means of point values, (n,) or (n, k), at the corners of some of a grid's cells."""
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)
     corners = np.asarray(grid.cell_connectivity, dtype=np.int64)
     count = np.diff(starts)[cells]
     cell, place = runs(count)
     sums = added(cell, values[corners[starts[cells][cell] + place]], len(cells))
-    means: FloatArray = (sums.T / count).T
-    return means
+    return (sums.T / count).T
 
 
 def _with_corners(faces: _Faces, size: int) -> tuple[IntArray, IntArray]:
@@ -191,7 +190,10 @@ def _centroids(points: FloatArray, triangles: IntArray, owner: IntArray, count: 
     return inside + added(owner, moment, count) / total
 
 
-def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner: IntArray) -> Any:
+_Rule = Callable[[IntArray, IntArray], BoolArray]
+
+
+def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner: IntArray) -> _Rule:
     """Rule for which faces, (k, corners) of polyhedra (k,), wind clockwise as seen from outside.
 
     That is told by the volume of the whole polyhedron: a face that is seen from its wrong side by
@@ -205,7 +207,7 @@ def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner:
     size = np.bincount(owner, np.linalg.norm(areas, axis=1), minlength=count)
     mixed = np.linalg.norm(added(owner, areas, count), axis=1) > CLOSED * size
 
-    def rule(faces: IntArray, of: IntArray) -> Any:
+    def rule(faces: IntArray, of: IntArray) -> BoolArray:
         base = points[faces]
         normal = np.cross(base[:, 1] - base[:, 0], base[:, 2] - base[:, 0])
         seen = np.einsum("ij,ij->i", normal, base[:, 0] - centres[of]) < 0.0
@@ -214,7 +216,7 @@ def _inward(points: FloatArray, centres: FloatArray, triangles: IntArray, owner:
     return rule
 
 
-def _joined_with(apex: IntArray, base: IntArray, owner: IntArray, inward: Any) -> IntArray:
+def _joined_with(apex: IntArray, base: IntArray, owner: IntArray, inward: _Rule) -> IntArray:
     """Cells from bases (k, corners) to their apices, right-handed as VTK has them."""
     outward = np.where(inward(base, owner)[:, None], base[:, ::-1], base)
     # The base winds counter-clockwise as seen from the apex.

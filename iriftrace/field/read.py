@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -18,12 +18,13 @@ from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
 from iriftrace.field.flow import flow_in
 from iriftrace.field.index_field import IndexField
-from iriftrace.field.marked import Unmarked, unmarked, without_gaps
+from iriftrace.field.marked import Unmarked, chosen_cells, unmarked, without_gaps
 from iriftrace.field.origin import facts_of, one_line, origin_of, wall_heat_of
 from iriftrace.field.readers.members import read_state
 from iriftrace.field.readers.scattered import cells_outside
 from iriftrace.field.readers.states import Contents
 from iriftrace.field.readers.vtk_files import blocks_of
+from iriftrace.field.readers.vtk_process import Data
 from iriftrace.field.source import FieldFacts, FieldSource
 from iriftrace.field.volume import (
     has_higher_order,
@@ -109,10 +110,11 @@ def read_field(
     air = Air() if air is None else air
     contents = read_volume(path, member=member, flow=flow)
     length_unit = _length_unit(length_unit, contents.length_unit, str(path))
-    raw, factor = contents.data, length_factor(length_unit)
+    raw: pv.UnstructuredGrid = contents.data
+    factor = length_factor(length_unit)
     if contents.scattered:
         placed = _placed(raw, factor, transform)
-        raw = linear_volume(raw.extract_cells(cells_outside(placed, part, str(path))))
+        raw = linear_volume(chosen_cells(raw, cells_outside(placed, part, str(path))))
     choice = arrays.choose_array(raw, array, quantity, str(path))
     raw = linear_volume(without_gaps(raw, choice.name, str(path)))
     grid = _placed(raw, factor, transform)
@@ -204,7 +206,7 @@ def read_volume(path: str | Path, *, member: int | None = None, flow: bool = Fal
     )
 
 
-def _joined(data: Any, path: Path) -> Any:
+def _joined(data: Data, path: Path) -> pv.UnstructuredGrid:
     """The volume cells of all blocks as one grid."""
     found = [unmarked(block) for block in blocks_of(data) if isinstance(block, pv.DataSet)]
     _warn_of_marked(found, path)
@@ -215,9 +217,12 @@ def _joined(data: Any, path: Path) -> Any:
             f"{path} has no volume cells: it is empty, damaged or a surface, and light needs the "
             "air between; export the solver's volume mesh."
         )
+    joined = blocks[0]
     if len(blocks) > 1:
-        return pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
-    return blocks[0].clean(tolerance=0.0) if path.suffix.lower() == ".pvtu" else blocks[0]
+        joined = pv.MultiBlock(blocks).combine(merge_points=True, tolerance=0.0)
+    elif path.suffix.lower() == ".pvtu":
+        joined = joined.clean(tolerance=0.0)
+    return joined
 
 
 def _warn_of_marked(found: Sequence[Unmarked], path: Path) -> None:

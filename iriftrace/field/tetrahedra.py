@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import BoolArray, FloatArray, IntArray, NumberArray
+from iriftrace.core.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, NumberArray
 from iriftrace.core.errors import InputError
 from iriftrace.field.gradient import (
     HEXAHEDRON,
@@ -156,7 +155,7 @@ def _renumbered(faces: IntArray, turned: BoolArray) -> IntArray:
     return np.where(turned[faces // 4], faces - faces % 4 + _MIRRORED[faces % 4], faces)
 
 
-def _volumes(corners: NDArray[Any], points: FloatArray) -> FloatArray:
+def _volumes(corners: AnyIntArray, points: FloatArray) -> FloatArray:
     """Six times the volumes of tetrahedra, (m,) array, mm^3."""
     numbers = [np.ascontiguousarray(column) for column in corners.T]
     # Axis by axis, which takes half the time of numpy.cross.
@@ -216,7 +215,7 @@ def _with_neighbours(
     )
 
 
-def _equal_faces(corners: NDArray[Any]) -> tuple[IntArray, BoolArray]:
+def _equal_faces(corners: AnyIntArray) -> tuple[IntArray, BoolArray]:
     """Faces with the same points, of tetrahedra (m, 4); as `_equal_rows`."""
     return _equal_rows(np.sort(corners[:, OPPOSITE].reshape(-1, 3), axis=1))
 
@@ -237,7 +236,7 @@ def _face_pairs(equal: tuple[IntArray, BoolArray]) -> tuple[IntArray, IntArray, 
     return first, second, np.flatnonzero(alone)
 
 
-def _equal_rows(rows: NDArray[Any]) -> tuple[IntArray, BoolArray]:
+def _equal_rows(rows: AnyIntArray) -> tuple[IntArray, BoolArray]:
     """Order (n,) that puts equal rows of point numbers side by side; mask (n - 1,) of those."""
     count = int(rows.max(initial=0)) + 1
     if count ** rows.shape[1] >= 2**63:

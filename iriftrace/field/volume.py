@@ -6,8 +6,6 @@ of; other cells become such, and where two sides of a seam have points of their 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pyvista as pv
 
@@ -23,7 +21,7 @@ from iriftrace.field.gradient import (
     cell_centroids,
     cell_corners,
 )
-from iriftrace.field.marked import unmarked
+from iriftrace.field.marked import chosen_cells, unmarked
 from iriftrace.field.polyhedra import SPLIT, SplitPolyhedra, split_polyhedra
 
 FLAT = 1e-4
@@ -57,12 +55,11 @@ def linear_volume(grid: pv.UnstructuredGrid) -> pv.UnstructuredGrid:
     used = np.zeros(grid.n_points, dtype=bool)
     used[np.asarray(grid.cell_connectivity)] = True
     if used.all() and np.isin(types, list(CORNERS)).all():
-        volume: pv.UnstructuredGrid = grid
-        return volume
+        return grid
     return _linear(grid, types.astype(np.int64))
 
 
-def volume_cells(block: Any) -> pv.UnstructuredGrid:
+def volume_cells(block: pv.DataObject) -> pv.UnstructuredGrid:
     """The volume cells of one data set; see `iriftrace.field.marked` for those left out."""
     if isinstance(block, pv.PolyData) or not isinstance(block, pv.DataSet):
         return pv.UnstructuredGrid()
@@ -71,10 +68,8 @@ def volume_cells(block: Any) -> pv.UnstructuredGrid:
     known = (*CORNERS, _VOXEL, _CONVEX_SET, *SPLIT, *_HIGHER_ORDER)
     keep = np.isin(types, known)
     if not keep.all():
-        numbers: Any = np.flatnonzero(keep)
-        grid = grid.extract_cells(numbers)
-    volume: pv.UnstructuredGrid = grid
-    return volume
+        grid = chosen_cells(grid, np.flatnonzero(keep))
+    return grid
 
 
 def has_higher_order(grid: pv.UnstructuredGrid) -> bool:

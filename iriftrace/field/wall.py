@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pyvista as pv
 
@@ -16,7 +14,7 @@ from iriftrace.geometry.triangles import area_vectors, polydata
 _SMALLEST_SHARE = 1e-3
 
 
-def inner_wall(grid: pv.UnstructuredGrid) -> Any:
+def inner_wall(grid: pv.UnstructuredGrid) -> pv.PolyData:
     """Boundary faces of a grid that face a cavity in the data, where the part sits.
 
     The outer boundary may be stepped, as when data were cropped cell by cell. Patches of boundary
@@ -25,8 +23,8 @@ def inner_wall(grid: pv.UnstructuredGrid) -> Any:
     symmetry plane, a floor), faces that lie in the sides of the data's bounding box are left out
     first, which separates the two.
 
-    The grid is a pyvista.UnstructuredGrid, mm. The wall is a pyvista.PolyData of triangles with the
-    grid's point data, empty when the data have no inner boundary.
+    The grid is in mm. The wall has triangles and the grid's point data; it is empty when the data
+    have no inner boundary.
     """
     surface = grid.extract_surface(algorithm="geometry").triangulate()
     faces = np.asarray(surface.regular_faces, dtype=np.int64)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import AnyIntArray, FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, AnyIntArray, FloatArray, IntArray
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import stated_length_unit
 
 
@@ -25,8 +27,8 @@ class PlyMesh:
 
     vertices: FloatArray
     faces: IntArray
-    vertex_columns: dict[str, NDArray[Any]]
-    face_columns: dict[str, NDArray[Any]]
+    vertex_columns: dict[str, AnyArray]
+    face_columns: dict[str, AnyArray]
     remarks: tuple[str, ...] = ()
     length_unit: str = ""  # that a comment states
 
@@ -36,14 +38,17 @@ def read_ply(path: Path) -> PlyMesh:
 
     What is wrong with a damaged file is raised as the reader of trimesh finds it, or as ValueError.
     """
-    header = _checked_header(path).decode("utf-8", "replace").splitlines()
+    head = _checked_header(path)
+    header = head.decode("utf-8", "replace").splitlines()
     remarks = [line for line in header if line.startswith(("comment ", "obj_info "))]
     # Imported late, as whoever writes a mesh needs no reader.
     import trimesh
 
     # Without processing, the order of the faces is that of the file and of Mitsuba.
+    small = _CAPITAL_AXIS.sub(lambda axis: axis[0].lower(), head)
     with path.open("rb") as file:
-        mesh: Any = trimesh.load(file, file_type="ply", process=False)
+        data = file if small == head else io.BytesIO(small + file.read()[len(head) :])
+        mesh = trimesh.load(data, file_type="ply", process=False)
     raw = mesh.metadata.get("_ply_raw", {})
     # A file of no vertices is an empty scene to trimesh.
     vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64).reshape(-1, 3)
@@ -96,6 +101,9 @@ def _checked_header(path: Path) -> bytes:
 HEADER_LIMIT = 1_000_000
 """Bytes in which a header ends, comments included."""
 
+_CAPITAL_AXIS = re.compile(rb"(?m)^property[ \t]+\w+[ \t]+[XYZ][ \t\r]*$")
+"""Coordinates by names that some programs write and few readers know."""
+
 _BYTES = {
     **dict.fromkeys((b"short", b"ushort", b"int16", b"uint16"), 2),
     **dict.fromkeys((b"int", b"uint", b"float", b"int32", b"uint32", b"float32"), 4),
@@ -103,7 +111,7 @@ _BYTES = {
 }
 
 
-def _columns(raw: Any, element: str) -> dict[str, NDArray[Any]]:
+def _columns(raw: JsonObject, element: str) -> dict[str, AnyArray]:
     """Columns of numbers: an array with fields of a binary file, a dictionary of one of text."""
     data = raw.get(element, {}).get("data")
     if data is None:
@@ -160,7 +168,7 @@ def write_ply(
 def write_ply_points(
     path: str | Path,
     points: FloatArray,
-    columns: Mapping[str, NDArray[Any]],
+    columns: Mapping[str, AnyArray],
     *,
     comments: Sequence[str] = (),
     remarks: Sequence[str] = (),
@@ -187,7 +195,7 @@ def write_ply_points(
     _write(path, header, rows)
 
 
-def _write(path: str | Path, header: Sequence[str], *tables: NDArray[Any]) -> None:
+def _write(path: str | Path, header: Sequence[str], *tables: AnyArray) -> None:
     lines = ("ply", "format binary_little_endian 1.0", *header, "end_header\n")
     with whole_file(path) as temporary, temporary.open("wb") as file:
         file.write("\n".join(lines).encode())
@@ -199,7 +207,7 @@ _PROPERTY = {"<f8": "double", "<f4": "float", "<i4": "int", "u1": "uchar"}
 """Words of PLY for kinds of numbers."""
 
 
-def _kind(values: NDArray[Any]) -> str:
+def _kind(values: AnyArray) -> str:
     if values.dtype == np.uint8:
         return "u1"
     if values.dtype.kind in "iub":

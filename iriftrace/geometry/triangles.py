@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from iriftrace.core.arrays import AnyIntArray, BoolArray, Float32Array, FloatArray, IntArray
+from iriftrace.core.arrays import (
+    AnyArray,
+    AnyIntArray,
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+)
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -44,8 +51,7 @@ def row_lengths(vectors: FloatArray) -> FloatArray:
 def unit_vectors(vectors: FloatArray) -> FloatArray:
     """(n, 3) vectors scaled to length 1; zero stays zero."""
     length = row_lengths(vectors)[:, None]
-    units: FloatArray = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
-    return units
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
 def smooth_normals(vertices: Float32Array | FloatArray, faces: IntArray) -> FloatArray:
@@ -85,7 +91,7 @@ def polydata(vertices: ArrayLike, faces: ArrayLike) -> pv.PolyData:
     """Triangles as VTK's mesh."""
     import pyvista as pv
 
-    corners: Any = np.asarray(faces)
-    points: Any = np.asarray(vertices)
+    corners: AnyArray = np.asarray(faces)
+    points: AnyArray = np.asarray(vertices)
     mesh: pv.PolyData = pv.PolyData.from_regular_faces(points, corners)
     return mesh

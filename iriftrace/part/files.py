@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
 from attrs import frozen
 
-from iriftrace.core.arrays import FloatArray, IntArray
+from iriftrace.core.arrays import AnyArray, FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of, whole_file
+from iriftrace.core.units import stated_length_unit
 from iriftrace.geometry.ply import HEADER_LIMIT, PlyMesh, check_corners, read_ply, write_ply
 from iriftrace.part.growth import Growth
 from iriftrace.part.regions import Regions
@@ -55,7 +56,7 @@ def load_mesh_file(path: Path) -> MeshFile:
             "PLY, STL, OBJ or GLB."
         )
     unit, region_columns, growth, drawing = None, [], None, None
-    mesh: Any
+    mesh: PlyMesh | trimesh.parent.Geometry
     try:
         if suffix == "ply":
             mesh = read_ply(path)
@@ -68,7 +69,7 @@ def load_mesh_file(path: Path) -> MeshFile:
         else:
             # Without processing, the order of the faces is that of the file.
             mesh = trimesh.load(path, process=False)
-            unit = getattr(mesh, "units", None)
+            unit = _remarked_unit(path) if suffix == "obj" else getattr(mesh, "units", None)
             mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
     except Exception as error:  # its readers let any error through that a damaged file causes
         if _DECIMAL_COMMA.search(path.read_bytes()[:4096]):
@@ -83,13 +84,21 @@ def load_mesh_file(path: Path) -> MeshFile:
             f"{path} has no triangles or is damaged, so there is nothing to measure; export the "
             "part's surface as triangles."
         )
-    vertices = np.array(mesh.vertices, dtype=np.float64)
+    vertices = np.array(getattr(mesh, "vertices", ()), dtype=np.float64)
     try:
         check_corners(vertices, faces)
     except ValueError as error:
         raise InputError(f"{path} is damaged: {error}; export it again.") from error
     regions = _regions(path, region_columns[0], len(faces)) if region_columns else None
     return MeshFile(vertices, faces, regions, unit, sha256_of(path), growth, drawing)
+
+
+def _remarked_unit(path: Path) -> str | None:
+    """Length unit that a comment at the beginning of an OBJ file states."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        lines = list(itertools.islice(file, 50))
+    remarks = (line for line in lines if line.startswith("#"))
+    return next(filter(None, map(stated_length_unit, remarks)), None)
 
 
 def _drawing(mesh: PlyMesh) -> FloatArray | None:
@@ -108,7 +117,7 @@ def _header(path: Path) -> list[str]:
     return header.decode("utf-8", errors="replace").splitlines()
 
 
-def _regions(path: Path, column: Any, face_count: int) -> Regions:
+def _regions(path: Path, column: AnyArray, face_count: int) -> Regions:
     given = column.astype(np.float64)
     if not (np.abs(given) < LARGEST_REGION).all():
         raise InputError(

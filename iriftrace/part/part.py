@@ -306,13 +306,7 @@ def part_of_mesh(
     if surface.areas.sum() <= 0:
         raise InputError(f"{name} has triangles but no area; export the part's surface again.")
     groups = find_smooth_groups(neighbours, surface.normals, region_angle_deg)
-    # Directions in the names are those of the world, in which the user sees the part.
-    seen = surface.normals
-    if transform is not None:
-        # Normals transform with the inverse transpose, whatever the determinant's sign.
-        seen = unit_vectors(seen @ np.linalg.inv(checked_matrix(transform)[:3, :3]))
-    placed = points if transform is None else apply(checked_matrix(transform), points)
-    named = regions or name_regions(groups, seen, surface.areas, placed[triangles])
+    named = regions or _named_regions(groups, surface, transform)
     part = Part(
         vertices=points,
         faces=triangles,
@@ -325,6 +319,17 @@ def part_of_mesh(
         closed=not neighbours.open_edges,
     )
     return part if transform is None else part.transformed(transform)
+
+
+def _named_regions(groups: IntArray, surface: Surface, transform: ArrayLike | None) -> Regions:
+    """Regions whose names have directions of the world, in which the user sees the part."""
+    normals, vertices = surface.normals, surface.vertices
+    if transform is not None:
+        matrix = checked_matrix(transform)
+        # Normals transform with the inverse transpose, whatever the determinant's sign.
+        normals = unit_vectors(normals @ np.linalg.inv(matrix[:3, :3]))
+        vertices = apply(matrix, vertices)
+    return name_regions(groups, normals, surface.areas, vertices[surface.faces])
 
 
 def _refuse_unusable(name: str, points: FloatArray, triangles: IntArray) -> None:

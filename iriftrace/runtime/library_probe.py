@@ -10,7 +10,6 @@ import ctypes
 import json
 import os
 import sys
-from typing import Any
 
 # Dr.Jit looks these up; parser-only builds such as libclang's or llvmlite's lack some of them.
 _NEEDED = ("LLVMRunPasses", "LLVMOrcCreateLLJIT", "LLVMCreateDisasm", "LLVMParseIRInContext")
@@ -18,7 +17,7 @@ _NEEDED = ("LLVMRunPasses", "LLVMOrcCreateLLJIT", "LLVMCreateDisasm", "LLVMParse
 _OLD_VERSION = "_ZN4llvm16LTOCodeGenerator16getVersionStringEv"
 
 
-def probe_llvm(path: str) -> dict[str, Any]:
+def probe_llvm(path: str) -> dict[str, object]:
     """Return {"version": [major, minor, patch] or None, "missing": names, "error": text}."""
     try:
         library = ctypes.CDLL(path)
@@ -40,7 +39,7 @@ def probe_llvm(path: str) -> dict[str, Any]:
     return {"version": version, "missing": missing, "error": ""}
 
 
-def probe_cuda() -> dict[str, Any]:
+def probe_cuda() -> dict[str, object]:
     """Return {"devices": names, "memory_bytes": of the first, "error": why there is none}."""
     windows = sys.platform == "win32"
     try:

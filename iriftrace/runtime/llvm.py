@@ -12,13 +12,12 @@ import platform
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from attrs import frozen
 
 from iriftrace.core.errors import SetupError
+from iriftrace.core.plain import JsonObject
 
 #: Dr.Jit reads this once, when Mitsuba is imported.
 PATH_VARIABLE = "DRJIT_LIBLLVM_PATH"
@@ -153,7 +152,7 @@ def inspect_llvm(path: str) -> LlvmLibrary:
     return LlvmLibrary(path, version, _objection(version, answer))
 
 
-def _objection(version: tuple[int, int, int] | None, answer: Mapping[str, Any]) -> str:
+def _objection(version: tuple[int, int, int] | None, answer: JsonObject) -> str:
     if answer["error"]:
         return f"cannot be loaded ({answer['error']})"
     old = version is not None and version[0] < OLDEST_MAJOR
@@ -168,11 +167,11 @@ def _objection(version: tuple[int, int, int] | None, answer: Mapping[str, Any]) 
     return ""
 
 
-def run_probe(*arguments: str) -> dict[str, Any]:
+def run_probe(*arguments: str) -> JsonObject:
     """Run library_probe.py with `arguments`; a probe that dies becomes an answer with "error"."""
     probe = Path(__file__).with_name("library_probe.py")
     command = [sys.executable, "-I", "-S", str(probe), *arguments]
-    nothing: dict[str, Any] = {"version": None, "missing": [], "devices": []}
+    nothing: JsonObject = {"version": None, "missing": [], "devices": []}
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     except subprocess.TimeoutExpired:
@@ -180,7 +179,7 @@ def run_probe(*arguments: str) -> dict[str, Any]:
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         return {**nothing, "error": f"the process that opened it died: {last}"}
-    answer: dict[str, Any] = json.loads(done.stdout)
+    answer: JsonObject = json.loads(done.stdout)
     return answer
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 from attrs import frozen
 
@@ -205,7 +205,7 @@ def refuse_gpu_without_optix(error: Exception) -> None:
         ) from error
 
 
-def _import_mitsuba() -> Any:
+def _import_mitsuba() -> ModuleType:
     try:
         return _mitsuba()
     except (ImportError, NameError) as error:  # Dr.Jit stumbles over its own ImportError
@@ -222,5 +222,5 @@ def _import_mitsuba() -> Any:
         raise SetupError(f"Mitsuba cannot be imported ({cause}); to mend it: {remedy}") from error
 
 
-def _mitsuba() -> Any:
+def _mitsuba() -> ModuleType:
     return importlib.import_module("mitsuba")

@@ -78,21 +78,7 @@ def contour_shells(
     else:
         surfaces, e = layers_between(levels, ambient, hottest)
         rule = "custom"
-    grid = _bare_grid(field)
-    found: dict[int, tuple[Float32Array, IntArray, Float32Array, FloatArray]] = {}
-    small = []
-    for layer, level in enumerate(surfaces.tolist(), start=1):
-        vertices, faces, gradient, hessian = _contour(grid, level)
-        towards = gradient[faces].mean(axis=1)
-        faces, pieces, triangles = face_along(vertices, faces, towards, min_size_mm)
-        small += [SmallComponents(layer, pieces, triangles)] if pieces else []
-        if len(faces):
-            used, faces = used_vertices(len(vertices), faces)
-            vertices = vertices[used]
-            gradient, hessian = gradient[used], hessian[used]
-            normals = normals_along(vertices, faces, gradient)
-            magnitude = np.linalg.norm(gradient, axis=1)
-            found[layer] = vertices, faces, normals, derivative_rows(magnitude, hessian)
+    found, small = _large_surfaces(field, surfaces, min_size_mm)
     if not found:
         raise InputError(
             f"The field has no surface between n - 1 = {surfaces[0]:.6g} and {surfaces[-1]:.6g}; "
@@ -110,6 +96,32 @@ def contour_shells(
         mesh = vertices, faces, normals, derivatives
         shells.append(Shell(layer, level, float(ext), inside, *mesh))
     return ShellStack(shells, field.air, rule, field.source, small)
+
+
+_Mesh = tuple[Float32Array, IntArray, Float32Array, FloatArray]
+"""Vertices, faces, normals, and derivatives of the index as `derivative_rows`."""
+
+
+def _large_surfaces(
+    field: IndexField, surfaces: FloatArray, min_size_mm: float
+) -> tuple[dict[int, _Mesh], list[SmallComponents]]:
+    """Surfaces by layer, where they have large components, and the small ones left out."""
+    grid = _bare_grid(field)
+    found: dict[int, _Mesh] = {}
+    small = []
+    for layer, level in enumerate(surfaces.tolist(), start=1):
+        vertices, faces, gradient, hessian = _contour(grid, level)
+        towards = gradient[faces].mean(axis=1)
+        faces, pieces, triangles = face_along(vertices, faces, towards, min_size_mm)
+        small += [SmallComponents(layer, pieces, triangles)] if pieces else []
+        if len(faces):
+            used, faces = used_vertices(len(vertices), faces)
+            vertices = vertices[used]
+            gradient, hessian = gradient[used], hessian[used]
+            normals = normals_along(vertices, faces, gradient)
+            magnitude = np.linalg.norm(gradient, axis=1)
+            found[layer] = vertices, faces, normals, derivative_rows(magnitude, hessian)
+    return found, small
 
 
 def _size_advice(field: IndexField, min_size_mm: float) -> str:

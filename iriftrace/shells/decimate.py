@@ -133,8 +133,7 @@ def _without_single_triangles(faces: IntArray) -> IntArray:
     """Drop pieces of fewer triangles than any closed surface has: what is left of small ones."""
     links = np.concatenate((faces[:, :2], faces[:, 1:]))
     piece = connected(links, int(faces.max()) + 1)[faces[:, 0]]
-    kept: IntArray = faces[np.bincount(piece)[piece] >= FEWEST_CLOSED]
-    return kept
+    return faces[np.bincount(piece)[piece] >= FEWEST_CLOSED]
 
 
 def _without_small_holes(faces: IntArray, on_border: BoolArray) -> IntArray:

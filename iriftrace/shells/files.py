@@ -47,6 +47,11 @@ class PartFile:
         """The file to which a part was written."""
         return cls(path, sha256_of(path), Path(part.path).name)
 
+    def seen_from(self, folder: Path) -> PartOrigin:
+        """What a table in a folder says of it."""
+        place = Path(os.path.relpath(self.path, folder)).as_posix()
+        return PartOrigin(place, self.sha256, self.source)
+
 
 def save_shells(
     stack: ShellStack,
@@ -102,10 +107,7 @@ def save_shells(
         evolve(row, file=path.name, sha256=sha256_of(path))
         for path, row in zip(written, stated.shells, strict=False)
     )
-    origin = None
-    if part is not None:
-        place = Path(os.path.relpath(part.path, folder)).as_posix()
-        origin = PartOrigin(place, part.sha256, part.source)
+    origin = None if part is None else part.seen_from(folder)
     table = plain(evolve(stated, shells=rows, part=origin))
     for row, found in zip(table["shells"], report or (), strict=False):
         row |= found.as_dict()

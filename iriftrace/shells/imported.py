@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -22,6 +21,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.core.units import length_factor
 from iriftrace.field import arrays
+from iriftrace.field.marked import chosen_cells
 from iriftrace.field.origin import origin_of
 from iriftrace.field.readers.vtk_files import blocks_of
 from iriftrace.field.readers.vtk_process import read_file
@@ -256,12 +256,12 @@ def _read(path: Path) -> tuple[list[pv.PolyData], str]:
     return found, origin_of(data)
 
 
-def _triangles(block: Any) -> pv.PolyData | None:
+def _triangles(block: pv.DataSet) -> pv.PolyData | None:
     if isinstance(block, pv.UnstructuredGrid):
-        flat: Any = np.flatnonzero(np.isin(block.celltypes, _FLAT_CELLS))
+        flat = np.flatnonzero(np.isin(block.celltypes, _FLAT_CELLS))
         if len(flat) == 0:
             return None
-        block = block.extract_cells(flat).extract_surface(algorithm="geometry")
+        block = chosen_cells(block, flat).extract_surface(algorithm="geometry")
     if not isinstance(block, pv.PolyData):
         return None
     mesh = block.triangulate()

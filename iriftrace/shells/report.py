@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import asdict, frozen
 
+from iriftrace.core.plain import JsonObject
 from iriftrace.geometry.query import Surface
 from iriftrace.geometry.topology import open_edges
 
@@ -69,7 +70,7 @@ class ShellReport:
     gap_part_mm: float | None
     part_cut_share: float | None
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> JsonObject:
         """Plain values for JSON."""
         values = asdict(self)
         values["int"] = values.pop("int_")

@@ -84,6 +84,21 @@ def test_surface_of_a_finite_element_solution(cylinder: Part, tmp_path: Path, su
     assert found.at(places) == pytest.approx(ramp(places), abs=0.01)
 
 
+@pytest.mark.parametrize("suffix", ["vtp", "vtu"])
+def test_temperatures_of_faces_become_means_at_their_corners(
+    cylinder: Part, tmp_path: Path, suffix: str
+) -> None:
+    """A mean of faces around a corner lies between theirs; each spans less than its edges."""
+    faces: Any = cylinder.faces
+    mesh: Any = pv.PolyData.from_regular_faces(cylinder.vertices, faces)
+    mesh.cell_data["T"] = ramp(cylinder.face_centres)
+    file = tmp_path / f"t.{suffix}"
+    (mesh.cast_to_unstructured_grid() if suffix == "vtu" else mesh).save(file)
+    along_x = np.ptp(np.asarray(cylinder.vertices)[cylinder.faces][:, :, 0], axis=1).max()
+    off = read_measured_wall(file).kelvins - ramp(np.asarray(cylinder.vertices))
+    assert np.abs(off).max() < 2.0 * along_x
+
+
 def test_case_has_the_temperatures_of_the_file(cylinder: Part, tmp_path: Path) -> None:
     """The hottest sets the time, the ramp spoils the symmetry along x, a mirror is refused."""
     wall = measured_wall(read_measured_wall(table(cylinder, tmp_path / "t.csv", "x,y,z,T")))

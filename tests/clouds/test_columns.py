@@ -277,3 +277,14 @@ def test_a_ply_states_its_unit_in_a_comment(tmp_path: Path, remark: str, scale: 
     assert_allclose(read_cloud(tmp_path / "a.ply").points, POINTS[:, :3])
     with pytest.raises(InputError, match="states its coordinates in"):
         read_cloud(tmp_path / "a.ply", length_unit="mm")
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_a_ply_with_coordinates_in_capitals_is_read(tmp_path: Path, kind: str) -> None:
+    rows = POINTS[:, :3].astype("<f8")
+    names = "".join(f"property double {axis}\n" for axis in "XYZ")
+    header = f"ply\nformat {kind} 1.0\nelement vertex {len(rows)}\n{names}end_header\n"
+    text = "\n".join(" ".join(f"{one:.17g}" for one in row) for row in rows).encode()
+    data = text if kind == "ascii" else rows.tobytes()
+    (tmp_path / "a.ply").write_bytes(header.encode() + data)
+    assert_allclose(read_cloud(tmp_path / "a.ply").points, rows)

@@ -101,7 +101,7 @@ def test_empty_faces_are_none_where_there_are_no_polyhedra(kind: int, fits: bool
     grid = {
         "kind": "unstructured",
         "points": np.eye(4, 3),
-        "cells": [np.array([0, 4]), np.arange(4)],
+        "cells": [[np.array([0, 4]), np.arange(4)]],
         "types": np.array([kind]),
         **{"faces": empty, "face_places": empty},
         **{"point": {}, "cell": {}, "field": {}},

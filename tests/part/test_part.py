@@ -287,6 +287,15 @@ def test_gltf_is_in_metres_by_its_standard(tmp_path: Path, suffix: str) -> None:
         assert read_part(path, length_unit="mm").length_unit == "mm"
 
 
+@pytest.mark.parametrize("remark", ["File units = meters", "Units: m"])
+def test_an_obj_states_its_unit_in_a_comment(tmp_path: Path, remark: str) -> None:
+    text = trimesh.exchange.obj.export_obj(trimesh.creation.box(extents=(0.01, 0.02, 0.03)))
+    (tmp_path / "box.obj").write_text(f"# {remark}\n{text}")
+    part = read_part(tmp_path / "box.obj")
+    assert part.length_unit == "m"
+    np.testing.assert_allclose(np.ptp(part.bounds, axis=0), (10, 20, 30), rtol=1e-6)
+
+
 def _ply(path: Path, vertices: list[tuple[float, ...]], faces: list[tuple[int, ...]]) -> Path:
     lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
     lines += [f"property float {axis}" for axis in "xyz"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pyvista as pv
@@ -12,6 +12,7 @@ from attrs import asdict, frozen
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.core.units import ZERO_CELSIUS_K
 from iriftrace.field.index_field import IndexField
 from iriftrace.part.part import Part
@@ -33,15 +34,15 @@ class Finding:
     value: str  # the number with its unit
     verdict: Verdict  # "-" where there is nothing to judge
     remark: str  # what it was compared with, and what follows
-    numbers: dict[str, Any]  # the same as plain JSON values
+    numbers: JsonObject  # the same
 
 
 @frozen(eq=False)
 class FieldCheck:
     """Findings about a field and its part."""
 
-    field: dict[str, Any]
-    part: dict[str, Any]
+    field: JsonObject
+    part: JsonObject
     findings: tuple[Finding, ...]
 
     @property
@@ -59,7 +60,7 @@ class FieldCheck:
         return Path(path)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """JSON has no NaN and no NumPy numbers."""
     if isinstance(value, dict):
         return {key: _plain(v) for key, v in value.items()}

@@ -141,8 +141,7 @@ def _through_zones(
     if storage is None:
         sums[:, 2] = np.nan
     # W/m2 mm2 and W/m3 mm3.
-    watts: FloatArray = sums * (1e-6, 1e-6, 1e-9)
-    return watts
+    return sums * (1e-6, 1e-6, 1e-9)
 
 
 def _place(field: IndexField) -> FloatArray:

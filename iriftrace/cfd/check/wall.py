@@ -97,9 +97,24 @@ def wall_state(field: IndexField, part: Part) -> WallState:
         flux: FloatArray = -1e3 * np.einsum("ij,ij->i", gradient[faces].mean(axis=1), normals)
         return flux
 
-    at_wall = temperature[number]
-    conductivity = np.asarray(gas.conductivity(at_wall), dtype=np.float64)
-    fall = np.linalg.norm(slope, axis=1) / conductivity
+    return WallState(
+        temperature_k=temperature[number],
+        centres=centres,
+        nearest_face=nearest_face,
+        normals=normals,
+        areas=np.linalg.norm(areas, axis=1),
+        flux=conducted(slope),
+        flux_of_cells=conducted(of_cells[number]),
+        layer_mm=_conduction_thickness(field, temperature[number], slope),
+        cell_mm=_first_cells(field.grid, number, surface.normals[surface.nearest(points)[1]]),
+    )
+
+
+def _conduction_thickness(field: IndexField, at_wall: FloatArray, slope: FloatArray) -> FloatArray:
+    """Excess over the room (n,) by its fall, mm; NaN where the wall is hardly hotter.
+
+    `slope` (n, 3) is the gradient of `conduction_potential`, W/m per mm.
+    """
     excess = at_wall - field.air.temperature_k
     if excess.max() < _LEAST_EXCESS_K:
         raise InputError(
@@ -107,20 +122,12 @@ def wall_state(field: IndexField, part: Part) -> WallState:
             f"{field.air.temperature_k:.1f} K, so there is no hot air to be checked; is the "
             "ambient temperature right (--ambient)?"
         )
+    conductivity = np.asarray(gas.conductivity(at_wall), dtype=np.float64)
+    fall = np.linalg.norm(slope, axis=1) / conductivity
     hot = excess > 0.05 * float(excess.max())
-    layer = np.full(len(number), np.nan)
+    layer = np.full(len(at_wall), np.nan)
     layer[hot] = excess[hot] / np.maximum(fall[hot], 1e-12)
-    return WallState(
-        temperature_k=at_wall,
-        centres=centres,
-        nearest_face=nearest_face,
-        normals=normals,
-        areas=np.linalg.norm(areas, axis=1),
-        flux=conducted(slope),
-        flux_of_cells=conducted(of_cells[number]),
-        layer_mm=layer,
-        cell_mm=_first_cells(field.grid, number, surface.normals[surface.nearest(points)[1]]),
-    )
+    return layer
 
 
 def _fitting_gradient(

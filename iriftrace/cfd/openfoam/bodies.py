@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pyvista as pv
 from attrs import frozen
 
 from iriftrace.cfd.openfoam.domain import Domain
@@ -17,6 +15,8 @@ from iriftrace.cfd.openfoam.wall import HOTTEST
 from iriftrace.core.arrays import BoolArray, FloatArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
+from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
 FOLDER = "bodies"
@@ -41,7 +41,7 @@ class Body:
         """Name of its file without the ending."""
         return Path(self.surface.path).stem
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> JsonObject:
         """What it is, with the file of its copy beside the field."""
         return {
             "name": self.name,
@@ -56,9 +56,8 @@ def write_bodies(bodies: Sequence[Body], folder: Path) -> None:
     for body in bodies:
         target = folder / str(body.record()["file"])
         target.parent.mkdir(parents=True, exist_ok=True)
-        faces: Any = body.surface.faces
         with whole_file(target) as temporary:
-            pv.PolyData.from_regular_faces(body.surface.vertices, faces).save(temporary)
+            polydata(body.surface.vertices, body.surface.faces).save(temporary)
 
 
 def bodies_beside(field: Path, names: Collection[str]) -> tuple[Path, ...]:

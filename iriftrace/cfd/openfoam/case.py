@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
 from attrs import asdict, field, frozen
@@ -29,6 +29,7 @@ from iriftrace.cfd.openfoam.times import Times, natural_times
 from iriftrace.cfd.openfoam.wall import WallTemperatures, wall_temperature
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.part.part import Part, refuse_unlikely_size
 
 RECORD = "case.json"
@@ -107,7 +108,7 @@ class Case:
         own = () if self.draught is None else (self.draught,)
         return leans(self.family or own, rise_speed(height, self.wall.hottest, self.ambient_k))
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> JsonObject:
         """Values that flow and mesh depend on."""
         return {
             "part_sha256": self.part.sha256,
@@ -129,6 +130,18 @@ class Case:
         }
 
 
+class _Further(TypedDict, total=False):
+    """Attributes of a `Case`."""
+
+    pressure_pa: float
+    mirrors: str
+    margin: float
+    processes: int
+    bodies: tuple[Body, ...]
+    floor: float | None
+    family: tuple[Draught, ...]
+
+
 def natural_case(
     part: Part,
     wall: WallTemperatures,
@@ -140,7 +153,7 @@ def natural_case(
     snapshots: int = 0,
     ambient_k: float = 293.15,
     draught: Draught | None = None,
-    **more: Any,
+    **more: Unpack[_Further],
 ) -> Case:
     """Case of a part in air, with mesh and times that suit its size and temperature.
 
@@ -189,7 +202,7 @@ def is_stored(case: Case, folder: Path) -> bool:
     return False
 
 
-def read_record(file: Path) -> dict[str, Any]:
+def read_record(file: Path) -> JsonObject:
     """Content of a JSON file of ours in a case's folder; an InputError if it is damaged."""
     try:
         stored = json.loads(file.read_text())

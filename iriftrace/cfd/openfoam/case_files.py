@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
@@ -55,7 +54,7 @@ _FACES = {
 }
 
 
-def gas_entries() -> dict[str, Any]:
+def gas_entries() -> dict[str, object]:
     """Perfect gas, heat capacity by "janaf" and viscosity by "sutherland"."""
     return {
         "molar_mass": gas.MOLAR_MASS,
@@ -130,7 +129,7 @@ def write_decomposition(folder: Path, processes: int) -> None:
     write_file(folder, "system/decomposeParDict", entries)
 
 
-def write_file(folder: Path, name: str, entries: dict[str, Any]) -> None:
+def write_file(folder: Path, name: str, entries: dict[str, object]) -> None:
     """Fill one of the templates into the case."""
     source = resources.files("iriftrace.cfd.openfoam").joinpath("templates", f"{name}.jinja")
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
@@ -138,7 +137,7 @@ def write_file(folder: Path, name: str, entries: dict[str, Any]) -> None:
     (folder / name).write_text(template.render(entries) + "\n", encoding="utf-8")
 
 
-def mesh_entries(case: Case) -> dict[str, Any]:
+def mesh_entries(case: Case) -> dict[str, object]:
     """Entries of the mesher's files; lengths in m except in ``blockMeshDict``."""
     domain = case.domain
     (x0, y0, z0), (x1, y1, z1) = domain.lower, domain.upper
@@ -163,7 +162,7 @@ def mesh_entries(case: Case) -> dict[str, Any]:
     }
 
 
-def air_entries(case: Case) -> dict[str, Any]:
+def air_entries(case: Case) -> dict[str, object]:
     """Entries of the files of air and boundaries."""
     planes = _planes(case)
     inlets = [] if case.draught is None else list(case.draught.inlets)

@@ -173,26 +173,7 @@ def domain_around(
     centre, half = part.centre, 0.5 * (high - low)
     scale = _scale(part, margin)
     h, wall = size.background, size.wall
-    # Whole cells on both sides of the centre, so that a mirrored half has the same mesh.
-    up = _whole(half + scale * np.array((_SIDES, _SIDES, _ABOVE)), h)
-    down = _whole(half + scale * np.array((_SIDES, _SIDES, _BELOW)), h)
-    for axis, name in enumerate("xy"):
-        if name in mirrors:
-            down[axis] = 0.0
-    cells = (up + down) / h
-    if cells.prod() > _MOST_CELLS:
-        raise InputError(
-            f"the air would have {cells.prod():.2g} background cells of {h:g} mm, "
-            f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones "
-            "(--background-cell, --resolution), or compute a half or a quarter of a part that is "
-            "symmetric (--symmetry)."
-        )
-    lower, upper = centre - down, centre + up
-    if floor is not None:
-        _check_floor(floor, part, float(lower[2]))
-        lower[2] = floor
-        # Cells that are a little lower or higher, so that whole ones stand on the floor.
-        cells[2] = max(round((upper[2] - floor) / h), 1)
+    lower, upper, cells = _background(part, h, scale, mirrors, floor)
     # Whole cells as well, so that the field ends in planes.
     sides = _kept_sides(leaning)
     kept_down = _whole(half + scale * np.array((*sides[0], _KEPT_SIDES)), h)
@@ -225,6 +206,34 @@ def domain_around(
         kept_lower=_triple(kept_lower),
         kept_upper=_triple(kept_upper),
     )
+
+
+def _background(
+    part: Part, cell: float, scale: float, mirrors: str, floor: float | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lowest and highest corner of the air, mm, and numbers of the background's cells in it."""
+    half = 0.5 * np.ptp(part.bounds, axis=0)
+    # Whole cells on both sides of the centre, so that a mirrored half has the same mesh.
+    up = _whole(half + scale * np.array((_SIDES, _SIDES, _ABOVE)), cell)
+    down = _whole(half + scale * np.array((_SIDES, _SIDES, _BELOW)), cell)
+    for axis, name in enumerate("xy"):
+        if name in mirrors:
+            down[axis] = 0.0
+    cells = (up + down) / cell
+    if cells.prod() > _MOST_CELLS:
+        raise InputError(
+            f"the air would have {cells.prod():.2g} background cells of {cell:g} mm, "
+            f"and many more at the wall, but {_MOST_CELLS:g} is the most; give larger ones "
+            "(--background-cell, --resolution), or compute a half or a quarter of a part that is "
+            "symmetric (--symmetry)."
+        )
+    lower, upper = part.centre - down, part.centre + up
+    if floor is not None:
+        _check_floor(floor, part, float(lower[2]))
+        lower[2] = floor
+        # Cells that are a little lower or higher, so that whole ones stand on the floor.
+        cells[2] = max(round((upper[2] - floor) / cell), 1)
+    return lower, upper, cells
 
 
 def _check_floor(floor: float, part: Part, lowest: float) -> None:
@@ -286,8 +295,7 @@ def _plume_ends(part: Part, scale: float) -> tuple[float, float]:
 
 def _whole(lengths: FloatArray, cell: float) -> FloatArray:
     """Lengths as whole cells, up."""
-    whole: FloatArray = np.ceil(lengths / cell - 1e-9) * cell
-    return whole
+    return np.ceil(lengths / cell - 1e-9) * cell
 
 
 def _triple(values: Iterable[float]) -> tuple[float, float, float]:

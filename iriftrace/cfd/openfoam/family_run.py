@@ -10,7 +10,6 @@ import json
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import pyvista as pv
 from attrs import frozen
@@ -24,6 +23,7 @@ from iriftrace.cfd.openfoam.run import expected_seconds, last_time, pieces_of
 from iriftrace.cfd.openfoam.simulate import Display, check_solver, prepare, simulate
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
+from iriftrace.core.plain import JsonObject
 from iriftrace.field.origin import facts_of, origin_of, state_origin
 from iriftrace.field.source import FieldFacts
 
@@ -58,11 +58,11 @@ class Cost:
     seconds: float  # of the clock of all solvers one after another
 
 
-Solve = Callable[[Sequence[Task]], Iterable[dict[str, Any]]]
+Solve = Callable[[Sequence[Task]], Iterable[JsonObject]]
 """Solves tasks in any order; entries of `FAMILY` as they come."""
 
 
-def solve_member(task: Task, installation: Installation, display: Display) -> dict[str, Any]:
+def solve_member(task: Task, installation: Installation, display: Display) -> JsonObject:
     """Solve one member and write its field; its entry in `FAMILY`."""
     result = simulate(
         task.case,
@@ -81,7 +81,7 @@ def solve_member(task: Task, installation: Installation, display: Display) -> di
     }
 
 
-def solve_elsewhere(task: Task) -> dict[str, Any]:
+def solve_elsewhere(task: Task) -> JsonObject:
     """Solve one member with the OpenFOAM of the machine on which a worker runs."""
     installation = find_openfoam()
     check_solver(installation)
@@ -97,7 +97,7 @@ def run_family(
     *,
     say: Callable[[str], None],
     expect: Callable[[Cost], None],
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[JsonObject]:
     """Solve and mirror what is missing of a family; the entries of its members as they are made.
 
     Parameters
@@ -137,7 +137,7 @@ def run_family(
 def write_image(member: Member, case: Case, folder: Path) -> None:
     """Write the field of a member that is the mirror image of a solved one."""
     original = folder / f"{member.image_of}.vtu"
-    grid: Any = pv.read(original)
+    grid = pv.UnstructuredGrid(original)
     for axis in member.across:
         number = "xy".index(axis)
         grid = reflected_grid(grid, number, float(case.part.centre[number]))
@@ -190,7 +190,7 @@ def _cost(
     return Cost(finished, len(mirrored), len(waiting), max(cells.values(), default=0), sum(seconds))
 
 
-def _entry(member: Member, case: Case) -> dict[str, Any]:
+def _entry(member: Member, case: Case) -> JsonObject:
     wind = case.draught
     return {
         "name": member.name,
@@ -207,7 +207,7 @@ def _entry(member: Member, case: Case) -> dict[str, Any]:
 
 
 def _is_finished(
-    member: Member, case: Case, folder: Path, entries: Mapping[str, dict[str, Any]]
+    member: Member, case: Case, folder: Path, entries: Mapping[str, JsonObject]
 ) -> bool:
     """True where its field is there, and was solved to the same time as is wanted now."""
     stored, wanted = entries.get(member.name, {}), _entry(member, case)
@@ -215,7 +215,7 @@ def _is_finished(
     return same and (folder / member.file).is_file()
 
 
-def _read(folder: Path) -> dict[str, dict[str, Any]]:
+def _read(folder: Path) -> dict[str, JsonObject]:
     """Entries of the family in a folder; an InputError if it holds something else."""
     file = folder / FAMILY
     if file.is_file():
@@ -229,9 +229,7 @@ def _read(folder: Path) -> dict[str, dict[str, Any]]:
     return {}
 
 
-def _keep(
-    entry: dict[str, Any], entries: dict[str, dict[str, Any]], folder: Path
-) -> dict[str, Any]:
+def _keep(entry: JsonObject, entries: dict[str, JsonObject], folder: Path) -> JsonObject:
     """Write down that a member is finished; its entry."""
     entries[entry["name"]] = entry
     ordered = {"members": [entries[name] for name in sorted(entries)]}

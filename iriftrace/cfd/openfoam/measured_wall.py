@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -17,7 +16,7 @@ from iriftrace.core.errors import InputError
 from iriftrace.core.files import check_readable, sha256_of
 from iriftrace.core.number_table import header_columns, is_numbers, numbers, separator_of
 from iriftrace.core.units import length_factor
-from iriftrace.field.arrays import choose_array, point_values, to_kelvin
+from iriftrace.field.arrays import choose_array, finite_values, to_kelvin
 from iriftrace.field.readers.vtk_process import read_file
 from iriftrace.geometry.query import Surface
 from iriftrace.part.part import Part
@@ -87,7 +86,7 @@ class MeasuredWall:
         )
 
     @cached_property
-    def _tree(self) -> Any:
+    def _tree(self) -> cKDTree:
         return cKDTree(self.points)
 
 
@@ -155,10 +154,10 @@ def _table(path: Path, length_unit: str | None, temperature_unit: str | None) ->
 
 
 def _surface(path: Path, length_unit: str | None, temperature_unit: str | None) -> MeasuredWall:
-    data: Any = read_file(path)
+    data = read_file(path)
     if not hasattr(data, "points") or not data.n_points:
         raise InputError(f"{path} has no points with temperatures; give a surface or points.")
-    shell: Any = data.extract_surface(algorithm="geometry").triangulate()
+    shell = data.extract_surface(algorithm="geometry").triangulate()
     faces = np.asarray(shell.regular_faces, dtype=np.int64) if shell.n_cells else None
     if faces is None or not len(faces):
         shell, faces = data, None
@@ -177,14 +176,16 @@ def _length_factor(given: str | None, stated: str | None, path: Path) -> float:
 
 def _measured(
     path: Path,
-    data: Any,
+    data: pv.DataSet,
     faces: IntArray | None,
     factor: float,
     units: Mapping[str, str] | None,
     temperature_unit: str | None,
 ) -> MeasuredWall:
     choice = choose_array(data, None, "temperature", str(path))
-    values = point_values(data, choice.name, str(path))
+    if choice.name not in data.point_data:
+        data = data.cell_data_to_point_data()
+    values = finite_values(data.point_data, choice.name, str(path))
     points = as_float64(data.points) * factor
     if not np.isfinite(points).all():
         raise InputError(f"{path} has coordinates that are no finite numbers; export them again.")

@@ -6,7 +6,6 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -17,6 +16,7 @@ from iriftrace.cfd.openfoam.case_files import nonuniform, uniform, write_start
 from iriftrace.cfd.openfoam.programs import Installation, OpenFoamError, cell_count, run_program
 from iriftrace.cfd.openfoam.wall import wall_temperature
 from iriftrace.core.files import whole_file
+from iriftrace.field.readers.vtk_files import blocks_by_name
 
 _DONE = "mesh.json"
 
@@ -72,8 +72,8 @@ def _new_mesh(folder: Path, installation: Installation, say: Callable[[str], Non
     return cell_count(log.read_text(errors="replace")) or 0
 
 
-def wall_patch(folder: Path) -> Any:
-    """The wall of a meshed case as pyvista.PolyData: faces in the order of the mesh, in m."""
+def wall_patch(folder: Path) -> pv.PolyData:
+    """The wall of a meshed case: faces in the order of the mesh, in m."""
     reader = vtkOpenFOAMReader()
     reader.SetFileName(str(folder / "case.foam"))
     reader.SetSkipZeroTime(False)
@@ -81,8 +81,6 @@ def wall_patch(folder: Path) -> Any:
     reader.DisableAllPatchArrays()
     reader.SetPatchArrayStatus("patch/part", 1)
     reader.Update()
-    data: Any = pv.wrap(reader.GetOutput())
-    boundary = data["boundary"] if "boundary" in data.keys() else None
-    if boundary is None or "part" not in boundary.keys():
-        return pv.PolyData()
-    return boundary["part"]
+    data: pv.MultiBlock = pv.wrap(reader.GetOutput())
+    patch = blocks_by_name(blocks_by_name(data).get("boundary")).get("part")
+    return patch if isinstance(patch, pv.PolyData) else pv.PolyData()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -12,6 +11,7 @@ from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import whole_file
 from iriftrace.field.gradient import MIRRORED_CORNERS
+from iriftrace.geometry.triangles import polydata
 from iriftrace.part.part import Part
 
 _TOLERANCE = 5e-3
@@ -21,9 +21,8 @@ _SAMPLES = 2000
 
 def write_stl(part: Part, path: Path) -> None:
     """Write the part as binary STL in metres."""
-    faces: Any = part.faces
     with whole_file(path) as temporary:
-        pv.PolyData.from_regular_faces(1e-3 * part.vertices, faces).save(temporary)
+        polydata(1e-3 * part.vertices, part.faces).save(temporary)
 
 
 def symmetric_axes(part: Part) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -29,6 +28,7 @@ from iriftrace.field.flow import (
     carried_heat,
     state_heat,
 )
+from iriftrace.field.marked import chosen_cells
 from iriftrace.field.origin import WALL_HEAT, state_origin
 from iriftrace.field.readers import openfoam as openfoam_case
 from iriftrace.field.source import FieldFacts, FieldKind
@@ -37,7 +37,7 @@ _MM = 1000.0
 
 
 def mean_arrays(
-    case: Case, grid: pv.UnstructuredGrid, before: Any, seconds: float
+    case: Case, grid: pv.UnstructuredGrid, before: pv.UnstructuredGrid, seconds: float
 ) -> dict[str, FloatArray]:
     """Velocity and heat of a time average.
 
@@ -142,18 +142,19 @@ def write_snapshots(case: Case, folder: Path, file: Path, count: int) -> list[Pa
     return files
 
 
-def _read(folder: Path, member: int) -> tuple[Any, float]:
+def _read(folder: Path, member: int) -> tuple[pv.UnstructuredGrid, float]:
     """One state of the case at its points, in m, and its time."""
     states = openfoam_case.states(folder)
     number = range(len(states))[member]
     return openfoam_case.read(folder, number, flow=True).data, float(states[number][1] or 0.0)
 
 
-def _at(folder: Path, moment: float) -> Any | None:
+def _at(folder: Path, moment: float) -> pv.UnstructuredGrid | None:
     """The state at a time, s, at its points, in m; None where none was kept."""
     for number, (_, time) in enumerate(openfoam_case.states(folder)):
         if time is not None and np.isclose(time, moment, rtol=1e-6, atol=1e-9):
-            return openfoam_case.read(folder, number).data
+            grid: pv.UnstructuredGrid = openfoam_case.read(folder, number).data
+            return grid
     return None
 
 
@@ -177,8 +178,7 @@ def _whole(
         piece.point_data["T"][on_wall] = wall_temperature(case.wall, case.part, wall)
     centres = np.asarray(piece.cell_centers().points)
     kept = ((centres > domain.kept_lower) & (centres < domain.kept_upper)).all(axis=1)
-    numbers: Any = np.flatnonzero(kept)
-    piece = piece.extract_cells(numbers)
+    piece = chosen_cells(piece, np.flatnonzero(kept))
     for name, position in domain.planes.items():
         piece = mirrored_grid(piece, "xy".index(name), position)
     return piece
@@ -190,8 +190,7 @@ def _shortened(values: Float32Array) -> Float32Array:
     A heat balance needs no more, and compressed they take up half the room.
     """
     bits = np.ascontiguousarray(values).view(np.uint32)
-    rounded: Float32Array = ((bits + 0x800) & 0xFFFFF000).view(np.float32)
-    return rounded
+    return ((bits + 0x800) & 0xFFFFF000).view(np.float32)
 
 
 def _write(case: Case, grid: pv.UnstructuredGrid, file: Path, how: str, facts: FieldFacts) -> None:

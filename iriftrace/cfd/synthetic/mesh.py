@@ -121,8 +121,7 @@ class _Middles:
 
 
 def _key(a: IntArray, b: IntArray) -> IntArray:
-    key: IntArray = np.minimum(a, b) * _MOST_POINTS + np.maximum(a, b)
-    return key
+    return np.minimum(a, b) * _MOST_POINTS + np.maximum(a, b)
 
 
 def _halves(corners: IntArray, tag: IntArray, middle: IntArray) -> tuple[IntArray, IntArray]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.field.readers.states import Contents, State, state_number
+from iriftrace.field.readers.states import Contents, State, state_number, states_at
 from iriftrace.field.readers.vtk_process import read_cgns
 
 _UNITS = re.compile(
@@ -24,8 +24,7 @@ _LENGTHS = {b"Meter": "m", b"Centimeter": "cm", b"Millimeter": "mm", b"Inch": "i
 
 def states(path: Path) -> list[State]:
     """Label and time of every state in a file, at least one."""
-    _, times = read_cgns(path, None)
-    return [(f"t = {time}", float(time)) for time in times] or [("", None)]
+    return states_at(read_cgns(path, None)[1])
 
 
 def read(path: Path, member: int | None) -> Contents:

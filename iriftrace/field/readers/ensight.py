@@ -8,7 +8,7 @@ from pathlib import Path
 
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
-from iriftrace.field.readers.states import Contents, State, state_number
+from iriftrace.field.readers.states import Contents, State, state_number, states_at
 from iriftrace.field.readers.vtk_process import read_ensight
 
 _FORMAT = re.compile(r"^[\ufeff\s]*type\s*:\s*ensight", re.IGNORECASE | re.MULTILINE)
@@ -21,8 +21,7 @@ _TIMES = re.compile(r"^\s*time values\s*:(?P<values>[-+.\deE\s]*)", re.IGNORECAS
 
 def states(path: Path) -> list[State]:
     """Label and time of every state in a case, at least one."""
-    times = _times(path)
-    return [(f"t = {time}", float(time)) for time in times] or [("", None)]
+    return states_at(_times(path))
 
 
 def read(path: Path, member: int | None) -> Contents:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from iriftrace.core.files import sha256_of
-from iriftrace.field.readers.states import Contents, State, state_number
+from iriftrace.field.readers.states import Contents, State, state_number, states_at
 from iriftrace.field.readers.vtk_process import read_exodus
 
 
 def states(path: Path) -> list[State]:
     """Label and time of every state in a file, at least one."""
-    _, times = read_exodus(path, None)
-    return [(f"t = {time}", float(time)) for time in times] or [("", None)]
+    return states_at(read_exodus(path, None)[1])
 
 
 def read(path: Path, member: int | None) -> Contents:

@@ -10,6 +10,7 @@ from pathlib import Path
 from warnings import warn
 
 import numpy as np
+import pyvista as pv
 from attrs import frozen
 
 from iriftrace.core.errors import InputError, IriftraceWarning
@@ -19,6 +20,7 @@ from iriftrace.field.flow import TEMPERATURE, VELOCITY, VELOCITY_OVER_TEMPERATUR
 from iriftrace.field.readers.openfoam_mesh import Piece, joined, split_piece
 from iriftrace.field.readers.openfoam_walls import set_values_of_gradients
 from iriftrace.field.readers.states import Contents, State, state_number
+from iriftrace.field.readers.vtk_files import blocks_by_name
 from iriftrace.field.readers.vtk_process import read_case
 
 _PROCESSOR = re.compile(r"processor(\d+)")
@@ -187,8 +189,9 @@ def _names(piece: Piece, flow: bool) -> list[str]:
 def _piece(folder: Path, time: str, flow: bool) -> Piece:
     """Cells and patches of one folder with a polyMesh."""
     data, named = read_case(folder, time)
-    grid = data["internalMesh"] if "internalMesh" in data.keys() else None
-    if grid is None or not grid.n_cells:
+    blocks = blocks_by_name(data)
+    grid = blocks.get("internalMesh")
+    if not isinstance(grid, pv.UnstructuredGrid) or not grid.n_cells:
         raise InputError(
             f"The mesh of the case {folder} cannot be read; is constant/polyMesh complete?"
         )
@@ -203,11 +206,10 @@ def _piece(folder: Path, time: str, flow: bool) -> Piece:
             "leaves such files, so choose another time (--time)."
         )
     kinds = _patch_kinds(folder)
-    boundary = data["boundary"] if "boundary" in data.keys() else {}
     patches = {
-        name: boundary[name]
-        for name in boundary.keys()
-        if boundary[name] is not None and not _NO_VALUES.fullmatch(kinds.get(name, "patch"))
+        name: mesh
+        for name, mesh in blocks_by_name(blocks.get("boundary")).items()
+        if isinstance(mesh, pv.PolyData) and not _NO_VALUES.fullmatch(kinds.get(name, "patch"))
     }
     walls = frozenset(name for name, kind in kinds.items() if "wall" in kind.lower())
     piece = split_piece(grid, patches, walls)

@@ -7,7 +7,6 @@ faces give their values to the points around them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pyvista as pv
@@ -28,7 +27,7 @@ class Piece:
     """A mesh as it was read, whole or from one processor, and in linear cells."""
 
     grid: pv.UnstructuredGrid  # with cell data
-    patches: Mapping[str, Any]  # pyvista.PolyData with cell data of the patches that state values
+    patches: Mapping[str, pv.PolyData]  # those that state values, as cell data
     walls: frozenset[str]  # names of those that are walls
     # (n + f + p, 3), the mesh's points, the centres of its f faces with more than four corners
     # and the centroids of its p polyhedra.
@@ -39,7 +38,7 @@ class Piece:
 
 
 def split_piece(
-    grid: pv.UnstructuredGrid, patches: Mapping[str, Any], walls: frozenset[str]
+    grid: pv.UnstructuredGrid, patches: Mapping[str, pv.PolyData], walls: frozenset[str]
 ) -> Piece:
     """Split the polyhedra of a grid; its other cells stay.
 
@@ -129,7 +128,7 @@ class _Around:
     point: IntArray  # (k,)
     owner: IntArray  # (k,) cell or face
     arm: FloatArray  # (k, 3) from the point to its centre
-    data: Any  # cell data
+    data: pv.DataSetAttributes  # cell data
 
 
 def _around(piece: Piece, number: IntArray) -> Iterator[_Around]:
@@ -143,12 +142,17 @@ def _around(piece: Piece, number: IntArray) -> Iterator[_Around]:
     for name, patch in piece.patches.items():
         if not patch.n_cells or tree is None:
             continue
-        polygons = patch.GetPolys()
-        starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
-        corner = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
-        face = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        face, corner = polygon_corners(patch)
         points = np.asarray(patch.points, dtype=np.float64)
-        centres = added(face, points[corner], len(starts) - 1) / np.diff(starts)[:, None]
+        centres = added(face, points[corner], patch.n_cells) / np.bincount(face)[:, None]
         kind = _WALLS if name in piece.walls else _PATCHES
         arm = centres[face] - points[corner]
         yield _Around(kind, number[tree.query(points)[1]][corner], face, arm, patch.cell_data)
+
+
+def polygon_corners(patch: pv.PolyData) -> tuple[IntArray, IntArray]:
+    """Face and point number of every corner of a patch."""
+    polygons = patch.GetPolys()
+    starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
+    corners = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
+    return np.repeat(np.arange(len(starts) - 1), np.diff(starts)), corners

@@ -11,7 +11,7 @@ import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
@@ -20,9 +20,12 @@ from scipy.spatial import cKDTree
 
 from iriftrace.core.arrays import FloatArray, IntArray
 from iriftrace.core.errors import InputError, IriftraceWarning
-from iriftrace.field.readers.openfoam_mesh import Piece
+from iriftrace.field.readers.openfoam_mesh import Piece, polygon_corners
 
-Entries = dict[str, Any]
+if TYPE_CHECKING:
+    import pyvista as pv
+
+Entries = dict[str, "str | FloatArray | Entries"]
 """Entries of a dictionary: texts, arrays of scalars, or entries of their own."""
 
 _OF_THE_CELL = {"zeroGradient", "slip"}
@@ -40,9 +43,6 @@ _TOKEN = re.compile(
     |(?P<word>"[^"]*"|[{};]|[^\s{};"]+)""",
     re.DOTALL | re.VERBOSE,
 )
-
-if TYPE_CHECKING:
-    import pyvista as pv
 
 
 def set_values_of_gradients(piece: Piece, folder: Path, names: frozenset[str]) -> None:
@@ -156,13 +156,13 @@ def _set_value(piece: Piece, patch: str, name: str, entries: Entries, file: Path
     mesh = piece.patches[patch]
     gradient = _numbers(entries.get("gradient"), mesh.n_cells, file)
     mixed = [_numbers(entries.get(key), mesh.n_cells, file) for key in _MIXED]
-    if gradient is None and any(values is None for values in mixed):
+    value, slope, fraction = mixed if gradient is None else (0.0, gradient, 0.0)
+    if value is None or slope is None or fraction is None:
         _refuse_or_warn(patch in piece.walls, patch, name, str(entries["type"]), file)
         return
     owner = _owners(piece.grid, mesh)
     cell = np.asarray(piece.grid.cell_data[name], dtype=np.float64)[owner]
     distance = _distances(mesh, piece.centres[owner])
-    value, slope, fraction = (0.0, gradient, 0.0) if gradient is not None else mixed
     mesh.cell_data[name] = fraction * value + (1.0 - fraction) * (cell + slope * distance)
 
 
@@ -180,7 +180,9 @@ def _refuse_or_warn(wall: bool, patch: str, name: str, kind: str, file: Path) ->
     )
 
 
-def _numbers(stated: Any, count: int, file: Path) -> Any:
+def _numbers(
+    stated: str | FloatArray | Entries | None, count: int, file: Path
+) -> float | FloatArray | None:
     """One number or (count,) numbers of an entry; None where it states none."""
     if stated is None or isinstance(stated, dict):
         return None
@@ -197,9 +199,9 @@ def _numbers(stated: Any, count: int, file: Path) -> Any:
         return None
 
 
-def _owners(grid: pv.UnstructuredGrid, patch: Any) -> IntArray:
+def _owners(grid: pv.UnstructuredGrid, patch: pv.PolyData) -> IntArray:
     """Number of the cell behind each face of a patch, (f,): the one that has all its corners."""
-    face, corner = _corners(patch)
+    face, corner = polygon_corners(patch)
     near = cKDTree(np.asarray(grid.points)).query(np.asarray(patch.points))[1][corner]
     starts = np.asarray(grid.cell_offsets, dtype=np.int64)
     cell = np.repeat(np.arange(grid.n_cells), np.diff(starts))
@@ -210,13 +212,12 @@ def _owners(grid: pv.UnstructuredGrid, patch: Any) -> IntArray:
         (np.ones(len(cell), dtype=np.int32), (of_cells, cell)), shape=(grid.n_points, grid.n_cells)
     )
     common = (faces @ cells).tocsr()
-    owner: IntArray = np.asarray(common.argmax(axis=1)).ravel().astype(np.int64)
-    return owner
+    return np.asarray(common.argmax(axis=1)).ravel().astype(np.int64)
 
 
-def _distances(patch: Any, centres: FloatArray) -> FloatArray:
+def _distances(patch: pv.PolyData, centres: FloatArray) -> FloatArray:
     """Distance (f,) of the faces' planes from the (f, 3) centres of their cells."""
-    face, corner = _corners(patch)
+    face, corner = polygon_corners(patch)
     points = np.asarray(patch.points, dtype=np.float64)[corner]
     first = np.flatnonzero(np.diff(face, prepend=-1))
     count = np.diff(np.append(first, len(face)))
@@ -228,11 +229,3 @@ def _distances(patch: Any, centres: FloatArray) -> FloatArray:
     normal = area / np.linalg.norm(area, axis=1, keepdims=True)
     distance: FloatArray = np.abs(np.einsum("ij,ij->i", normal, middle - centres))
     return distance
-
-
-def _corners(patch: Any) -> tuple[IntArray, IntArray]:
-    """Face and point number of every corner."""
-    polygons = patch.GetPolys()
-    starts = np.asarray(polygons.GetOffsetsArray(), dtype=np.int64)
-    corners = np.asarray(polygons.GetConnectivityArray(), dtype=np.int64)
-    return np.repeat(np.arange(len(starts) - 1), np.diff(starts)), corners

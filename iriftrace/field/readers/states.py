@@ -30,7 +30,9 @@ State = tuple[str, float | None]
 class Contents:
     """One state of a field file, as it was written."""
 
-    data: Any  # pyvista.DataSet or pyvista.MultiBlock, in the file's own units
+    # A pyvista.DataSet or, before the volume cells are joined, a pyvista.MultiBlock; in the file's
+    # own units.
+    data: Any
     # Of the file; of an OpenFOAM case that of the list of the checksums of the files read, as
     # ``sha256sum`` prints it.
     sha256: str
@@ -81,6 +83,11 @@ def states_of(columns: Iterable[Column]) -> list[State]:
     """States of columns in the order in which they first appear, or one without a name."""
     labels = dict.fromkeys(column.state for column in columns if column.state)
     return [(label, time_in(label)) for label in labels or ("",)]
+
+
+def states_at(times: Iterable[str]) -> list[State]:
+    """States at times as a file writes them, or one without a name."""
+    return [(f"t = {time}", float(time)) for time in times] or [("", None)]
 
 
 def time_in(state: str) -> float | None:

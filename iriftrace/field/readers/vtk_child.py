@@ -8,15 +8,22 @@ as plain values and arrays.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Protocol, Required, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 from vtkmodules import vtkCommonDataModel as model
 from vtkmodules import vtkIOXML
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringArray, vtkStringOutputWindow
+from vtkmodules.vtkCommonCore import (
+    vtkDataArray,
+    vtkOutputWindow,
+    vtkStringArray,
+    vtkStringOutputWindow,
+)
+from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkStreamingDemandDrivenPipeline
+
+from iriftrace.core.arrays import AnyArray
 
 _XML = {
     ".vtu": "vtkXMLUnstructuredGridReader",
@@ -31,15 +38,53 @@ _XML = {
 _LEGACY = ("Scalars", "ColorScalars", "Normals", "TCoords", "Vectors", "Fields", "Tensors")
 
 
+Arrays = dict[str, AnyArray | list[str]]
+"""Arrays of numbers, and as lists arrays of texts, by name."""
+
+Cells = list[AnyArray]
+"""Offsets and connectivity."""
+
+
+class Described(TypedDict, total=False):
+    """A data set, or a tree of blocks, as plain values and arrays."""
+
+    kind: Required[str]  # says which of the others there are
+    names: list[str | None]  # of blocks
+    blocks: list[Described | None]
+    field: Arrays
+    point: Arrays
+    cell: Arrays
+    points: AnyArray
+    cells: list[Cells]  # of surfaces: vertices, lines, polygons and strips
+    types: AnyArray  # of cells
+    faces: Cells  # of polyhedra
+    face_places: Cells
+    dimensions: Sequence[int]
+    axes: list[AnyArray]
+    extent: Sequence[int]
+    spacing: Sequence[float]
+    origin: Sequence[float]
+    directions: Sequence[float]  # row by row
+
+
+Answer = tuple[Described | None, list[str]]
+"""What was read, and names of what the file has: times, or fields of an OpenFOAM case."""
+
+
+class _Reader(Protocol):
+    def Update(self) -> object: ...
+    def GetOutput(self) -> model.vtkDataObject | None: ...
+
+
 # VTK's module has no types.
-_to_numpy: Callable[[Any], NDArray[Any]] = vtk_to_numpy
+_to_numpy: Callable[[vtkDataArray], AnyArray] = vtk_to_numpy
 
 
-def _array(array: Any) -> NDArray[Any]:
+def _array(array: vtkDataArray | None) -> AnyArray:
     return np.zeros(0) if array is None else _to_numpy(array)
 
 
-def read_file(path: str, suffix: str) -> Any:
+def read_file(path: str, suffix: str) -> Answer:
     """A file of one of VTK's own formats, as its suffix says."""
     if suffix == ".vtk":
         from vtkmodules.vtkIOLegacy import vtkDataSetReader
@@ -50,10 +95,10 @@ def read_file(path: str, suffix: str) -> Any:
     else:
         reader = getattr(vtkIOXML, _XML[suffix])()
     reader.SetFileName(path)
-    return _output(reader)
+    return _output(reader), []
 
 
-def read_ensight(path: str, time: str) -> Any:
+def read_ensight(path: str, time: str) -> Answer:
     """One time of an EnSight case; its only state where `time` is empty."""
     from vtkmodules.vtkIOEnSight import vtkGenericEnSightReader
 
@@ -62,23 +107,18 @@ def read_ensight(path: str, time: str) -> Any:
     reader.ReadAllVariablesOn()
     if time:
         reader.SetTimeValue(float(time))
-    return _output(reader)
+    return _output(reader), []
 
 
-def read_exodus(path: str, step: int | None) -> Any:
+def read_exodus(path: str, step: int | None) -> Answer:
     """One step of an Exodus file, and its times; only these where `step` is None."""
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as pipeline
     from vtkmodules.vtkIOExodus import vtkExodusIIReader
 
     reader = vtkExodusIIReader()
     reader.SetFileName(path)
-    window = vtkStringOutputWindow()
-    vtkOutputWindow.SetInstance(window)
-    reader.UpdateInformation()
+    names = _times(reader)
     if not reader.GetNumberOfNodes():
         raise ValueError("VTK finds no nodes of Exodus in it")
-    times = reader.GetOutputInformation(0).Get(pipeline.TIME_STEPS()) or ()
-    names = [repr(float(time)) for time in times]
     if step is None:
         return _described(model.vtkMultiBlockDataSet()), names
     for kind in (reader.NODAL, reader.ELEM_BLOCK):
@@ -87,20 +127,15 @@ def read_exodus(path: str, step: int | None) -> Any:
     return _output(reader), names
 
 
-def read_cgns(path: str, time: str | None) -> Any:
+def read_cgns(path: str, time: str | None) -> Answer:
     """One time of a CGNS file, its only one where `time` is "", and all times; None: only these."""
-    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as pipeline
     from vtkmodules.vtkIOCGNSReader import vtkCGNSReader
 
     reader = vtkCGNSReader()
     reader.SetFileName(path)
-    window = vtkStringOutputWindow()
-    vtkOutputWindow.SetInstance(window)
-    reader.UpdateInformation()
+    names = _times(reader)
     if not reader.GetNumberOfBaseArrays():
         raise ValueError("VTK finds no base of CGNS in it")
-    times = reader.GetOutputInformation(0).Get(pipeline.TIME_STEPS()) or ()
-    names = [repr(float(moment)) for moment in times]
     if time is None:
         return _described(model.vtkMultiBlockDataSet()), names
     reader.EnableAllBases()
@@ -111,7 +146,15 @@ def read_cgns(path: str, time: str | None) -> Any:
     return _output(reader), names
 
 
-def _output(reader: Any) -> Any:
+def _times(reader: vtkAlgorithm) -> list[str]:
+    """Times that a file states, once its reader has looked into it."""
+    vtkOutputWindow.SetInstance(vtkStringOutputWindow())
+    reader.UpdateInformation()
+    times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS()) or ()
+    return [repr(float(time)) for time in times]
+
+
+def _output(reader: _Reader) -> Described | None:
     """Description of what a reader has read; a ValueError with its first complaint."""
     window = vtkStringOutputWindow()
     vtkOutputWindow.SetInstance(window)
@@ -124,7 +167,7 @@ def _output(reader: Any) -> Any:
     return _described(reader.GetOutput())
 
 
-def read_case(path: str, time: str) -> Any:
+def read_case(path: str, time: str) -> Answer:
     """One time of an OpenFOAM case, and the names of the fields that VTK found there.
 
     VTK complains of much that a case may well have; whoever asks checks what is there.
@@ -146,7 +189,7 @@ def read_case(path: str, time: str) -> Any:
     return _described(reader.GetOutput()), [reader.GetCellArrayName(k) for k in range(count)]
 
 
-def _described(data: Any) -> dict[str, Any] | None:
+def _described(data: model.vtkDataObject | None) -> Described | None:
     """A data set as plain values and arrays."""
     if data is None:
         return None
@@ -164,85 +207,71 @@ def _described(data: Any) -> dict[str, Any] | None:
         count = range(data.GetNumberOfPartitions())
         pieces = [_described(data.GetPartitionAsDataObject(k)) for k in count]
         return {"kind": "blocks", "names": [None] * len(pieces), "blocks": pieces, "field": {}}
-    for kind, (name, describe) in _KINDS.items():
-        if isinstance(data, kind):
-            return {
-                "kind": name,
-                **describe(data),
-                "point": _data_of(data.GetPointData()),
-                "cell": _data_of(data.GetCellData()),
-                "field": _data_of(data.GetFieldData()),
-            }
-    raise ValueError(f"it holds a {data.GetClassName()}, which is no mesh")
+    if not isinstance(data, model.vtkDataSet) or (mesh := _mesh(data)) is None:
+        raise ValueError(f"it holds a {data.GetClassName()}, which is no mesh")
+    mesh["point"] = _data_of(data.GetPointData())
+    mesh["cell"] = _data_of(data.GetCellData())
+    mesh["field"] = _data_of(data.GetFieldData())
+    return mesh
 
 
-def _data_of(attributes: Any) -> dict[str, Any]:
-    """Arrays of numbers, and as lists arrays of texts, by name."""
-    found: dict[str, Any] = {}
+def _data_of(attributes: model.vtkFieldData) -> Arrays:
+    found: Arrays = {}
     for k in range(attributes.GetNumberOfArrays()):
         array = attributes.GetAbstractArray(k)
         name = array.GetName() or f"Unnamed_{k}"
         if isinstance(array, vtkStringArray):
             found[name] = [array.GetValue(i) for i in range(array.GetNumberOfValues())]
-        elif attributes.GetArray(k) is not None:
+        elif isinstance(array, vtkDataArray):
             found[name] = _array(array)
     return found
 
 
-def _points(data: Any) -> NDArray[Any]:
+def _mesh(data: model.vtkDataSet) -> Described | None:
+    """Points and cells; None for a data set of another kind."""
+    if isinstance(data, model.vtkImageData):
+        directions = data.GetDirectionMatrix()
+        return {
+            "kind": "image",
+            "extent": data.GetExtent(),
+            "spacing": data.GetSpacing(),
+            "origin": data.GetOrigin(),
+            "directions": [directions.GetElement(i, j) for i in range(3) for j in range(3)],
+        }
+    if isinstance(data, model.vtkRectilinearGrid):
+        axes = (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates())
+        return {
+            "kind": "rectilinear",
+            "dimensions": data.GetDimensions(),
+            "axes": [_array(axis) for axis in axes],
+        }
+    if isinstance(data, model.vtkStructuredGrid):
+        dimensions = [0, 0, 0]
+        data.GetDimensions(dimensions)
+        return {"kind": "structured", "dimensions": dimensions, "points": _points(data)}
+    if isinstance(data, model.vtkUnstructuredGrid):
+        described: Described = {
+            "kind": "unstructured",
+            "points": _points(data),
+            "cells": [_cells(data.GetCells())],
+            "types": _array(data.GetCellTypesArray()),
+        }
+        if data.GetPolyhedronFaces() is not None:
+            described["faces"] = _cells(data.GetPolyhedronFaces())
+            described["face_places"] = _cells(data.GetPolyhedronFaceLocations())
+        return described
+    if isinstance(data, model.vtkPolyData):
+        cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
+        return {"kind": "poly", "points": _points(data), "cells": [_cells(c) for c in cells]}
+    return None
+
+
+def _points(data: model.vtkPointSet) -> AnyArray:
     points = data.GetPoints()
     return np.zeros((0, 3)) if points is None else _array(points.GetData())
 
 
-def _cells(cells: Any) -> list[NDArray[Any]]:
-    """Offsets and connectivity."""
+def _cells(cells: model.vtkCellArray | None) -> Cells:
     if cells is None:
         return [np.zeros(0), np.zeros(0)]
     return [_array(cells.GetOffsetsArray()), _array(cells.GetConnectivityArray())]
-
-
-def _image(data: Any) -> dict[str, Any]:
-    directions = data.GetDirectionMatrix()
-    return {
-        "extent": data.GetExtent(),
-        "spacing": data.GetSpacing(),
-        "origin": data.GetOrigin(),
-        "directions": [directions.GetElement(i, j) for i in range(3) for j in range(3)],
-    }
-
-
-def _rectilinear(data: Any) -> dict[str, Any]:
-    axes = (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates())
-    return {"dimensions": data.GetDimensions(), "axes": [_array(axis) for axis in axes]}
-
-
-def _structured(data: Any) -> dict[str, Any]:
-    dimensions = [0, 0, 0]
-    data.GetDimensions(dimensions)
-    return {"dimensions": dimensions, "points": _points(data)}
-
-
-def _unstructured(data: Any) -> dict[str, Any]:
-    described = {
-        "points": _points(data),
-        "cells": _cells(data.GetCells()),
-        "types": _array(data.GetCellTypesArray()),
-    }
-    if data.GetPolyhedronFaces() is not None:
-        described["faces"] = _cells(data.GetPolyhedronFaces())
-        described["face_places"] = _cells(data.GetPolyhedronFaceLocations())
-    return described
-
-
-def _poly(data: Any) -> dict[str, Any]:
-    cells = (data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips())
-    return {"points": _points(data), "cells": [_cells(c) for c in cells]}
-
-
-_KINDS: dict[Any, tuple[str, Callable[[Any], dict[str, Any]]]] = {
-    model.vtkImageData: ("image", _image),
-    model.vtkRectilinearGrid: ("rectilinear", _rectilinear),
-    model.vtkStructuredGrid: ("structured", _structured),
-    model.vtkUnstructuredGrid: ("unstructured", _unstructured),
-    model.vtkPolyData: ("poly", _poly),
-}

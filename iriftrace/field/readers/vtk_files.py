@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +13,7 @@ import pyvista as pv
 from iriftrace.core.errors import InputError
 from iriftrace.core.files import sha256_of
 from iriftrace.field.readers.states import Contents, State, column_of, state_number, states_of
-from iriftrace.field.readers.vtk_process import SUFFIXES, read_file
+from iriftrace.field.readers.vtk_process import SUFFIXES, Data, read_file
 
 
 def states(path: Path) -> list[State]:
@@ -30,9 +29,9 @@ def read(path: Path, member: int | None) -> Contents:
         found = states(path)
         number = state_number(found, member, path)
         files = list(_series(path).values())[number]
-        data = pv.MultiBlock([read_file(file) for file in files])
+        series = pv.MultiBlock([read_file(file) for file in files])
         origin = found[number][0] if len(found) > 1 else ""
-        return Contents(data, sha256_of(path), found, origin=origin)
+        return Contents(series, sha256_of(path), found, origin=origin)
     data = read_file(path)
     found = _states_in(data)
     number = state_number(found, member, path)
@@ -72,7 +71,7 @@ def _series(path: Path) -> dict[float, list[Path]]:
     return dict(sorted(found.items()))
 
 
-def blocks_of(data: Any) -> Iterator[Any]:
+def blocks_of(data: Data | None) -> Iterator[pv.DataSet]:
     """The data sets in a tree of blocks."""
     if isinstance(data, pv.MultiBlock):
         for block in data:
@@ -81,7 +80,12 @@ def blocks_of(data: Any) -> Iterator[Any]:
         yield data
 
 
-def _states_in(data: Any) -> list[State]:
+def blocks_by_name(data: Data | None) -> dict[str, Data | None]:
+    """The blocks of a tree; none of anything else."""
+    return dict(zip(data.keys(), data, strict=True)) if isinstance(data, pv.MultiBlock) else {}
+
+
+def _states_in(data: Data) -> list[State]:
     return states_of(
         column_of(name)
         for block in blocks_of(data)
@@ -90,7 +94,7 @@ def _states_in(data: Any) -> list[State]:
     )
 
 
-def _keep_state(arrays: Any, state: str) -> None:
+def _keep_state(arrays: pv.DataSetAttributes, state: str) -> None:
     """Drop the arrays of other states, and name those of this one without it."""
     for name in list(arrays):
         column = column_of(name)

@@ -7,18 +7,23 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from glob import glob
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyvista as pv
-from numpy.typing import NDArray
 
-from iriftrace.core.arrays import IntArray
+from iriftrace.core.arrays import AnyArray, IntArray
 from iriftrace.core.child import ChildError, read_in_child
 from iriftrace.core.errors import InputError
+
+if TYPE_CHECKING:
+    from iriftrace.field.readers.vtk_child import Arrays, Cells, Described
+
+Data = pv.DataSet | pv.MultiBlock
+"""What a file holds: one data set, or a tree of blocks."""
 
 SUFFIXES = (".vtu", ".pvtu", ".vtk", ".vti", ".vtr", ".vts", ".vtp", ".vtm")
 """Endings of the files that `read_file` reads."""
@@ -46,17 +51,17 @@ for _row, _numbers in enumerate(({**_SIZES, **_FEWEST}, _SIZES)):
     _CORNERS_OF_ALL[_row, list(_numbers)] = list(_numbers.values())
 
 
-def read_file(path: Path) -> Any:
+def read_file(path: Path) -> Data:
     """Data set or blocks of a file of VTK, by its suffix; an InputError if it is damaged."""
     size, suffix = path.stat().st_size, path.suffix.lower()
     if suffix in (".vtm", ".pvtu"):
         # These name other files, which are read too.
         pieces = {path.parent / os.fsdecode(name) for name in _NAMED.findall(path.read_bytes())}
         size += sum(piece.stat().st_size for piece in pieces if os.path.isfile(piece))
-    return _read(path, size, "read_file", suffix)
+    return _read(path, size, "read_file", suffix)[0]
 
 
-def read_ensight(path: Path, time: str) -> Any:
+def read_ensight(path: Path, time: str) -> Data:
     """Blocks of one time of an EnSight case (its only one: ""); an InputError if it is damaged."""
     # The files that it names, in which asterisks stand for the number of a step.
     words = {word.strip('"') for word in path.read_text(errors="replace").split()}
@@ -64,47 +69,43 @@ def read_ensight(path: Path, time: str) -> Any:
     # An absolute name replaces the folder.
     named = {Path(file) for name in names for file in glob(str(path.parent / name))}
     size = path.stat().st_size + sum(file.stat().st_size for file in named if file.is_file())
-    return _read(path, size, "read_ensight", time)
+    return _read(path, size, "read_ensight", time)[0]
 
 
-def read_exodus(path: Path, step: int | None) -> tuple[Any, list[str]]:
+def read_exodus(path: Path, step: int | None) -> tuple[Data, list[str]]:
     """Blocks of one step of an Exodus file and the times of all; None reads the times alone.
 
     An InputError if it is damaged.
     """
-    found: tuple[Any, list[str]] = _read(path, path.stat().st_size, "read_exodus", step)
-    return found
+    return _read(path, path.stat().st_size, "read_exodus", step)
 
 
-def read_cgns(path: Path, time: str | None) -> tuple[Any, list[str]]:
+def read_cgns(path: Path, time: str | None) -> tuple[Data, list[str]]:
     """Zones of one time of a CGNS file (its only one: "") and all times; None reads these alone.
 
     An InputError if it is damaged.
     """
-    found: tuple[Any, list[str]] = _read(path, path.stat().st_size, "read_cgns", time)
-    return found
+    return _read(path, path.stat().st_size, "read_cgns", time)
 
 
-def read_case(folder: Path, time: str) -> tuple[Any, list[str]]:
+def read_case(folder: Path, time: str) -> tuple[Data, list[str]]:
     """Blocks of one time of an OpenFOAM case, and the names of the fields that VTK found there.
 
     An InputError if its mesh is damaged.
     """
     parts = (folder / "constant/polyMesh", folder / time)
     size = sum(file.stat().st_size for part in parts for file in part.rglob("*"))
-    found: tuple[Any, list[str]] = _read(folder, size, "read_case", time)
-    return found
+    return _read(folder, size, "read_case", time)
 
 
-def _read(path: Path, size: int, reader: str, option: Any) -> Any:
+def _read(path: Path, size: int, reader: str, option: str | int | None) -> tuple[Data, list[str]]:
     """Answer of a reader of `vtk_child` about a file, with its data set checked."""
     try:
-        answer = read_in_child(
+        described, names = read_in_child(
             f"iriftrace.field.readers.vtk_child:{reader}", size, str(path.absolute()), option
         )
-        if isinstance(answer, list):
-            return _checked(answer[0]), answer[1]
-        return _checked(answer)
+        data = _checked(described)
+        return pv.MultiBlock() if data is None else data, names
     except (ChildError, _Damage, MemoryError) as error:
         reason = str(error) or "it needs more memory than there is"
         raise InputError(
@@ -116,7 +117,7 @@ class _Damage(Exception):
     """What is wrong with a file, as half a sentence."""
 
 
-def _checked(read: Any) -> Any:
+def _checked(read: Described | None) -> Data | None:
     """Data set or blocks; None for a block that is empty."""
     if read is None:
         return None
@@ -126,14 +127,14 @@ def _checked(read: Any) -> Any:
             blocks.append(_checked(block), name)
         _fill(blocks.field_data, read["field"])
         return blocks
-    made: Any = _MADE[read["kind"]](read)
-    for where, count in (("point", made.n_points), ("cell", made.n_cells)):
-        _fill(getattr(made, f"{where}_data"), read[where], count)
+    made = _MADE[read["kind"]](read)
+    _fill(made.point_data, read["point"], made.n_points)
+    _fill(made.cell_data, read["cell"], made.n_cells)
     _fill(made.field_data, read["field"])
     return made
 
 
-def _fill(into: Any, read: Mapping[str, Any], count: int | None = None) -> None:
+def _fill(into: pv.DataSetAttributes, read: Arrays, count: int | None = None) -> None:
     for name, array in read.items():
         if count is not None and len(array) != count:
             raise _Damage(f"its array {name!r} has {len(array)} values in place of {count}")
@@ -141,14 +142,14 @@ def _fill(into: Any, read: Mapping[str, Any], count: int | None = None) -> None:
             into[name] = array
 
 
-def _points(read: Any) -> NDArray[Any]:
-    points: NDArray[Any] = read["points"]
+def _points(read: Described) -> AnyArray:
+    points = read["points"]
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind != "f":
         raise _Damage("its points are no rows of three numbers")
     return points
 
 
-def _cells(read: Any, count: int) -> tuple[IntArray, IntArray]:
+def _cells(read: Cells, count: int) -> tuple[IntArray, IntArray]:
     """Offsets and connectivity that name existing points or faces only."""
     offsets, corners = (np.asarray(each, dtype=np.int64) for each in read)
     if not len(offsets):
@@ -160,9 +161,9 @@ def _cells(read: Any, count: int) -> tuple[IntArray, IntArray]:
     return offsets, corners
 
 
-def _unstructured(read: Any) -> Any:
+def _unstructured(read: Described) -> pv.UnstructuredGrid:
     points = _points(read)
-    offsets, corners = _cells(read["cells"], len(points))
+    offsets, corners = _cells(read["cells"][0], len(points))
     types = read["types"].astype(np.uint8)
     sizes = np.diff(offsets)
     if len(types) != len(sizes):
@@ -173,7 +174,7 @@ def _unstructured(read: Any) -> Any:
     _refuse_endless(points, corners)
     grid = pv.UnstructuredGrid()
     grid.SetPoints(pv.vtk_points(points))
-    kinds: Any = pv.convert_array(types, deep=True)
+    kinds = pv.convert_array(types, deep=True)
     cells = _cell_array(offsets, corners)
     polyhedral = types == _POLYHEDRON
     # VTK's reader of .pvtu hands over empty faces at random where there are no polyhedra.
@@ -191,7 +192,7 @@ def _unstructured(read: Any) -> Any:
     return grid
 
 
-def _poly(read: Any) -> Any:
+def _poly(read: Described) -> pv.PolyData:
     points = _points(read)
     mesh = pv.PolyData()
     mesh.SetPoints(pv.vtk_points(points))
@@ -206,7 +207,7 @@ def _poly(read: Any) -> Any:
     return mesh
 
 
-def _image(read: Any) -> Any:
+def _image(read: Described) -> pv.ImageData:
     _refuse_empty(read)
     numbers = (*read["spacing"], *read["origin"], *read["directions"])
     if not np.isfinite(numbers).all() or not all(read["spacing"]):
@@ -218,7 +219,7 @@ def _image(read: Any) -> Any:
     return grid
 
 
-def _rectilinear(read: Any) -> Any:
+def _rectilinear(read: Described) -> pv.RectilinearGrid:
     _refuse_empty(read)
     axes = read["axes"]
     if [len(axis) for axis in axes] != list(read["dimensions"]):
@@ -228,7 +229,7 @@ def _rectilinear(read: Any) -> Any:
     return pv.RectilinearGrid(*axes)
 
 
-def _structured(read: Any) -> Any:
+def _structured(read: Described) -> pv.StructuredGrid:
     points = _points(read)
     if len(points) != np.prod(read["dimensions"], dtype=object):
         raise _Damage("its points do not fit its dimensions")
@@ -239,13 +240,13 @@ def _structured(read: Any) -> Any:
     return grid
 
 
-def _refuse_empty(read: Any) -> None:
+def _refuse_empty(read: Described) -> None:
     """Refuse dimensions that no array bears out: a file can state any."""
     if not (read["point"] or read["cell"]):
         raise _Damage("it has a grid without values")
 
 
-_MADE: dict[str, Callable[[Any], Any]] = {
+_MADE: dict[str, Callable[[Described], pv.DataSet]] = {
     "image": _image,
     "rectilinear": _rectilinear,
     "structured": _structured,
@@ -254,7 +255,7 @@ _MADE: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def _refuse_endless(points: NDArray[Any], used: Any) -> None:
+def _refuse_endless(points: AnyArray, used: IntArray | slice) -> None:
     """Refuse corners of cells at infinity or nowhere, with which searches in VTK do not end."""
     if np.isfinite(points).all():
         return
@@ -265,5 +266,5 @@ def _refuse_endless(points: NDArray[Any], used: Any) -> None:
         raise _Damage(f"{wrong.sum()} of its points have coordinates that are not finite numbers")
 
 
-def _cell_array(offsets: Any, corners: Any) -> Any:
+def _cell_array(offsets: AnyArray, corners: AnyArray) -> pv.CellArray:
     return pv.CellArray.from_arrays(offsets, corners, deep=True)

@@ -150,22 +150,13 @@ def bevel_gear(
         hub_length=hub_length_mm,
         rim=rim_mm,
     )
-    _check_angle("pitch angle", pitch_angle_deg, 10.0, 80.0)
-    _check_angle("pressure angle", pressure_angle_deg, 14.0, 30.0)
+    outline = _outline(teeth, module_mm, pitch_angle_deg, pressure_angle_deg)
     if tooth is not None and not 0 <= tooth < teeth:
         raise InputError(
             f"There is no tooth {tooth} on a bevel gear with {teeth} teeth; give 0 to {teeth - 1}."
         )
     cone = np.radians(pitch_angle_deg)
-    pitch_radius = 0.5 * teeth * module_mm
-    outline = Involute(
-        teeth,
-        pitch_radius,
-        root_radius=pitch_radius - _DEDENDUM * module_mm * float(np.cos(cone)),
-        tip_radius=pitch_radius + _ADDENDUM * module_mm * float(np.cos(cone)),
-        pressure_angle=float(np.radians(pressure_angle_deg)),
-    )
-    reach = pitch_radius / float(np.sin(cone))
+    reach = outline.pitch_radius / float(np.sin(cone))
     width = reach / 3.0 if face_width_mm is None else face_width_mm
     check_positive("bevel gear", face_width=width)
     sizes = ("face width", width), ("cone distance", reach)
@@ -188,6 +179,23 @@ def bevel_gear(
     vertices[:, 2] -= 0.5 * (vertices[:, 2].max() + vertices[:, 2].min())
     # The rings run up the bore and down the teeth, about the axis from below.
     return part_of_mesh(vertices, faces[:, ::-1], name="bevel gear", regions=_regions(teeth, tooth))
+
+
+def _outline(
+    teeth: int, module: float, pitch_angle_deg: float, pressure_angle_deg: float
+) -> Involute:
+    """Teeth at the large end, whose heights along the back cone are shortened across the axis."""
+    _check_angle("pitch angle", pitch_angle_deg, 10.0, 80.0)
+    _check_angle("pressure angle", pressure_angle_deg, 14.0, 30.0)
+    pitch_radius = 0.5 * teeth * module
+    shortened = float(np.cos(np.radians(pitch_angle_deg)))
+    return Involute(
+        teeth,
+        pitch_radius,
+        root_radius=pitch_radius - _DEDENDUM * module * shortened,
+        tip_radius=pitch_radius + _ADDENDUM * module * shortened,
+        pressure_angle=float(np.radians(pressure_angle_deg)),
+    )
 
 
 def _check_angle(name: str, degrees: float, low: float, high: float) -> None:

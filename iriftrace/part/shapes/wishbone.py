@@ -172,42 +172,6 @@ def wishbone(
     InputError
         The sizes make no wishbone in one piece.
     """
-    check_positive(
-        "wishbone",
-        bush_distance=bush_distance_mm,
-        depth=depth_mm,
-        hub_bore=hub_bore_mm,
-        bush_bore=bush_bore_mm,
-        spacing=spacing_mm,
-    )
-    if not 0.5 <= thickness <= 3.0:
-        raise InputError(
-            f"A thickness of {thickness:g} times the usual one makes no wishbone; give 0.5 to 3."
-        )
-    if not 0.0 <= rise_mm <= 50.0:
-        raise InputError(
-            f"A rise of {rise_mm:g} mm bends the wishbone's arms out of shape; give 0 to 50 mm."
-        )
-    reason = "a wall has to be left around the bore"
-    wall = 2.0 * spacing_mm
-    for name, bore, outer in (
-        ("hub", hub_bore_mm, hub_diameter_mm),
-        ("bush", bush_bore_mm, bush_diameter_mm),
-    ):
-        inner = (f"{name} bore and twice the lattice's spacing", bore + wall)
-        check_less("wishbone", inner, (f"{name} diameter", outer), reason)
-    check_less(
-        "wishbone",
-        ("lattice's spacing", spacing_mm),
-        ("thinnest arm's half width", 4.0 * thickness),
-        "else the lattice misses the arms",
-    )
-    for name, distance, least in (
-        ("depth", depth_mm, 0.5 * (hub_diameter_mm + bush_diameter_mm)),
-        ("half bush distance", 0.5 * bush_distance_mm, 0.5 * hub_diameter_mm + HALF_BUSH_MM),
-    ):
-        touching = ("hubs' reach", least)
-        check_less("wishbone", touching, (name, distance), "the arms need room between the hubs")
     shape = WishboneShape(
         bush_distance=bush_distance_mm,
         depth=depth_mm,
@@ -218,11 +182,52 @@ def wishbone(
         bush_radius=0.5 * bush_diameter_mm,
         bush_bore=0.5 * bush_bore_mm,
     )
+    _check_shape(shape, spacing_mm)
     vertices, faces = _contour(shape, spacing_mm)
     regions = _regions(shape, vertices[faces].mean(axis=1))
     # Centred along y and z; x is centred by the shape's own symmetry.
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     return part_of_mesh(vertices - middle * (0, 1, 1), faces, name="wishbone", regions=regions)
+
+
+def _check_shape(shape: WishboneShape, spacing: float) -> None:
+    """Refuse sizes that make no wishbone, or none on a lattice of this spacing, mm."""
+    check_positive(
+        "wishbone",
+        bush_distance=shape.bush_distance,
+        depth=shape.depth,
+        hub_bore=2.0 * shape.hub_bore,
+        bush_bore=2.0 * shape.bush_bore,
+        spacing=spacing,
+    )
+    if not 0.5 <= shape.thickness <= 3.0:
+        raise InputError(
+            f"A thickness of {shape.thickness:g} times the usual one makes no wishbone; give 0.5 "
+            "to 3."
+        )
+    if not 0.0 <= shape.rise <= 50.0:
+        raise InputError(
+            f"A rise of {shape.rise:g} mm bends the wishbone's arms out of shape; give 0 to 50 mm."
+        )
+    for name, bore, outer in (
+        ("hub", shape.hub_bore, shape.hub_radius),
+        ("bush", shape.bush_bore, shape.bush_radius),
+    ):
+        inner = (f"{name} bore and twice the lattice's spacing", 2.0 * (bore + spacing))
+        reason = "a wall has to be left around the bore"
+        check_less("wishbone", inner, (f"{name} diameter", 2.0 * outer), reason)
+    check_less(
+        "wishbone",
+        ("lattice's spacing", spacing),
+        ("thinnest arm's half width", 4.0 * shape.thickness),
+        "else the lattice misses the arms",
+    )
+    for name, distance, least in (
+        ("depth", shape.depth, shape.hub_radius + shape.bush_radius),
+        ("half bush distance", 0.5 * shape.bush_distance, shape.hub_radius + HALF_BUSH_MM),
+    ):
+        touching = ("hubs' reach", least)
+        check_less("wishbone", touching, (name, distance), "the arms need room between the hubs")
 
 
 def _contour(shape: WishboneShape, spacing: float) -> tuple[FloatArray, IntArray]:
