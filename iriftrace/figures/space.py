@@ -99,8 +99,7 @@ class View:
         """(n, 2) array, px from the picture's lower left corner, of (n, 3) points, mm, world."""
         offset = np.asarray(points, dtype=np.float64).reshape(-1, 3) - self.centre
         plane = np.stack((offset @ self.right, offset @ self.up), axis=1)
-        position: FloatArray = plane * self.px_per_mm + np.asarray(self.size_px) / 2.0
-        return position
+        return plane * self.px_per_mm + np.asarray(self.size_px) / 2.0
 
     def apply_to(self, plotter: pv.Plotter, box: Box) -> None:
         """Set up a plotter that holds nothing outside a box."""
@@ -288,8 +287,7 @@ def thinned(surface: pv.PolyData) -> pv.PolyData:
     thinning.SetNumberOfDivisions(*divisions.tolist())
     thinning.SetProducePointData(True)
     thinning.Update()
-    thin: pv.PolyData = pv.wrap(thinning.GetOutput())
-    return thin
+    return pv.wrap(thinning.GetOutput())
 
 
 def titled_figure(title: str, subtitle: str) -> Figure:

@@ -43,8 +43,7 @@ class CameraMotion:
     @property
     def deviations(self) -> FloatArray:
         """(6,) standard deviations of translation, mm, and rotation, rad."""
-        deviations: FloatArray = np.sqrt(np.diag(self.covariance))
-        return deviations
+        return np.sqrt(np.diag(self.covariance))
 
     @property
     def explained(self) -> float:
@@ -75,8 +74,7 @@ def interaction_matrix(camera: Camera, points: FloatArray) -> FloatArray:
         xx, xy, yy = jacobian(x / z, y / z, camera.distortion.coefficients)
         bent = np.stack((np.stack((xx, xy), axis=1), np.stack((xy, yy), axis=1)), axis=1)
         projected = bent @ projected
-    derivative: FloatArray = (np.array(camera.focal_px)[:, None] * projected) @ moved
-    return derivative
+    return (np.array(camera.focal_px)[:, None] * projected) @ moved
 
 
 def fit_camera_motion(camera: Camera, points: FloatArray, shifts: FloatArray) -> CameraMotion:

@@ -156,5 +156,4 @@ def _solid_angles(
 
 
 def _summed(key: IntArray, values: FloatArray, count: int) -> FloatArray:
-    sums: FloatArray = np.bincount(key, values, minlength=count).astype(np.float64)
-    return sums
+    return np.bincount(key, values, minlength=count).astype(np.float64)

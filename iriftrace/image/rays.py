@@ -80,8 +80,7 @@ def bending(image: AovImage, rays: PoseRays) -> dict[str, FloatArray]:
 
 
 def _channel(image: AovImage, name: str, pixels: IntArray) -> FloatArray:
-    values: FloatArray = image.channels[name].ravel()[pixels].astype(np.float64)
-    return values
+    return image.channels[name].ravel()[pixels].astype(np.float64)
 
 
 def _components(image: AovImage, name: str, pixels: IntArray) -> FloatArray:

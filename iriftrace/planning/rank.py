@@ -286,8 +286,7 @@ def limits_of(values: FloatArray, percentile: float) -> tuple[float, float]:
 
 def _normalise(values: FloatArray, lower: float, upper: float) -> FloatArray:
     if upper > lower:
-        scaled: FloatArray = np.clip((values - lower) / (upper - lower), 0.0, 1.0)
-        return scaled
+        return np.clip((values - lower) / (upper - lower), 0.0, 1.0)
     # The limit of a vanishing interval: nearly all poses share the minimum.
     return np.where(np.isfinite(values), np.where(values > lower, 1.0, 0.0), np.nan)
 

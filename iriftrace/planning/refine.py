@@ -233,8 +233,7 @@ class Around:
 
     def turn(self, place: FloatArray) -> FloatArray:
         """Rotation vector, rad, world, about the camera's x- and y-axis through its target."""
-        turn: FloatArray = math.radians(self.reach_deg) * (self.start[:3, :2] @ place[:2])
-        return turn
+        return math.radians(self.reach_deg) * (self.start[:3, :2] @ place[:2])
 
     def distance(self, place: FloatArray) -> float:
         """From camera to target, mm."""

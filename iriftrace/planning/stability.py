@@ -100,5 +100,4 @@ def close_alternative(plan: Plan) -> Alternative | None:
 def far_apart(coverage: float, others: FloatArray) -> BoolArray:
     """True where one coverage is at least twice the other, and they differ by 5 % of the area."""
     low, high = np.minimum(others, coverage), np.maximum(others, coverage)
-    far: BoolArray = (high >= _OTHER_RATIO * low) & (high - low >= _OTHER_DIFFERENCE)
-    return far
+    return (high >= _OTHER_RATIO * low) & (high - low >= _OTHER_DIFFERENCE)

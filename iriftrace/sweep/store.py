@@ -216,8 +216,7 @@ def traced_through_cells(dataset: xr.Dataset) -> BoolArray:
     _, first, scene = np.unique(names, return_index=True, return_inverse=True)
     asked = [scene_of_pose(dataset, int(pose)).get("engine") == "cells" for pose in first]
     chosen = dataset["through_cells"].values == 1 if "through_cells" in dataset else False
-    found: BoolArray = np.array(asked)[scene] | chosen
-    return found
+    return np.array(asked)[scene] | chosen
 
 
 def check_unchanged(path: str | Path, sha256: str) -> None:
