@@ -1,8 +1,11 @@
 """Robust plans over families of draughts: the table of docs/camera_position.md.
 
     iriftrace field simulate part.ply -o family --wall-temperature "1100 degC" \
-        --draughts 0:0.2:0.1 --draught-from 90 --resolution coarse
+        --draughts 0:0.2:0.1 --draught-from 90 --symmetry x --background-cell "44 mm"
     python -m validation.robust_plan part.ply family [part.ply family ...]
+
+The cells of the table are 36 mm (cylinder, from a family up to 0.3 m/s), 44 mm (wishbone) and 30 mm
+(gear).
 
 A plan over the family is made once robust and once by the mean, and one in still air alone. A
 pose's score in each member's air, on one scale, tells what it is worth there; poses are ranked by
