@@ -61,10 +61,14 @@ def pairs(dataset: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
     return left, right
 
 
+@pytest.fixture(scope="module")
+def stack() -> ShellStack:
+    return contour_shells(read_field(FIELD))
+
+
 @pytest.mark.usefixtures("variant")
-def test_mirror_poses_agree_on_a_mirrored_mesh(tmp_path: Path) -> None:
+def test_mirror_poses_agree_on_a_mirrored_mesh(tmp_path: Path, stack: ShellStack) -> None:
     """Medians within 1e-6 relative: the tracer itself knows no left and right."""
-    stack = contour_shells(read_field(FIELD))
     symmetric = attrs.evolve(stack, shells=[mirrored(shell) for shell in stack.shells])
     dataset = sweep_both_sides(tmp_path, symmetric)
     for name in ("displacement_median", "shift_median"):
@@ -76,12 +80,12 @@ def test_mirror_poses_agree_on_a_mirrored_mesh(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("variant")
-def test_mirror_poses_nearly_agree_on_the_solvers_mesh(tmp_path: Path) -> None:
+def test_mirror_poses_nearly_agree_on_the_solvers_mesh(tmp_path: Path, stack: ShellStack) -> None:
     """The field was solved on one half; only its cells are cut differently on the two sides.
 
     By 0.2 % at most (measured).
     """
-    dataset = sweep_both_sides(tmp_path, contour_shells(read_field(FIELD)))
+    dataset = sweep_both_sides(tmp_path, stack)
     for name in MEASURES:
         left, right = pairs(dataset, name)
         np.testing.assert_allclose(left, right, rtol=0.005)

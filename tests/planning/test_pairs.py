@@ -153,8 +153,8 @@ def test_a_search_never_returns_anything_worse(
     """What it says of a pair is what `measure` says of devices that stand there."""
     seen: list[float] = []
     plan = plan_pairs(dataset, BY_ERROR, feature="cylinder:lateral", confirm=False)
-    found = refine_pair(dataset, plan, evaluations=12, progress=lambda _, score: seen.append(score))
-    assert found.evaluations == len(seen) == 12
+    found = refine_pair(dataset, plan, evaluations=10, progress=lambda _, score: seen.append(score))
+    assert found.evaluations == len(seen) == 10
     assert (np.diff(seen) <= 0).all()
     assert found.best.score == min(seen) <= found.start.score
     scene = load_scene(folder_of("cylinder") / "scene.xml")
