@@ -15,7 +15,7 @@ NumberArray = NDArray[np.uint32]
 Int32Array = NDArray[np.int32]
 AnyIntArray = NDArray[np.integer[Any]]
 AnyArray = NDArray[Any]
-"""Of any elements: columns of a table, structured rows, the content of a file."""
+"""Arrays of any elements: columns of a table, structured rows, the content of a file."""
 
 
 def as_float64(values: ArrayLike) -> FloatArray:

@@ -70,7 +70,7 @@ class AirFlow:
     # an OpenFOAM case.
     enthalpy_flux: FloatArray | None = None
     storage: FloatArray | None = None  # (n,), W/m3: `HEAT_STORAGE`, where the file has it
-    # Of the velocity's arrays, as read from the file.
+    # Name and unit of the velocity's arrays, as read from the file.
     name: str = ""
     unit: str = SI
     flux_name: str = ""  # array of `enthalpy_flux`; "" if there is none or velocities gave it

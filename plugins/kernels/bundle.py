@@ -201,6 +201,6 @@ def _bent_too_much(direction: dt.Vector3d, refracted: Any) -> Any:
     import mitsuba as mi
 
     contrast = mi.Float64(refracted.contrast)
-    # Of the angle's half, the sine.
+    # Sine of half the angle.
     most = dr.sqrt(contrast * dr.maximum(2 - contrast, 0))
     return dr.norm(refracted.direction - direction) > 2 * most + ROUNDING

@@ -39,11 +39,11 @@ the next triangle of the shell once more, or not at all.
 """
 
 LEAST_STEP = 0.02
-"""Smallest step, as a share of the step at the scene's largest coordinate."""
+"""Smallest step, as a fraction of the step at the scene's largest coordinate."""
 
 
 class RefractedHits(NamedTuple):
-    """Ends of refracted rays, and what they met on the way."""
+    """Ends of refracted rays, and what they met along the path."""
 
     point: Point3d  # mm, world
     direction: Vector3d  # at the end

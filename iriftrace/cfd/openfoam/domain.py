@@ -264,7 +264,7 @@ def _boxes(part: Part, size: MeshSize, scale: float, top: float) -> tuple[Box, .
 
 
 def _kept_sides(leaning: Sequence[Lean]) -> FloatArray:
-    """Air that is kept beside the part, mm, of one of usual size: below and above in x, y."""
+    """Air that is kept around a part of usual size, mm: below and above it in x and y."""
     sides = np.full((2, 2), _KEPT_SIDES)
     for lean in leaning:
         reach = min(lean.most * _KEPT_ABOVE, _KEPT_LEE) * np.array(lean.downwind)
